@@ -18,7 +18,7 @@ from contbreather.checks import number
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer import jobs
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import RING, Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
 from contbreather.lattice.parse import lattice_by
 from contbreather.parameters import CHOICES, NEEDED, NUMBERS, OPTIONAL, parameter, window_of
@@ -291,9 +291,9 @@ class PageForms:
 
     def _run(self) -> Any:
         self.length = {
-            "sites": Field("ring of", "20", a_count("sites", 3, MOST)),
+            "sites": Field("sites", str(RING), a_count("sites", 1, MOST)),
             "periods": Field("periods", "100", a_count("periods", 1, MANY)),
-            "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
+            "push": Field("push", "1e-6", a_number("push", -10.0, 10.0, "a small velocity")),
         }
 
         def simulate(**typed: Any) -> None:
@@ -362,7 +362,11 @@ class PageForms:
         orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
-        self.orbit = orbit
+        self.orbit, sites = orbit, self.length["sites"].input
+        size = orbit.lattice.sites
+        if size is not None or sites.disabled:  # of the infinite chain the ring that is judged
+            sites.value = str(size or self.explorer.state.ring)
+        sites.disabled = size is not None
         entries = {name: getattr(orbit, name) for name in NEEDED} | self.explorer.lives_on(chosen)
         for name, value in entries.items():
             text = f"{value:.10g}" if isinstance(value, float) else str(value)

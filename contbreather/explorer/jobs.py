@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from contbreather.errors import BadInput, ContbreatherError, Interrupted
 from contbreather.explorer.state import Chosen
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
+from contbreather.orbits.orbit import Orbit
 from contbreather.progress import INTERVAL, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample
@@ -76,7 +76,6 @@ class JobThread:
         self._turn = threading.Condition()
         self._next: tuple[Job, Progress, Done] | None = None
         self._now: Progress | None = None
-        self._runs = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -88,11 +87,6 @@ class JobThread:
     def waiting(self) -> bool:
         """Whether a job waits for the one that runs."""
         return self._next is not None
-
-    @property
-    def working(self) -> bool:
-        """Whether a job runs or waits, and not only what came of one is handed over."""
-        return self._runs or self._next is not None
 
     def begin(self, job: Job, *, say: Say, done: Done) -> None:
         """Do a job as soon as the one before has ended."""
@@ -121,11 +115,9 @@ class JobThread:
                 self._turn.wait_for(lambda: self._next is not None)
                 assert self._next is not None
                 (job, progress, done), self._next = self._next, None
-                self._now, self._runs = progress, True
+                self._now = progress
             try:
-                result = _result(job, progress)
-                self._runs = False
-                done(*result)
+                done(*_result(job, progress))
             finally:
                 with self._turn:
                     self._now = None
@@ -161,6 +153,7 @@ class Computation:
     code: str  # the expression that gives it
     job: Job
     setup: tuple[str, ...] = ()  # lines of the script that come before
+    outcome: Callable[[Any], str] = lambda _: ""  # what became of it, in words
 
 
 @dataclass(frozen=True)
@@ -244,9 +237,7 @@ def simulated(
         v[site] += push
         progress.total = periods
         how: dict[str, Any] = {"periods": periods, "sample": sample, "progress": progress}
-        run = simulate((u, v), **vars(orbit.conditions), **how)
-        outcome(run)  # here, not where pages are drawn
-        return run
+        return simulate((u, v), **vars(orbit.conditions), **how)
 
     setup = (
         f"orbit = {chosen.code}" + f".on(cb.Ring({sites}))" * infinite,
@@ -256,14 +247,17 @@ def simulated(
     )
     code = f"cb.simulate((u, v), **vars(orbit.conditions), periods={periods}, sample=sample)"
     return Computation(
-        f"{periods} periods on the {orbit.lattice.describe()}", "run", code, job, setup
-    )
+        f"{periods} periods on the {orbit.lattice.describe()}", "run", code, job, setup,
+        lambda run: outcome(run, orbit),
+    )  # fmt: skip
 
 
-@lru_cache(maxsize=1)
-def outcome(run: SimulationRun) -> str:
-    """The verdict on a run where that takes no minutes, else how it ended."""
+def outcome(run: SimulationRun, orbit: Orbit) -> str:
+    """How far a run is from the orbit it was pushed off, and the verdict on it where that takes no
+    minutes, else how it ended."""
+    away = float(np.abs(run.final.u - orbit.state(t=run.end)[0]).max())
+    said = f"in the end {away:.2g} from the breather"
     if run.stop is RunStop.DONE and run.sites <= JUDGED:
         with suppress(BadInput):  # of too few periods
-            return judge(run).kind.value
-    return run.stop.value
+            return f"{said}; {judge(run).kind.value}"
+    return said if run.stop is RunStop.DONE else f"{said}; {run.stop.value}"

@@ -32,9 +32,8 @@ from contbreather.explorer.forms import (
     titled_box,
     tried,
 )
-from contbreather.explorer.jobs import outcome
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, drawn_columns, names, verdict_in_words, verdicts
+from contbreather.explorer.state import PageState, names, verdict_in_words, verdicts
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -91,7 +90,6 @@ class Page:
         forget = explorer.listen(self._heard)
         if self._served:
             pn.state.on_session_destroyed(lambda _: forget())
-            explorer.look_ahead()
         if explorer.state.plane is None:
             explorer.look_at(explorer.state.fixed[1])
         self.render()
@@ -130,10 +128,7 @@ class Page:
         self._on(self.curve, lambda _: self._pick(0))
         self._on(self.point, self._pick)
         self._on(self.label, self._pick)
-        self._on(
-            self.shown,
-            lambda shown: explorer.change(hidden=frozenset({*explorer.state.curves} - {*shown})),
-        )
+        self._on(self.shown, explorer.tick)
         for tap in TAPS:
             self.branches.figure.on_event(tap, self._branch_tapped)
 
@@ -224,7 +219,7 @@ class Page:
         self.explorer.look_at(round(step * round(value / step), 9), fixed=name)
 
     def _zones_tapped(self, event: Any) -> None:
-        drawn = self.explorer.state.preview
+        drawn = self.explorer.state.plane
         if drawn is not None:
             place = dict(zip(drawn.pair, (event.x, event.y), strict=True))
             tried(partial(self.explorer.choose_at, **place), self.zones_trouble.say)
@@ -295,7 +290,7 @@ class Page:
             self._render_chosen(new, old)
             self.run_card.visible = new.run is not None
             if new.run is not None and new.run is not old.run:
-                self.run.run(*new.run, outcome(new.run[1]))
+                self.run.run(*new.run, new.outcome)
 
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen
@@ -318,29 +313,27 @@ class Page:
         value = there if round(there, 9) == value else value
         _put(self.slider, value, label=NUMBERS[name].label, start=start, end=end, step=step)
         self.zones.title(new)
-        if new.preview is None:
+        if new.plane is None:
             return
-        if new.preview is not old.preview:
-            self.zones.show(new.preview)
-        self.zones.boundaries(new.curves.values(), new.preview)
-        self.zones.choose(new.chosen, new.preview)
+        if new.plane is not old.plane:
+            self.zones.show(new.plane)
+        self.zones.boundaries(new.curves.values(), new.plane)
+        self.zones.choose(new.chosen, new.plane)
 
     def _render_branches(self, new: PageState, old: PageState) -> None:
-        x, y = new.columns
-        codes = [*new.curves]
-        if new.curves != old.curves:
-            self.curve.options = names(new.curves)
-        self.curve.value = new.listed or next(iter(codes), None)
+        (x, y), codes = new.columns, [*new.shown]
+        if (new.curves, new.hidden) != (old.curves, old.hidden):
+            self.curve.options = names(new.shown)
+        self.curve.value = new.listed if new.listed in codes else next(iter(codes), None)
         self.remove.disabled = not codes
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes
-        self.shown.options = codes
-        self.shown.value = [code for code in codes if code not in new.hidden]
-        common = _common(new)
-        offered(self.x, common, x)
-        offered(self.y, common, y)
-        if (new.shown, new.columns) != (old.shown, old.columns):
+        self.shown.options = [*new.curves]
+        self.shown.value = codes
+        offered(self.x, new.offered or [x], x)
+        offered(self.y, new.offered or [y], y)
+        if (new.shown, x, y) != (old.shown, *old.columns):
             self.branches.show(new.shown, x, y)
-        seen = new.chosen is not None and new.chosen.curve in new.shown
+        seen = new.chosen is not None and new.chosen.curve in codes
         self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
@@ -383,17 +376,6 @@ def _put(slider: Any, value: float, **more: Any) -> None:
         slider.param.update(value=value, **more)
 
 
-def _common(state: PageState) -> list[str]:
-    """Columns of drawn_columns that all curves have which are drawn beside the first."""
-    curves = [branch for code, branch in state.curves.items() if code not in state.hidden]
-    if not curves:
-        return ["a", "p"]
-    # not of another problem
-    alike = [branch for branch in curves if curves[0].free in branch.names]
-    others = [drawn_columns(branch) for branch in alike]
-    return [name for name in drawn_columns(curves[0]) if all(name in other for other in others)]
-
-
 def _described(state: PageState) -> str:
     """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
@@ -402,7 +384,7 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("equations", "this curve has none here: only its drawn_columns are known")]
+        sentences = [("equations", "this curve has none here: only its columns are known")]
     else:
         sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)

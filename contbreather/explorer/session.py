@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,15 +21,7 @@ from contbreather.explorer.jobs import (
     Progress,
     arguments,
 )
-from contbreather.explorer.state import (
-    LADDER,
-    Chosen,
-    PageState,
-    Preview,
-    diagram_between,
-    point_of,
-    preview_of,
-)
+from contbreather.explorer.state import Chosen, PageState, point_of
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -47,10 +38,7 @@ from contbreather.runs import load, save
 
 Listener = Callable[[PageState], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
-UNDONE = ("curves", "listed", "hidden", "axes", "run", "lines")  # of a state
-KEPT = 200  # zone diagrams that are remembered
-QUIET = 5.0  # seconds that nothing is asked for, until diagrams are computed ahead
-WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
+UNDONE = ("curves", "listed", "hidden", "axes", "run", "outcome", "lines")  # of a state
 DIGITS = 6  # of what is clicked at: a pixel has no more
 
 
@@ -69,7 +57,6 @@ class Session:
         self._models: dict[str, dict[str, Any]] = {"": {}}  # by `zones_of`, as `zones` takes them
         self._before: list[tuple[str, PageState]] = []  # what `undo` says, and goes back to
         self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
-        self._looks_ahead = self._ahead = False
         self._count = 0
         if run is not None:
             self._take("run", (f"{{}} = cb.load({str(run)!r})",), load(run))
@@ -93,9 +80,15 @@ class Session:
             listener(self.state)
 
     def change(self, **values: Any) -> None:
-        """Show something else: other columns (`axes`), or fewer curves (`hidden`)."""
+        """Show something else: other columns (`axes`), say."""
         with self._changing:
             self.state = replace(self.state, **values)
+        self._say()
+
+    def tick(self, codes: Iterable[str]) -> None:
+        """Draw these curves; those of another problem give way to one that was not drawn."""
+        with self._changing:
+            self.state = self.state.ticked(codes)
         self._say()
 
     def tell(self, message: str) -> None:
@@ -106,8 +99,8 @@ class Session:
     # --------------------------------------------------------------------------------- the zones
 
     def look_at(self, value: float, forcing: str | None = None, *, fixed: str = "") -> None:
-        """Have the zone diagram at another restitution, or at another value of what is `fixed`:
-        until it is computed what lies between known neighbours is shown, or the last one stays."""
+        """Have the zone diagram at another restitution, or at another value of what is `fixed`; the
+        last one stays until it is computed."""
         forcing = self.state.forcing if forcing is None else forcing
         name = fixed or self.state.fixed[0]
         if name not in NEEDED:
@@ -119,12 +112,10 @@ class Session:
             if self._wanted in self._planes:
                 self._show_plane()
                 return
-            preview = self._rough(*self._wanted) or self.state.preview
-            self.change(preview=preview, awaited=self.state.title)
-            if self._ahead or self.drawing:
-                self._quick.stop()  # what is computed ahead can wait, and nobody for what is slow
-            self._ahead = False
-            self._compute(self._wanted, partial(self._arrived, self._wanted))
+            self.change(awaited=self.state.title)
+            if self.drawing:
+                self._quick.stop()  # nobody waits for what is slow
+            self._compute(self._wanted)
 
     @property
     def _wanted(self) -> Plane:
@@ -132,88 +123,48 @@ class Session:
         return *state.fixed, state.forcing, state.zones_of
 
     def _show_plane(self) -> None:
-        plane = self._planes[self._wanted]
-        self.change(plane=plane, preview=preview_of(plane), awaited="")
+        self.change(plane=self._planes[self._wanted], awaited="")
 
-    def look_ahead(self) -> None:
-        """From now on, while anybody looks on, compute diagrams of other restitutions where nothing
-        is asked for, but not in the pauses of somebody at work, whose pages would be slow for
-        it."""
-        self._looks_ahead = True
-        self._next_ahead()
-
-    def _rough(self, name: str, k: float, *of: str) -> Preview | None:
-        values = [value for which, value, *other in self._planes if (which, *other) == ("k", *of)]
-        below = max((value for value in values if value < k), default=None)
-        above = min((value for value in values if value > k), default=None)
-        if name != "k" or below is None or above is None or above - below > WIDEST:
-            return None
-        left, right = (self._planes["k", end, of[0], of[1]] for end in (below, above))
-        return diagram_between(left, right, k)
-
-    def _compute(
-        self, wanted: Plane, then: Callable[[Zones | None, bool, str], object], after: float = 0.0
-    ) -> None:
+    def _compute(self, wanted: Plane) -> None:
         name, value, forcing, of = wanted
         on: dict[str, Any] = {name: value, **self._models[of]}
         began = time.monotonic()
 
         def say(how_far: str) -> None:
             past = time.monotonic() - began
-            if past > PATIENCE and not self._ahead:  # most are there before it could be read
+            if past > PATIENCE:  # most are there before it could be read
                 self.drawing = f"zones at {self.state.title}: {how_far}, {past:.0f} s"
                 self._say()
 
         def job(progress: Progress) -> Zones:
-            if progress.stop.wait(after):
-                raise KeyboardInterrupt
             plane: Zones = zones(**on, forcing=forcing or None, progress=progress)
             _ = plane.regions  # here, not where pages are drawn
             return plane
 
         def done(plane: Zones | None, cut: bool, trouble: str) -> None:
             self.drawing = ""
-            if plane is not None and not cut:
-                self._planes[wanted] = plane
-                while len(self._planes) > KEPT:
-                    del self._planes[next(iter(self._planes))]
             with self._changing:
-                then(plane, cut, trouble)
-            self._next_ahead()
+                self._arrived(wanted, plane, cut, trouble)
 
         self._quick.begin(job, say=say, done=done)
 
     def _arrived(self, wanted: Plane, plane: Zones | None, cut: bool, trouble: str) -> None:
+        if plane is not None and not cut:
+            self._planes[wanted] = plane
         if cut:
             if self._wanted == wanted and not self._quick.waiting:  # not for another one
-                shown = {} if plane is None else {"plane": plane, "preview": preview_of(plane)}
-                self.change(**shown, awaited="")
+                self.change(plane=plane or self.state.plane, awaited="")
                 self.tell(f"zones at {self.state.title}: stopped; what was done is kept.")
         elif plane is None:
             last = self.state.plane
             if self._wanted == wanted:  # what is drawn stays
-                drawn = last and {"fixed": last.fixed, "preview": preview_of(last)}
-                self.change(**(drawn or {}), awaited="")
+                self.change(**({"fixed": last.fixed} if last else {}), awaited="")
             self.tell(trouble)
         # what was wanted in between may have been computed before: then nothing else comes
         elif self._wanted in self._planes:
             self._show_plane()
-        elif self.state.preview is None or self.state.preview.exact:
-            self.change(plane=plane, preview=preview_of(plane))
-
-    def _next_ahead(self) -> None:
-        """Begin with the nearest diagram that is not known yet, unless something is under way."""
-        with self._changing:
-            name, k, *of = self._wanted
-            left = [value for value in LADDER if ("k", value, "", "") not in self._planes]
-            usual = name == "k" and not any(of)
-            under_way = self.busy or self._quick.working
-            wanted = self._looks_ahead and self._listeners
-            if not wanted or not usual or not left or under_way:
-                return
-            after, self._ahead = 0.0 if self._ahead else QUIET, True
-            nearest = min(left, key=lambda value: abs(value - k))
-            self._compute(("k", nearest, "", ""), lambda *_: None, after)
+        else:
+            self.change(plane=plane)
 
     # ------------------------------------------------------------------------- what is looked at
 
@@ -328,15 +279,22 @@ class Session:
             If something is under way.
         """
 
+        outcome = ""
+
+        def job(progress: Progress) -> Any:
+            nonlocal outcome
+            value = computation.job(progress)
+            outcome = computation.outcome(value)
+            return value
+
         def taken(value: Any, cut: bool) -> None:
             note = "  # was stopped: what is seen is a piece of it" if cut else ""
             if cut:
                 self.message = f"{computation.title}: stopped; what was done is kept."
-            self._take(
-                computation.name, (*computation.setup, f"{{}} = {computation.code}{note}"), value
-            )
+            lines = (*computation.setup, f"{{}} = {computation.code}{note}")
+            self._take(computation.name, lines, value, outcome)
 
-        self._run(computation.title, computation.job, taken)
+        self._run(computation.title, job, taken)
 
     def _run(self, title: str, job: Job, taken: Callable[[Any, bool], object]) -> None:
         if self.busy:
@@ -350,7 +308,6 @@ class Session:
 
         def done(value: Any, cut: bool, trouble: str) -> None:
             self.progress = ""
-            self._next_ahead()
             if value is None:
                 self.tell(trouble or f"{title}: stopped, nothing was done by then.")
             else:
@@ -359,20 +316,17 @@ class Session:
 
         self.message = ""
         say("under way")
-        with self._changing:
-            if self._ahead:
-                self._quick.stop()  # what is computed ahead can wait
-            self._ahead = False
         self._long.begin(job, say=say, done=done)
 
-    def _take(self, name: str, lines: tuple[str, ...], value: Any) -> None:
+    def _take(self, name: str, lines: tuple[str, ...], value: Any, outcome: str = "") -> None:
         """One more result, under a name of its own; `{}` in its lines stands for that."""
         self._count += 1
         name = f"{name}{self._count}"
         *setup, last = lines
         with self._changing:
             self._before.append((f"{name} is taken back.", self.state))
-            self.state = self.state.with_result(name, (*setup, last.replace("{}", name, 1)), value)
+            lines = (*setup, last.replace("{}", name, 1))
+            self.state = self.state.with_result(name, lines, value, outcome)
         self._say()
 
     def remove(self, code: str) -> None:

@@ -1,5 +1,5 @@
-"""What the explorer shows, as one frozen value: the script that makes the same, the zone diagram as
-it is drawn, and what is said of it all."""
+"""What the explorer shows, as one frozen value: the script that makes the same, and what is said of
+it all."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
@@ -20,21 +19,10 @@ from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.regions import Region, regions
-from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.parameters import NUMBERS, OPTIONAL
-from contbreather.plotting.canvas import evenly
-from contbreather.plotting.zones import names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 
-Array = NDArray[np.float64]
-SpecialPoint = tuple[float, float, str]
-
-STOPPED = ", stopped: curves may be missing"
-FINE = 80  # points of a curve between two others
-# Restitutions at which diagrams are computed ahead: halfway between two of them curves are
-# off by 2e-3 at most, about as wide as a line.
-LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
 RING = 400  # sites of the ring that is judged besides, the paper's
 
 
@@ -98,8 +86,7 @@ class PageState:
     conditions: tuple[tuple[str, Any], ...] = ()  # besides: lattice, site, spring, ... as typed
     zones_of: str = ""  # what of these zones are of, as the script gives it to `cb.zones`
     awaited: str = ""  # the diagram that is being computed, in words
-    plane: Zones | None = None  # the last that was computed
-    preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
+    plane: Zones | None = None  # the last that was computed, which is drawn
     curves: Mapping[str, Branch] = field(default_factory=dict)  # by what the script calls them
     listed: str = ""  # the curve whose points are offered, by its code
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
@@ -108,29 +95,45 @@ class PageState:
     sites: tuple[int, ...] = (0, 1, 2)  # whose motion is drawn
     ring: int = RING  # that is judged besides
     run: tuple[str, SimulationRun] | None = None  # the last simulation, by its code
+    outcome: str = ""  # what became of it
     lines: tuple[str, ...] = ()  # of the script that made curves and runs
 
     @property
     def shown(self) -> dict[str, Branch]:
-        """The curves that are drawn: of those that are not hidden, those with both columns."""
-        columns = set(self.columns)
-        return {
-            code: branch
-            for code, branch in self.curves.items()
-            if code not in self.hidden and columns <= set(branch.names)
-        }
+        """The curves that are drawn, ticked and offered; they have the columns of the axes."""
+        return {code: one for code, one in self.curves.items() if code not in self.hidden}
+
+    @property
+    def offered(self) -> list[str]:
+        """What the axes may be: columns of numbers that all curves have which are drawn."""
+        columns = [drawn_columns(branch) for branch in self.shown.values()]
+        return (
+            [name for name in columns[0] if all(name in one for one in columns)] if columns else []
+        )
 
     @property
     def columns(self) -> tuple[str, str]:
-        """What the axes of the bifurcation diagram are."""
-        first = next((one for code, one in self.curves.items() if code not in self.hidden), None)
+        """What the axes of the bifurcation diagram are: what is chosen, where all curves have it,
+        otherwise the parameter that varies and a size."""
+        first, offered = next(iter(self.shown.values()), None), self.offered
         if first is None:
             return "a", "p"
         start = first.problem.start  # a period before the orbit of a cycle without its equations
-        unknowns = [n for n in start if n not in first.problem.internals]
-        unknowns.sort(key=lambda name: np.ndim(start[name]))
-        other = [*first.curve.varied, *unknowns, "arclength"][1]
-        return self.axes[0] or first.free, self.axes[1] or other
+        unknowns = sorted(start, key=lambda name: np.ndim(start[name]))
+        usual = ((first.free,), (*first.curve.varied[1:], "p", *unknowns))
+        x, y = (
+            next((name for name in (chosen, *names, *offered) if name in offered), "")
+            for chosen, names in zip(self.axes, usual, strict=True)
+        )
+        return x, y
+
+    def ticked(self, codes: Iterable[str]) -> PageState:
+        """With these curves drawn; those of another problem give way to one that was not."""
+        wanted = [code for code in self.curves if code in {*codes}]
+        new = next((code for code in wanted if code in self.hidden), None)
+        if new is not None:
+            wanted = [code for code in wanted if _alike(self.curves[code], self.curves[new])]
+        return replace(self, hidden=frozenset({*self.curves} - {*wanted}))
 
     @property
     def title(self) -> str:
@@ -145,26 +148,30 @@ class PageState:
         curves = {other: branch for other, branch in self.curves.items() if other != code}
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
-    def with_result(self, name: str, lines: Iterable[str], value: Any) -> PageState:
-        """With one more result, whatever `save` takes or several of that, and how it came."""
+    def with_result(
+        self, name: str, lines: Iterable[str], value: Any, outcome: str = ""
+    ) -> PageState:
+        """With one more result, whatever `save` takes or several of that, and how it came; curves
+        of another problem than that are drawn no more."""
         parts = dict(result_leaves(name, value))
         curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
         seen: dict[str, Any] = {}  # the last run, and the last zones
         for code, part in parts.items():
             if isinstance(part, SimulationRun) and part.record:
-                seen["run"] = code, part
+                seen |= {"run": (code, part), "outcome": outcome or part.stop.value}
             elif isinstance(part, Zones):
                 seen |= {"plane": part, "fixed": part.fixed}
-        if "plane" in seen:
-            seen["preview"] = preview_of(seen["plane"])
-        return replace(
+        first = next(iter(curves), None)
+        state = replace(
             self,
             lines=(*self.lines, *lines),
             curves={**self.curves, **curves},
-            listed=next(iter(curves), self.listed),
+            listed=first or self.listed,
+            hidden=self.hidden if first is None else self.hidden | {first},
             axes=self._axes_for([*curves.values()]),
             **seen,
         )
+        return state if first is None else state.ticked({*self.shown, *curves})
 
     def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
         """Those of the diagram when curves join it: of one in two parameters its own plane, until a
@@ -205,6 +212,11 @@ class PageState:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
 
 
+def _alike(one: Branch, other: Branch) -> bool:
+    """Whether both are curves of one problem, and may share axes."""
+    return {*one.curve.varied} <= {*other.names} and {*other.curve.varied} <= {*one.names}
+
+
 def drawn_columns(branch: Branch) -> list[str]:
     """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh. The ends
     tell, for a whole column may take long to measure."""
@@ -228,78 +240,9 @@ def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield code, value
 
 
-# --- zones --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Preview:
-    """What is drawn of a diagram."""
-
-    fixed: tuple[str, float]
-    about: str  # what its breathers are on, in words
-    exact: bool  # False for what is between two neighbours
-    curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
-    regions: tuple[Region, ...]  # with the verdicts of breathers in this plane in any case
-    meetings: tuple[SpecialPoint, ...]
-    pair: tuple[str, str] = ("gamma", "a")
-
-
-def preview_of(zones: Zones) -> Preview:
-    """A diagram that is computed."""
-    curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
-    return Preview(
-        zones.fixed,
-        _about(zones),
-        True,
-        curves,
-        () if zones.interrupted else zones.regions,  # curves that are missing would bound them
-        tuple(names_of_meetings(zones)),
-        zones.pair,
-    )
-
-
-def diagram_between(left: Zones, right: Zones, k: float) -> Preview | None:
-    """The diagram at k by those at two values beside it; None where these have not the same curves
-    and meetings, for then something happens between them.
-
-    Examples
-    --------
-    >>> from contbreather.orbits import zones
-    >>> left, right = zones(k=[0.75, 0.8])
-    >>> between(left, right, 0.78).exact
-    False
-    """
-    if _shape(left) != _shape(right):
-        return None
-    share = (k - left.fixed[1]) / (right.fixed[1] - left.fixed[1])
-    curves = {
-        kind: tuple(
-            _mixed(_line(left, a), _line(right, b), share)
-            for a, b in zip(left[kind], right[kind], strict=True)
-        )
-        for kind in KINDS
-    }
-    meetings = tuple(
-        (x0 + share * (x1 - x0), y0 + share * (y1 - y0), name)
-        for (x0, y0, name), (x1, y1, _) in zip(_sorted(left), _sorted(right), strict=True)
-    )
-    at_k = replace(left, fixed=("k", k))
-    lines = [line for kind in KINDS for line in curves[kind]]
-    places = np.vstack(lines)
-    box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    judged = regions(lines, box, at_k.unstable, at_k.lower)
-    return Preview(("k", k), _about(left), False, curves, judged, meetings)
-
-
-def _about(zones: Zones) -> str:
-    for _, branch in zones:
-        return model_in_words(branch[0].solution) + STOPPED * zones.interrupted
-    return "no curve"
-
-
-def is_of(drawn: Preview, orbit: Orbit) -> bool:
-    """Whether it is a diagram of such breathers."""
-    return model_in_words(orbit) == drawn.about.removesuffix(STOPPED)
+def model_of(zones: Zones) -> str:
+    """What the breathers of zones are on, in words."""
+    return next((model_in_words(branch[0].solution) for _, branch in zones), "no curve")
 
 
 def model_in_words(orbit: Orbit) -> str:
@@ -309,29 +252,6 @@ def model_in_words(orbit: Orbit) -> str:
     words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
     words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
     return ", ".join(filter(None, words))
-
-
-def _line(zones: Zones, branch: Any) -> Array:
-    return np.column_stack([branch[name] for name in zones.pair])
-
-
-def _sorted(zones: Zones) -> list[SpecialPoint]:
-    return sorted(names_of_meetings(zones), key=lambda met: (met[2], met[0]))
-
-
-def _shape(zones: Zones) -> Any:
-    """Which curves and meetings there are."""
-    return [len(zones[kind]) for kind in KINDS], [name for *_, name in _sorted(zones)]
-
-
-def _mixed(line: Array, other: Array, share: float) -> Array:
-    """Between two curves, point by point at the same part of their lengths."""
-    ends = line[[0, -1]]
-    straight, turned = (np.abs(ends - other[way]).sum() for way in ([0, -1], [-1, 0]))
-    if turned < straight:  # they were walked in opposite directions
-        other = other[::-1]
-    first, last = evenly(line, FINE), evenly(other, FINE)
-    return first + share * (last - first)
 
 
 # --- in words -------------------------------------------------------------------------------------
@@ -361,12 +281,17 @@ def map_on_ring(orbit: Orbit, ring: int) -> Orbit:
 
 
 def verdict_in_words(orbit: Orbit) -> str:
-    """Whether the lattice moves so, and whether it stays at it, in half a line."""
+    """Whether the lattice moves so, and whether it stays at it on which lattice, in a line."""
     margins = orbit.admissibility()
     if not margins.ok and margins.margin < -1e-9:
         return "not admissible: it passes a wall"
     words = {True: "stable", False: "unstable", None: "of unknown stability"}
-    stable = _sentence(lambda: words[orbit.stability().stable])
+
+    def named() -> str:
+        verdict = orbit.stability()
+        return f"{words[verdict.stable]} on the {verdict.lattice}"
+
+    stable = _sentence(named)
     return stable if margins.ok else f"{stable}, at the edge of what is admissible"
 
 

@@ -16,15 +16,15 @@ from contbreather.continuation.point import Point
 from contbreather.explorer.state import (
     Chosen,
     PageState,
-    Preview,
-    is_of,
     map_on_ring,
     model_in_words,
+    model_of,
 )
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.branches import (
     BEYOND,
     STABLE,
@@ -34,28 +34,29 @@ from contbreather.plotting.branches import (
     pieces,
     value_of,
 )
+from contbreather.plotting.canvas import marker
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
-from contbreather.plotting.runs import with_impacts
-from contbreather.plotting.zones import LINES
+from contbreather.plotting.envelopes import with_impacts
+from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]
 
 GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
+# what Bokeh calls the markers of print
 MARKS = {
-    "LP": "square", "BP": "diamond", "PF": "triangle", "NS": "circle", "PD": "inverted_triangle",
-    "GR": "x", "HB": "star", "EP": "dot", "MX": "x", "UZ": "plus",
+    "s": "square", "D": "diamond", "^": "triangle", "o": "circle", "v": "inverted_triangle",
+    "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
+    "<": "triangle_pin", ">": "square_pin", "d": "diamond_dot",
 }  # fmt: skip
-OTHER = "hex"
-ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
-LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the multipliers
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
+STOPPED = ", stopped: curves may be missing"
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted", UNKNOWN: "dashdot"}
 LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
 BESIDE = 10  # sites on either side of the one that impacts
@@ -128,11 +129,11 @@ def _bounded(axis: Range1d, low: float, high: float) -> None:
 
 def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataSource:
     """Marks with words beside them, and more of it under the pointer."""
-    columns = ("text", *also, "what", "dx", "dy")
+    columns = ("text", *also, "what")
     source: ColumnDataSource = _drawn(fig, "scatter", "x", "y", also=columns, size=9, **look)
     fig.add_tools(HoverTool(renderers=fig.renderers[-1:], tooltips=[("", "@what")]))
     fig.text(
-        "x", "y", "text", source=source, text_color=theme.text, x_offset="dx", y_offset="dy",
+        "x", "y", "text", source=source, text_color=theme.text, x_offset=7, y_offset=-5,
         text_font_size="12px",
     )  # fmt: skip
     return source
@@ -168,19 +169,22 @@ class ZonesView:
         fig.legend[0].update(ncols=2, spacing=12)
         fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
 
-    def show(self, drawn: Preview) -> None:
-        """Another diagram."""
-        shaded = [region for region in drawn.regions if region.verdict]
+    def show(self, drawn: Zones) -> None:
+        """Another diagram; of one that was cut short no regions, for curves that are missing would
+        bound them."""
+        shaded = [region for region in drawn.regions if region.verdict and not drawn.interrupted]
+        lines = {kind: [_line(drawn, branch) for branch in drawn[kind]] for kind in self.curves}
         _fill(self.regions, (self._region(region) for region in shaded))
         for kind, source in self.curves.items():
-            _fill(source, (line.T for line in drawn.curves[kind]))
+            _fill(source, (line.T for line in lines[kind]))
         _fill(self.letters, ((region.x, region.y, region.verdict) for region in shaded))
         x, y = drawn.pair
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
-        every = np.vstack([line for lines in drawn.curves.values() for line in lines])
-        _reach(self.figure.x_range, [0.0, every[:, 0].max()])
-        _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
-        _mark(self.figure, self.meetings, ((x, y, name, name) for x, y, name in drawn.meetings))
+        if any(lines.values()):
+            every = np.vstack([line for some in lines.values() for line in some])
+            _reach(self.figure.x_range, [0.0, every[:, 0].max()])
+            _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
+        _fill(self.meetings, ((*at, name, name) for *at, name in names_of_meetings(drawn)))
 
     def _region(self, region: Region) -> tuple[Any, Any, str]:
         rings = (region.outline, *region.holes)
@@ -189,40 +193,42 @@ class ZonesView:
 
     def title(self, wanted: PageState) -> None:
         """Say what is shown, and what is on its way."""
-        drawn = wanted.preview
-        words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
+        drawn = wanted.plane
+        words = "no diagram yet" if drawn is None else f"{model_of(drawn)}, {_at(drawn.fixed)}"
+        words += STOPPED * (drawn is not None and drawn.interrupted)
         orbit = None if wanted.chosen is None else wanted.chosen.orbit
-        elsewhere = drawn is None or drawn.fixed != wanted.fixed
-        coming = _at(wanted.fixed) if elsewhere else "another lattice"
-        if drawn is not None and not drawn.exact:
-            words += ", between its neighbours"
-            coming = coming if elsewhere else "the exact one"
         if wanted.awaited:
-            words += f"; {coming} is being computed"
-        elif drawn is not None and orbit is not None and not is_of(drawn, orbit):
+            elsewhere = drawn is None or drawn.fixed != wanted.fixed
+            words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
+        elif drawn is not None and orbit is not None and model_of(drawn) != model_in_words(orbit):
             words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
 
-    def boundaries(self, curves: Iterable[Branch], drawn: Preview) -> None:
+    def boundaries(self, curves: Iterable[Branch], drawn: Zones) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
-        (x, y), (name, value) = drawn.pair, drawn.fixed
+        name, value = drawn.fixed
         traced = (
             branch
             for branch in curves
-            if {*branch.curve.varied} == {x, y} and branch.problem.params.get(name) == value
+            if {*branch.curve.varied} == {*drawn.pair} and branch.problem.params.get(name) == value
         )
-        _fill(self.traced, ((branch[x], branch[y]) for branch in traced))
+        _fill(self.traced, (_line(drawn, branch).T for branch in traced))
 
-    def choose(self, chosen: Chosen | None, drawn: Preview) -> None:
+    def choose(self, chosen: Chosen | None, drawn: Zones) -> None:
         """Mark what is looked at, if it lies in this plane and is of this lattice."""
-        (x, y), (name, value) = drawn.pair, drawn.fixed
+        name, value = drawn.fixed
         orbit = None if chosen is None else chosen.orbit
         here = []
-        if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9 and is_of(drawn, orbit):
-            here = [(getattr(orbit, x), getattr(orbit, y))]
+        if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9:
+            alike = model_of(drawn) == model_in_words(orbit)
+            here = [[getattr(orbit, one) for one in drawn.pair]] * alike
         _fill(self.here, here)
+
+
+def _line(drawn: Zones, branch: Branch) -> Array:
+    return np.column_stack([branch[name] for name in drawn.pair])
 
 
 def _at(fixed: tuple[str, float]) -> str:
@@ -275,7 +281,7 @@ class BranchView:
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        _mark(self.figure, self.special, marks)
+        _fill(self.special, marks)
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
@@ -297,51 +303,6 @@ class BranchView:
         return min(candidates)[1:] if candidates else None
 
 
-def _mark(fig: Any, source: ColumnDataSource, marks: Iterable[Any]) -> None:
-    """Other marks, each a row of all columns but the last two, by which words stand beside them."""
-    rows, names = list(marks), source.column_names[:-2]
-    data: dict[str, Any] = {name: [row[i] for row in rows] for i, name in enumerate(names)}
-    across, up = (
-        (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
-        for name, axis in (("x", fig.x_range), ("y", fig.y_range))
-    )
-    # as wide and high as it is in the browser, once that has said so
-    properties = fig.properties_with_values(include_defaults=False)
-    wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
-    source.data = data | spread_words(wide * across, high * (1.0 - up), data["text"], wide)
-
-
-def spread_words(
-    x: Array, y: Array, words: Sequence[str], wide: float = np.inf
-) -> dict[str, list[Any]]:
-    """Words beside points given in pixels, y downwards, that do not cover each other: on whichever
-    side there is room, in a figure so wide; where there is none, or the same stands there already,
-    the mark has to do, which says what it is under the pointer."""
-    taken: list[tuple[str, float, float, float, float]] = []
-    columns: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
-
-    def fits(start: float, base: float, end: float) -> bool:
-        return end <= wide and not any(
-            start < left + LETTER * len(word) and left < end and abs(base - there) < LINE
-            for word, _, _, left, there in taken
-        )
-
-    for at, word in enumerate(words):
-        width = LETTER * len(word)
-        sides = ((dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width))
-        free = (s for s in sides if fits(x[at] + s[0], y[at] + s[1], x[at] + s[0] + width))
-        dx, dy = next(free, (0.0, 0.0))
-        again = any(
-            word == other and np.hypot(x[at] - u, y[at] - v) < LINE for other, u, v, *_ in taken
-        )
-        shown = word if dx and not again else ""
-        if shown:
-            taken.append((word, x[at], y[at], x[at] + dx, y[at] + dy))
-        for name, value in (("text", shown), ("dx", dx), ("dy", dy)):
-            columns[name].append(value)
-    return columns
-
-
 def _value(point: Any, name: str) -> float:
     try:
         return value_of(point, name)
@@ -354,7 +315,7 @@ def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, .
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
-    mark = MARKS.get(point.kind, OTHER)
+    mark = MARKS[marker(point.kind)]
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
 
 

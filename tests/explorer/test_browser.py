@@ -34,20 +34,11 @@ def chromium() -> str:
     return found
 
 
-# the command, which does not compute the diagrams of other values while the browser draws
-SERVE = """
-from contbreather.__main__ import main
-from contbreather.explorer import Explorer
-Explorer.look_ahead = lambda self: None
-raise SystemExit(main())
-"""
-
-
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Of an explorer with a server of its own, which lasts as long as it is needed."""
     chromium()
-    explore, folder = ("-c", SERVE, "explore", "--headless"), tmp_path_factory.mktemp("in")
+    explore, folder = ("-m", "contbreather", "explore", "--headless"), tmp_path_factory.mktemp("in")
     with begun(*explore, cwd=folder, hung=10 * HUNG) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[4]

@@ -16,6 +16,7 @@ from contbreather.explorer import Explorer, session
 from contbreather.explorer.page import Page
 from contbreather.explorer.state import Chosen
 from contbreather.explorer.style import GRID
+from contbreather.explorer.views import letter
 
 from ..apart import HUNG
 from .ready import ready, tap
@@ -291,7 +292,7 @@ RANGES = (
     ("breather", "damping", ("", "0", "1e4"), ("-1e-9", "10000.01", "nan")),
     ("window", "low", ("-1e9", "1e9"), ("inf", "")),
     ("window", "high", ("-1e9", "1e9"), ("-inf", "")),
-    ("length", "sites", ("3", "2000"), ("2", "2001", "20.0")),
+    ("length", "sites", ("1", "2000"), ("0", "2001", "20.0")),
     ("length", "periods", ("1", "100000"), ("0", "100001")),
     ("length", "push", ("-10", "10"), ("-10.001", "10.001")),
     ("asked", "sites", ("0", "1 2, 3 4,5 6 7 -8"), ("", "1 2 3 4 5 6 7 8 9", "1.5")),
@@ -361,21 +362,22 @@ def test_what_is_looked_at_is_judged_while_its_zones_are_computed(bare: Page) ->
     tap(bare.zones.figure, 0.08, 0.5)
     bare.explorer.drawing = "zones at k = 0.8: 3 points"
     bare.render()
-    assert "k=0.8): stable (zones at k = 0.8: 3 points)" in bare.status.html
+    assert "k=0.8): stable on the infinite chain (zones at k = 0.8: 3 points)" in bare.status.html
     bare.explorer.drawing = ""
 
 
 def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
     tap(page.zones.figure, 0.104, 0.2)
-    page.forms.length["periods"].input.value = "200"
+    for name, value in (("sites", "20"), ("periods", "200"), ("push", "0.001")):
+        page.forms.length[name].input.value = value
     press(page, "Simulate from here")
     assert "delocalised: there is no breather" in page.run.figure.title.text
     page.forms.length["sites"].input.value, page.forms.length["periods"].input.value = "301", "1"
     press(page, "Simulate from here")
-    assert "went through all its periods" in page.run.figure.title.text
+    assert "delocalised" not in page.run.figure.title.text
 
 
-def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(
+def test_of_curves_of_two_problems_those_are_drawn_that_were_ticked_last(
     diagram: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ready(monkeypatch, diagram)
@@ -383,14 +385,14 @@ def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(
     square = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
     explorer = Explorer(breathers, cb.trace(square, "mu", within={"mu": (0.5, 2.0)}))
     page = Page(explorer)
-    assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given1", "a", "p")
-    assert "mu" not in page.x.options
-    page.shown.value = ["given2"]
-    assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given2", "mu", "x")
-    page.shown.value = ["given1", "given2"]
-    page.x.value = "arclength"
-    page.x.value = "a"
-    assert page.branches.figure.title.text == "given1"
+    for ticked, wanted in (
+        (["given2"], ("given2", "mu", "x")), (["given1", "given2"], ("given1", "a", "p")),
+        (["given1", "given2"], ("given2", "mu", "x")), ([], ("no branch yet", "a", "p")),
+        (["given1"], ("given1", "a", "p")),
+    ):  # fmt: skip
+        page.shown.value = ticked
+        assert (page.branches.figure.title.text, page.x.value, page.y.value) == wanted
+        agree(page)
 
 
 def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
@@ -460,3 +462,95 @@ def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -
     on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
     page.explorer.choose(Chosen("...", on_ring))
     assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
+
+
+def test_stable_is_said_of_a_lattice_that_is_named_beside_it(page: Page) -> None:
+    """The chain may be stable where a ring is not, for on that waves come back."""
+    for lattice, on in (("", "infinite chain"), ("ring:12", "ring of 12")):
+        typed(page, lattice=lattice)
+        word = "stable" if page.explorer.chosen.orbit.stability().stable else "unstable"
+        said = f"{word} on the {on}"
+        assert page.motion.figure.title.text.startswith(said)
+        assert said in page.status.text.text
+    assert word == "unstable"
+
+
+@pytest.mark.parametrize(
+    ("texts", "on"),
+    [
+        ({}, cb.Ring(400)),
+        ({"gamma": "0.1", "a": "0.4", "k": "0.6"}, cb.Ring(400)),
+        ({"lattice": "open:9", "site": "4", "damping": "0.02", "gamma": "0.03"}, cb.OpenChain(9)),
+    ],
+)
+def test_a_simulation_as_it_is_offered_confirms_the_verdict(
+    page: Page, texts: Any, on: Any
+) -> None:
+    """On the lattice that is judged, damped as is set; the push is small and stays so."""
+    typed(page, **texts)
+    orbit = page.explorer.chosen.orbit
+    press(page, "Simulate from here")
+    _, run = page.explorer.state.run
+    there = orbit.on(on)
+    assert there.stability().stable
+    assert run.conditions == there.conditions
+    push = float(page.forms.length["push"].input.value)
+    away = np.abs(run.strobe.u - there.state()[0]).max(axis=1)
+    assert away.max() < 10.0 * push
+    assert away[-1] < push
+    assert f"{away[-1]:.2g} from the breather" in page.run.figure.title.text
+    assert page.forms.length["sites"].input.value == str(on.sites)
+    assert page.forms.length["sites"].input.disabled == (orbit.lattice.sites is not None)
+
+
+def agree(page: Page) -> None:
+    """Menus, ticks and the picture say the same."""
+    figure, state = page.branches.figure, page.explorer.state
+    ticked = page.shown.value
+    drawn = {colour for source in page.branches.lines.values() for colour in source.data["colour"]}
+    assert len(drawn) == len(ticked)
+    assert figure.title.text == (", ".join(ticked) or "no branch yet")
+    assert [*page.curve.options.values()] == ticked
+    for menu, axis in ((page.x, figure.xaxis), (page.y, figure.yaxis)):
+        assert menu.value in menu.options
+        assert axis.axis_label == letter(menu.value)
+        assert all(menu.value in state.curves[code].names for code in ticked)
+
+
+def test_menus_ticks_and_picture_agree_whatever_is_clicked(page: Page) -> None:
+    typed(page, a="0.7", gamma="0.04")
+    press(page, "Continue")
+    page.y.value = "phi"
+    agree(page)
+    page.label.value = page.label.options["PF1"]
+    press(page, "Switch branch here")  # its arms have no phi
+    agree(page)
+    assert page.shown.value == ["branch1", "arms2[0]", "arms2[1]"]
+    for ticked in (["branch1"], ["arms2[1]"], [], ["arms2[0]"], ["branch1", "arms2[0]"]):
+        page.shown.value = ticked
+        agree(page)
+        for name in page.y.options[:-1]:
+            page.y.value = name
+            agree(page)
+        page.shown.value = ["branch1", "arms2[0]", "arms2[1]"]
+        agree(page)
+    press(page, "Trace this boundary")
+    agree(page)
+    page.undo.clicks += 1
+    agree(page)
+
+
+def test_a_fork_is_drawn_by_a_size_first_and_by_what_all_its_curves_have(
+    diagram: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A size is the ordinate, also on finite lattices, whose first unknown is a time."""
+    ready(monkeypatch, diagram)
+    on = {"lattice": cb.Ring(5), "damping": 0.02}
+    finite = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8, **on), "a", within={"a": (0.4, 0.6)})
+    chain = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.4, 0.6)})
+    for curves in ((finite,), (chain, finite), (finite, chain)):
+        page = Page(Explorer(*curves))
+        agree(page)
+        assert (page.x.value, page.y.value) == ("a", "p")
+        shared = set.intersection(*({*curve.names} for curve in curves))
+        assert {"a", "p", "unstable"} <= {*page.y.options} <= shared

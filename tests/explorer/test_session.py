@@ -12,21 +12,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shapely import LineString
 
 import contbreather as cb
 from contbreather.errors import BadInput, Interrupted, NoSolution
-from contbreather.explorer import Explorer, jobs, session
+from contbreather.explorer import Explorer, jobs, session, views
 from contbreather.explorer.jobs import Computation, JobThread, Progress
-from contbreather.explorer.state import (
-    LADDER,
-    diagram_between,
-    drawn_columns,
-    names,
-    verdicts,
-)
+from contbreather.explorer.state import drawn_columns, model_of, names, verdicts
+from contbreather.explorer.style import LIGHT
 
-from ..apart import HUNG, until
+from ..apart import HUNG
 from .ready import ready
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
@@ -81,11 +75,14 @@ def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
     assert names == {"zones.pdf", "branches.pdf", "motion.pdf"}
 
 
-def test_a_curve_that_lacks_a_column_is_not_drawn(told: Explorer) -> None:
+def test_axes_are_what_all_drawn_curves_have(told: Explorer) -> None:
     told.change(axes=("a", "phi"))
-    shown = [*told.state.shown]
+    assert told.state.columns == ("a", "p")  # arms have no phi, but the times of two impacts
+    told.tick(["branch1", "line3", "branch4"])
+    assert told.state.columns == ("a", "phi")
+    told.tick(told.state.curves)
     told.change(axes=("", ""))
-    assert shown == ["branch1", "line3", "branch4"]  # arms have the times of two impacts
+    assert [*told.state.shown] == [*told.state.curves]
 
 
 def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) -> None:
@@ -202,119 +199,9 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     assert explorer.state.awaited == ""
 
 
-def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one(
-    diagram: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ready(monkeypatch, diagram)
-    explorer = Explorer(k=0.8)
-    for k in (0.75, 0.8):
-        explorer.look_at(k)
-        assert explorer.wait(HUNG)
-    explorer.look_at(0.77)
-    rough = explorer.state.preview
-    assert rough is not None
-    assert (rough.fixed[1], rough.exact) == (0.77, False)
-    assert explorer.wait(HUNG)
-    exact = explorer.state.preview
-    assert exact is not None
-    assert (exact.fixed[1], exact.exact) == (0.77, True)
-    for kind in ("LP", "GR", "PF", "NS"):
-        for guess, line in zip(rough.curves[kind], exact.curves[kind], strict=True):
-            far = LineString(guess).hausdorff_distance(LineString(line))
-            assert 0.0 < far < 2e-3
-    for one, other in zip(sorted(rough.meetings), sorted(exact.meetings), strict=True):
-        assert one[2] == other[2]
-        np.testing.assert_allclose(one[:2], other[:2], atol=1e-3)
-    verdicts = [sorted(r.verdict for r in one.regions if r.verdict) for one in (rough, exact)]
-    assert verdicts[0] == verdicts[1]
-
-
-def test_diagrams_with_other_curves_have_nothing_between_them() -> None:
-    assert diagram_between(*cb.zones(k=[0.15, 0.2]), 0.17) is None  # the pitchfork sets in
-
-
-@pytest.mark.parametrize("quiet", [0.0, HUNG])
-def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a_while(
-    monkeypatch: pytest.MonkeyPatch, quiet: float, diagram: Any
-) -> None:
-    asked: list[float] = []
-
-    def told(k: float, **_: Any) -> Any:
-        asked.append(k)
-        return diagram
-
-    monkeypatch.setattr(session, "zones", told)
-    monkeypatch.setattr(session, "QUIET", quiet)
-    explorer = Explorer()
-    leave = explorer.listen(lambda _: None)
-    explorer.look_at(0.81)
-    explorer.look_ahead()
-    until(lambda: len(asked) == (1 if quiet else 1 + len(LADDER)))
-    if quiet:
-        explorer.look_at(0.79)  # it does not wait for what does
-        until(lambda: len(asked) > 1)
-    assert asked[:4] == [0.81, 0.79] if quiet else [0.81, 0.8, 0.85, 0.75]
-    leave()
-    explorer.stop()
-    assert explorer.wait(HUNG)
-    assert len(asked) == (2 if quiet else 1 + len(LADDER))  # nobody looks on any more
-
-
-def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
-    monkeypatch: pytest.MonkeyPatch, diagram: Any
-) -> None:
-    """Nothing else would begin it: what has just ended did not know yet that it was wanted."""
-    asked: list[float] = []
-    monkeypatch.setattr(session, "zones", lambda k, **_: (asked.append(k), diagram)[1])
-    monkeypatch.setattr(session, "QUIET", 0.0)
-    came, may_end = threading.Event(), threading.Event()
-
-    class Slow(JobThread):
-        def begin(self, job: Any, *, say: Any, done: Any) -> None:
-            def handed_over(*result: Any) -> None:
-                done(*result)
-                came.set()
-                assert may_end.wait(HUNG)
-
-            super().begin(job, say=say, done=handed_over)
-
-    monkeypatch.setattr(session, "JobThread", Slow)
-    explorer = Explorer()
-    explorer.listen(lambda _: None)
-    explorer.look_at(0.81)
-    assert came.wait(HUNG)
-    explorer.look_ahead()
-    may_end.set()
-    until(lambda: len(asked) == 1 + len(LADDER))
-
-
 @pytest.fixture(scope="module")
 def elsewhere() -> Any:
     return cb.zones(k=0.6)
-
-
-def test_what_arrives_does_not_cover_what_is_asked_for_in_that_moment(
-    monkeypatch: pytest.MonkeyPatch, elsewhere: Any, diagram: Any
-) -> None:
-    left, right = elsewhere, diagram
-    ready(monkeypatch, left, right)
-    explorer = Explorer(k=0.8)
-    explorer.look_at(0.8)
-    assert explorer.wait(HUNG)
-    drawn, back = session.preview_of, threading.Thread(target=explorer.look_at, args=(0.8,))
-
-    def slowly(plane: Any) -> Any:
-        if plane is left:
-            back.start()
-            back.join(0.2)  # it waits for this one, or is done
-        return drawn(plane)
-
-    monkeypatch.setattr(session, "preview_of", slowly)
-    explorer.look_at(0.6)
-    assert explorer.wait(HUNG)
-    back.join(HUNG)
-    assert explorer.state.fixed == explorer.state.preview.fixed == ("k", 0.8)
-    assert explorer.state.plane is right
 
 
 def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
@@ -336,8 +223,8 @@ def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wa
     explorer.look_at(0.8)
     may_come.set()
     assert explorer.wait(HUNG)
-    assert explorer.state.preview is not None
-    assert explorer.state.preview.fixed == explorer.state.fixed == ("k", 0.8)
+    assert explorer.state.plane is not None
+    assert explorer.state.plane.fixed == explorer.state.fixed == ("k", 0.8)
     assert explorer.state.plane is right
 
 
@@ -361,8 +248,8 @@ def test_zones_are_those_of_the_ring_that_is_set(monkeypatch: pytest.MonkeyPatch
     explorer = Explorer(k=0.8)
     explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
     assert explorer.wait(HUNG)
-    assert explorer.state.preview is not None
-    assert explorer.state.preview.about == "ring of 9"
+    assert explorer.state.plane is not None
+    assert model_of(explorer.state.plane) == "ring of 9"
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
@@ -427,10 +314,15 @@ def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
     explorer = Explorer()
     explorer.look_at(0.8)
     assert explorer.wait(HUNG)
-    drawn = explorer.state.preview
-    assert drawn is not None
-    on = "open chain with free ends, 3 sites, site 1, damping = 0.02"
-    assert (drawn.about, drawn.regions) == (f"{on}, stopped: curves may be missing", ())
+    drawn = explorer.state.plane
+    assert drawn is piece
+    view = views.ZonesView(LIGHT)
+    view.show(drawn)
+    view.title(explorer.state)
+    on = "open chain with free ends, 3 sites, site 1, damping = 0.02, k = 0.8"
+    said = view.figure.title.text.replace("\n", " ").strip()
+    assert said == f"{on}, stopped: curves may be missing"
+    assert view.regions.data["xs"] == []
 
 
 def test_what_cannot_be_is_refused_with_a_sentence() -> None:
@@ -457,52 +349,13 @@ def test_points_of_another_problem_are_shown_by_their_numbers(tmp_path: Path) ->
         jobs.simulated(explorer.chosen, 20, 5, 0.0, (0,))
 
 
-def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
-    monkeypatch: pytest.MonkeyPatch, diagram: Any
-) -> None:
-    assert sorted(LADDER) == list(LADDER)
-    assert (LADDER[0], LADDER[-1], len(LADDER)) == (0.02, 0.98, 21)
-    assert max(np.diff(LADDER)) < 0.0501
-    asked: list[Any] = []
-    monkeypatch.setattr(session, "diagram_between", lambda *given: asked.append(given))
-    monkeypatch.setattr(session, "zones", lambda k=0.0, **_: replace(diagram, fixed=("k", k)))
-    for known, wanted in (
-        ((0.7, 0.755), [(0.7, 0.755, 0.73)]), ((0.7, 0.765), []), ((0.7, 0.72), []),
-        ((0.68, 0.7, 0.75, 0.76), [(0.7, 0.75, 0.73)]), ((0.74, 0.75), []),
-    ):  # fmt: skip
-        explorer = Explorer()
-        for fixed, value, forcing in (
-            *(("k", one, "") for one in known), ("k", 0.731, "cos(t)"), ("gamma", 0.131, ""),
-        ):  # fmt: skip
-            explorer.look_at(value, forcing, fixed=fixed)
-            assert explorer.wait(HUNG)
-        asked.clear()
-        explorer.look_at(0.73, "", fixed="k")
-        assert explorer.wait(HUNG)
-        assert [(low.fixed[1], high.fixed[1], k) for low, high, k in asked] == wanted
-
-
-def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(
-    elsewhere: Any, diagram: Any
-) -> None:
-    turned = {kind: tuple(line.reversed() for line in diagram[kind]) for kind in diagram.curves}
-    given, other = (
-        diagram_between(elsewhere, one, 0.65) for one in (diagram, replace(diagram, curves=turned))
-    )
-    assert given is not None
-    assert other is not None
-    for kind in ("LP", "GR", "PF", "NS"):
-        assert given.curves[kind]
-        np.testing.assert_allclose(np.vstack(other.curves[kind]), np.vstack(given.curves[kind]))
-
-
 def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
     explorer = Explorer()
     explorer.look_at(0.12, fixed="gamma")
     assert explorer.wait(HUNG)
     state = explorer.state
-    assert state.preview is not None
-    assert (state.preview.pair, state.preview.fixed) == (("k", "a"), ("gamma", 0.12))
+    assert state.plane is not None
+    assert (state.plane.pair, state.plane.fixed) == (("k", "a"), ("gamma", 0.12))
     explorer.choose_at(k=0.8, a=0.5)
     assert explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.8)"
     made: dict[str, Any] = {}

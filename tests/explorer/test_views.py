@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import unicodedata
 from dataclasses import replace
 from typing import Any
@@ -15,10 +14,11 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
 from contbreather.explorer import views
-from contbreather.explorer.state import Chosen, PageState, Preview, preview_of
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import plot
+from contbreather.plotting.canvas import MARKERS, marker
 from contbreather.plotting.zones import LINES, SHADES
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
@@ -85,10 +85,10 @@ def test_all_is_drawn_in_the_colours_of_its_theme_in_sizes_that_are_seen(theme: 
 
 DRAWN = (
     "MultiPolygons xs ys fill=colour line=colour; " + "MultiLine xs ys; " * 4
-    + "Text x y text; Scatter x y; Text x y text x_offset=dx y_offset=dy; MultiLine xs ys; "
+    + "Text x y text; Scatter x y; Text x y text; MultiLine xs ys; "
     + "Scatter x y; Scatter x y",
     "MultiLine xs ys line=colour; " * 4
-    + "Scatter x y fill=colour line=colour marker=mark; Text x y text x_offset=dx y_offset=dy; "
+    + "Scatter x y fill=colour line=colour marker=mark; Text x y text; "
     + "Scatter x y; Scatter x y",
     "Segment x0 y x1 y; Segment n low n high; Scatter n u",
     "MultiLine xs ys; Line x y; Scatter x y fill=colour hatch=colour line=colour size=size",
@@ -136,8 +136,9 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: An
         Region(ring, (0.5 * ring + 0.1,), 0.15, 0.22, 0.1, (2, 2)),
         Region(ring, (), 0.1, 0.2, 0.1, (None, None)),  # no breathers: white, without a letter
     )
-    view, drawn = views.ZonesView(LIGHT), preview_of(diagram)
-    view.show(replace(drawn, regions=(*diagram.regions, *extra)))
+    view, drawn = views.ZonesView(LIGHT), replace(diagram)
+    vars(drawn)["regions"] = (*diagram.regions, *extra)
+    view.show(drawn)
     shaded = [one for one in (*diagram.regions, extra[0]) if one.verdict]
     letters = [(one.x, one.y, one.verdict) for one in shaded]
     assert rows(view.letters, "x", "y", "text") == letters
@@ -152,9 +153,9 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: An
     wanted = {(p["gamma"], p["a"]): {*p.kind.split("-")} for p in diagram.special}
     met = rows(view.meetings, "x", "y", "text")
     assert {(x, y): {*name.split("\N{EN DASH}")} for x, y, name in met} == wanted
-    places = np.vstack([line for lines in drawn.curves.values() for line in lines])
-    around(view.figure.x_range, 0.0, places[:, 0].max())
-    around(view.figure.y_range, 0.0, 1.08 * places[:, 1].max())
+    ends = [max(line[name].max() for _, line in drawn) for name in ("gamma", "a")]
+    around(view.figure.x_range, 0.0, ends[0])
+    around(view.figure.y_range, 0.0, 1.08 * ends[1])
     words = {one.label.value: one.renderers[0] for one in view.figure.legend[0].items}
     assert list(words) == [LINES[kind]["label"] for kind in KINDS]  # as in print
     for kind, line in zip(KINDS, words.values(), strict=True):
@@ -164,27 +165,23 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: An
     assert dashes == ["solid", "dashed", "dashdot", "solid"]
 
 
-def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
+def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> None:
     view, coming = views.ZonesView(LIGHT), "; k = 0.8 is being computed"
-    for preview, words in (
-        (None, f"no diagram yet{coming}"),
-        ((0.7, "ring of 9", True), f"ring of 9, k = 0.7{coming}"),
-        (
-            (0.8, "chain", False),
-            "chain, k = 0.8, between its neighbours; the exact one is being computed",
-        ),
-        ((0.8, "chain", True), "chain, k = 0.8; another lattice is being computed"),
-        ((0.8, "chain", True), "chain, k = 0.8"),
+    for plane, fixed, words in (
+        (None, 0.8, f"no diagram yet{coming}"),
+        (diagram, 0.8, "infinite chain, k = 0.8; another lattice is being computed"),
+        (diagram, 0.7, "infinite chain, k = 0.8; k = 0.7 is being computed"),
+        (diagram, 0.8, "infinite chain, k = 0.8"),
     ):
-        known = preview and Preview(("k", preview[0]), *preview[1:], {}, (), ())
-        view.title(PageState(preview=known, awaited="k = 0.8" if "computed" in words else ""))
+        awaited = "k" if "computed" in words else ""
+        view.title(PageState(plane=plane, fixed=("k", fixed), awaited=awaited))
         lines = view.figure.title.text.split("\n")
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
 def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, diagram: Any) -> None:
     view, line = views.ZonesView(LIGHT), diagram["NS"][0]
-    drawn = preview_of(diagram)
+    drawn = diagram
     for k, wanted in ((0.8, [line]), (0.7, [])):
         there = replace(drawn, fixed=("k", k))
         view.boundaries([branch, line], there)
@@ -198,26 +195,18 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, di
         view.choose(chosen, replace(drawn, fixed=("k", 0.8 + off)))
         there = orbit is B and off < 1e-9
         assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
-    for stopped in ("", ", stopped: curves may be missing"):
-        there = replace(drawn, about=f"ring of 12, damping = 0.01{stopped}")
+    line = cb.boundary(
+        cb.trace(damped, "a", within={"a": (0.4, 1.2)}).special[-1], ("gamma", "a"),
+        steps=cb.Steps(most=2),
+    )  # fmt: skip
+    for cut in (False, True):
+        there = replace(
+            drawn, curves=dict.fromkeys(drawn.curves, ()) | {"GR": (line,)}, interrupted=cut
+        )
         view.choose(Chosen("b", damped), there)
         assert view.here.data == {"x": [0.08], "y": [0.5]}
-        view.title(PageState(preview=there, chosen=Chosen("b", damped)))
+        view.title(PageState(plane=there, chosen=Chosen("b", damped)))
         assert "chosen" not in view.figure.title.text
-
-
-def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(
-    diagram: Any,
-) -> None:
-    view, drawn = views.ZonesView(LIGHT), preview_of(diagram)
-    right = max(line[:, 0].max() for lines in drawn.curves.values() for line in lines)
-    met = ((right, 0.5, "LP\N{EN DASH}GR"), (right, 0.501, "NS\N{EN DASH}GR"))
-    view.show(replace(drawn, meetings=met))
-    assert rows(view.meetings, "x", "y", "what") == list(met)
-    one, other = rows(view.meetings, "text", "dx", "dy")
-    assert (one[0], other[0]) == (met[0][2], met[1][2])
-    assert max(one[1], other[1]) <= -7.0 - views.LETTER * len(one[0])  # they end at the point
-    assert abs(one[2] - other[2]) >= views.LINE
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
@@ -262,9 +251,9 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         np.testing.assert_equal((view.here.data["x"], view.here.data["y"]), place)
     cusp = replace(branch[5], kind="CP", label="CP1")
     view.show({"one": replace(branch, points=(branch[0], cusp, branch[-1]))}, "a", "p")
-    marks, other = [*views.MARKS.values()], view.special.data["mark"][1]
-    assert len({*marks, other}) == len(marks)  # GR and MX, where a walk ends, look alike
-    assert {*marks, other} <= {*MarkerType}
+    assert view.special.data["mark"][1] == views.MARKS[marker("CP")]
+    assert {*views.MARKS} == {*map(marker, (*MARKERS, "LP-GR", "of somebody"))}  # those of print
+    assert {*views.MARKS.values()} <= {*MarkerType}
     for name in ("gamma", "phi", "mu", "nu"):
         assert unicodedata.name(views.letter(name)) == f"GREEK SMALL LETTER {name.upper()}"
 
@@ -388,36 +377,3 @@ def test_of_a_long_line_its_extremes_are_drawn() -> None:
         assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
     short = views.thinned(times[:1000], u[:1000])
     same(short[1], u[:1000])
-
-
-# --- words beside points --------------------------------------------------------------------------
-
-
-def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> None:
-    rng = np.random.default_rng(3)
-    x, y = rng.uniform(0.0, 120.0, 40), rng.uniform(0.0, 120.0, 40)
-    x[20], y[20] = x[3] + 2.0, y[3]
-    words = [f"PF{i % 20}" for i in range(40)]  # number 20 is number 0 again, at another place
-    words[20] = words[3]
-    found = views.spread_words(x, y, words)
-    shown = [i for i, word in enumerate(found["text"]) if word]
-    left, base = x + found["dx"], y + found["dy"]
-    for i, j in itertools.combinations(shown, 2):
-        apart = abs(base[i] - base[j]) >= views.LINE
-        first, second = sorted((i, j), key=lambda k: left[k])
-        assert apart or left[first] + views.LETTER * len(words[first]) <= left[second]
-    assert len(shown) > 12
-    assert not found["text"][20]
-    assert all(np.hypot(found["dx"][i], found["dy"][i]) < 7 + 5 * views.LETTER for i in shown)
-
-
-def test_a_word_alone_stands_to_the_upper_right() -> None:
-    assert views.spread_words(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
-        "text": ["LP1"], "dx": [7.0], "dy": [-5.0],
-    }  # fmt: skip
-
-
-def test_a_word_stays_inside_the_figure() -> None:
-    place = views.spread_words(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
-    assert place["text"] == ["LP1"]
-    assert place["dx"][0] < 0.0
