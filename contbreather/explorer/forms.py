@@ -56,14 +56,13 @@ def a_count(name: str, least: int, most: int) -> Read:
 
 
 def some_sites(text: str) -> tuple[int, ...]:
-    """Numbers of sites, apart by commas or blanks; at most eight."""
-    words = text.replace(",", " ").split()
+    """Numbers of sites, apart by commas or blanks; at most eight, which a legend has room for."""
     try:
-        sites = tuple(dict.fromkeys(int(word) for word in words))
+        sites = tuple(dict.fromkeys(int(word) for word in text.replace(",", " ").split()))
     except ValueError:
-        sites = ()
-    if not 0 < len(sites) <= 8:
-        raise BadInput(f"sites = {text}: one to eight whole numbers were expected, as in 0, 1, 2.")
+        raise BadInput(f"sites = {text}: whole numbers were expected, as in 0, 1, 2.") from None
+    if len(sites) > 8:
+        raise BadInput(f"sites = {text}: at most eight are drawn, {len(sites)} were given.")
     return sites
 
 

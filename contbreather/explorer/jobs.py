@@ -22,7 +22,7 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, Interrupted
-from contbreather.explorer.state import Chosen
+from contbreather.explorer.state import Chosen, watched
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits.orbit import Orbit
@@ -229,8 +229,7 @@ def simulated(
         raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
     infinite = chosen.orbit.lattice.sites is None
     orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
-    site, size = orbit.section.hit[0], orbit.lattice.sites
-    sample = Sample(tuple(n for n in sampled if -size <= n < size) or (site,), MOMENTS)
+    site, sample = orbit.section.hit[0], Sample(watched(orbit, sampled), MOMENTS)
 
     def job(progress: Progress) -> Any:
         u, v = (np.array(x) for x in orbit.state())

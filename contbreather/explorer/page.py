@@ -135,7 +135,9 @@ class Page:
     def _words(self) -> None:
         sites = ", ".join(map(str, self.explorer.state.sites))
         self.asked = {
-            "sites": Field("motion of sites", sites, some_sites),
+            "sites": Field(
+                "motion of sites", sites, some_sites, hint="that which hits, and the next"
+            ),
             "ring": Field(
                 "judge a ring of", str(self.explorer.state.ring), a_count("ring", 3, 2000)
             ),

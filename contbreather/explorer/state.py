@@ -92,7 +92,7 @@ class PageState:
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
     axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
     chosen: Chosen | None = None
-    sites: tuple[int, ...] = (0, 1, 2)  # whose motion is drawn
+    sites: tuple[int, ...] = ()  # whose motion is drawn; unless given that which hits, and the next
     ring: int = RING  # that is judged besides
     run: tuple[str, SimulationRun] | None = None  # the last simulation, by its code
     outcome: str = ""  # what became of it
@@ -252,6 +252,13 @@ def model_in_words(orbit: Orbit) -> str:
     words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
     words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
     return ", ".join(filter(None, words))
+
+
+def watched(orbit: Orbit, sites: Sequence[int]) -> tuple[int, ...]:
+    """The sites whose motion is drawn, of those that there are."""
+    size, hit = orbit.lattice.sites, orbit.section.hit[0]
+    wanted = sites or (hit, hit + 1, hit + 2)
+    return tuple(n for n in wanted if size is None or -size <= n < size) or (hit,)
 
 
 # --- in words -------------------------------------------------------------------------------------

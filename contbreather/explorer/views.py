@@ -19,6 +19,7 @@ from contbreather.explorer.state import (
     map_on_ring,
     model_in_words,
     model_of,
+    watched,
 )
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
@@ -52,6 +53,7 @@ MARKS = {
     "<": "triangle_pin", ">": "square_pin", "d": "diamond_dot",
 }  # fmt: skip
 MARGIN = 0.08
+ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
 SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the multipliers
 MANY = 4  # curves that are named in a title
@@ -184,7 +186,8 @@ class ZonesView:
             every = np.vstack([line for some in lines.values() for line in some])
             _reach(self.figure.x_range, [0.0, every[:, 0].max()])
             _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
-        _fill(self.meetings, ((*at, name, name) for *at, name in names_of_meetings(drawn)))
+        met = ((*at, name, name) for *at, name in names_of_meetings(drawn))
+        _fill(self.meetings, _named(self.figure, met))
 
     def _region(self, region: Region) -> tuple[Any, Any, str]:
         rings = (region.outline, *region.holes)
@@ -281,7 +284,7 @@ class BranchView:
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        _fill(self.special, marks)
+        _fill(self.special, _named(self.figure, marks))
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
@@ -301,6 +304,19 @@ class BranchView:
             far[[i for i, _ in marked(branch)]] *= 0.5
             candidates.append((float(far.min()), code, int(far.argmin())))
         return min(candidates)[1:] if candidates else None
+
+
+def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
+    """Marks with the words beside them, (x, y, word, ...), without a word that would cover one
+    before: the mark has to do there, which says what it is under the pointer."""
+    seen: list[tuple[float, float]] = []
+    rows = []
+    for x, y, word, *more in marks:
+        at = x / (fig.x_range.end - fig.x_range.start), y / (fig.y_range.end - fig.y_range.start)
+        room = all(abs(at[0] - u) > ACROSS or abs(at[1] - v) > UP for u, v in seen)
+        seen += [at] if room and word else []
+        rows.append((x, y, word if room else "", *more))
+    return rows
 
 
 def _value(point: Any, name: str) -> float:
@@ -389,8 +405,7 @@ class MotionView(OrbitView):
     def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
         """An orbit at those of the sites that there are, its walls and impacts, and what is said of
         it."""
-        size = orbit.lattice.sites
-        there = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
+        size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
         self.figure.title.text = verdict
@@ -470,7 +485,7 @@ class MultipliersView(OrbitView):
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
         about = f"over {'half a' if orbit.symmetric else 'a'} period, {finite.lattice.describe()}"
-        self.figure.title.text = f"{about}{beyond}"
+        self.figure.title.text = "\n".join(wrap(f"{about}{beyond}", NARROW))
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             _bounded(axis, -reach, reach)

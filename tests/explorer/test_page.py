@@ -173,7 +173,7 @@ def test_sites_and_ring_are_typed_and_refused_in_place(page: Page) -> None:
     assert page.motion.lines.data["site"] == ["site 0", "site 5"]
     assert page.multipliers.dots.data["x"].size == 100
     page.asked["sites"].input.value = "0, x"
-    assert "one to eight whole numbers" in sentence(page.asked["sites"].trouble)
+    assert "whole numbers were expected" in sentence(page.asked["sites"].trouble)
     assert page.explorer.state.sites == (0, 5)
 
 
@@ -295,7 +295,7 @@ RANGES = (
     ("length", "sites", ("1", "2000"), ("0", "2001", "20.0")),
     ("length", "periods", ("1", "100000"), ("0", "100001")),
     ("length", "push", ("-10", "10"), ("-10.001", "10.001")),
-    ("asked", "sites", ("0", "1 2, 3 4,5 6 7 -8"), ("", "1 2 3 4 5 6 7 8 9", "1.5")),
+    ("asked", "sites", ("", "0", "1 2, 3 4,5 6 7 -8"), ("1 2 3 4 5 6 7 8 9", "1.5")),
     ("asked", "ring", ("3", "2000"), ("2", "2001")),
 )
 
@@ -501,6 +501,18 @@ def test_a_simulation_as_it_is_offered_confirms_the_verdict(
     assert f"{away[-1]:.2g} from the breather" in page.run.figure.title.text
     assert page.forms.length["sites"].input.value == str(on.sites)
     assert page.forms.length["sites"].input.disabled == (orbit.lattice.sites is not None)
+
+
+def test_motion_is_that_of_the_site_that_hits_wherever_it_is(page: Page) -> None:
+    typed(page, lattice="open:9", site="4", damping="0.02", gamma="0.03")
+    assert page.motion.lines.data["site"] == ["site 4", "site 5", "site 6"]
+    press(page, "Simulate from here")
+    assert page.run.lines.data["site"] == ["site 4", "site 5", "site 6"]
+    for view in (page.motion, page.run):
+        assert max(view.lines.data["ys"][0]) == pytest.approx(1.0, abs=1e-9)
+    title = page.multipliers.figure.title.text
+    assert title.replace("\n", " ") == "over half a period, open chain with free ends, 9 sites"
+    assert max(map(len, title.split("\n"))) <= 40  # it is not cut off
 
 
 def agree(page: Page) -> None:

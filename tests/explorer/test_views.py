@@ -231,7 +231,8 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     points = []
     for one, colour, mark in zip(both, DARK.cycle, ("?", ""), strict=False):
         for p in branch.special:
-            text = "" if p.kind == "EP" else p.label + mark * (p.kind == "PF")
+            there = one == "two"  # the same words stand there already
+            text = "" if p.kind == "EP" or there else p.label + mark * (p.kind == "PF")
             values = ", ".join(f"{name} = {value:.8g}" for name, value in p.values.items())
             what = f"{p.label} of {one}: {values}"
             points.append((float(p["a"]), float(p["phi"]), text, colour, what))
@@ -352,7 +353,7 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(
         assert (angles[0], angles[-1]) == pytest.approx((0.0, sign * np.pi / 4))
         np.testing.assert_allclose(np.hypot(xs, ys), 1.0)
     fig, beyond = view.figure, "; one at |μ| = 4.5" * (largest > 4.0)
-    assert fig.title.text == f"over half a period, ring of 20{beyond}"
+    assert fig.title.text.replace("\n", " ") == f"over half a period, ring of 20{beyond}"
     for axis in (fig.x_range, fig.y_range):
         ends = axis.start, axis.end, axis.reset_start, axis.reset_end
         assert ends == pytest.approx((-reach, reach) * 2)
@@ -377,3 +378,12 @@ def test_of_a_long_line_its_extremes_are_drawn() -> None:
         assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
     short = views.thinned(times[:1000], u[:1000])
     same(short[1], u[:1000])
+
+
+def test_a_word_that_would_cover_another_is_left_out_and_its_mark_stays(branch: Any) -> None:
+    view, fork = views.BranchView(LIGHT), branch.first("PF")
+    points = branch[0], fork, replace(fork, kind="UZ", label="UZ1"), branch[-1]
+    view.show({"one": replace(branch, points=points)}, "a", "p")
+    text, what = (view.special.data[name] for name in ("text", "what"))
+    assert [*text[1:3]] == ["PF1", ""]
+    assert what[2].startswith("UZ1 of one: ")
