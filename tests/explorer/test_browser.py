@@ -204,7 +204,7 @@ def test_a_whole_story(told: tuple[Tab, Story]) -> None:
 def test_long_work_shows_how_far_it_is_and_is_stopped(tab: Tab) -> None:
     tab.press("Show")
     tab.field("periods").fill("40000")
-    tab.page.get_by_label("ring of", exact=True).last.fill("200")
+    tab.field("sites").fill("200")
     tab.press("Simulate from here")
     tab.reads("of 40000 periods")
     tab.press("Stop")
