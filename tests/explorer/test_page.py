@@ -512,7 +512,7 @@ def test_motion_is_that_of_the_site_that_hits_wherever_it_is(page: Page) -> None
         assert max(view.lines.data["ys"][0]) == pytest.approx(1.0, abs=1e-9)
     title = page.multipliers.figure.title.text
     assert title.replace("\n", " ") == "over half a period, open chain with free ends, 9 sites"
-    assert max(map(len, title.split("\n"))) <= 40  # it is not cut off
+    assert max(map(len, title.split("\n"))) <= 33  # it is not cut off
 
 
 def agree(page: Page) -> None:
