@@ -36,9 +36,9 @@ from contbreather.plotting.branches import (
     value_of,
 )
 from contbreather.plotting.canvas import marker
+from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
-from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
