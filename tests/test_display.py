@@ -40,8 +40,8 @@ from contbreather.simulation import (
     sweep,
 )
 from contbreather.simulation.classify import judge
-from contbreather.stability import over_reflection, unstable_count
 from contbreather.tables import Column, HtmlRepr, Sheet
+from tests.stability.half import over_reflection, unstable_count
 
 from .apart import HUNG
 

@@ -30,6 +30,9 @@ def branch(breather: cb.Orbit) -> cb.Branch:
     return cb.trace(breather, "a", within={"a": (0.4, 0.9)})
 
 
+SHORT = cb.Steps(most=2)
+
+
 def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Public entries with what is well for each of their numbers."""
     state = b.state(6)
@@ -42,10 +45,14 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         return cb.simulation.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
 
     def window(low: Any, high: Any) -> Any:
-        return cb.trace(b, "a", within={"a": (low, high)}, steps=cb.Steps(most=2))
+        return cb.trace(b, "a", within={"a": (low, high)}, steps=SHORT)
 
     def mine(x: Any, mu: Any) -> Any:
         return cb.Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": x}, {"mu": mu})
+
+    def rule(threshold: Any) -> Any:
+        ring = cb.symmetric(**HERE, lattice=cb.Ring(6))
+        return cb.trace(ring, "a", events=[cb.neimark_sacker(threshold=threshold)], steps=SHORT)
 
     return {
         "symmetric": (cb.symmetric, dict(HERE)),
@@ -58,7 +65,7 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         "window": (window, {"low": 0.4, "high": 0.6}),
         "problem": (mine, {"x": 0.0, "mu": 0.0}),
         "level": (lambda value: cb.user("a", value), {"value": 0.1}),
-        "rule": (cb.neimark_sacker, {"on": cb.Ring(6), "threshold": 1.1}),
+        "rule": (rule, {"threshold": 1.1}),
         "fourier": (lambda c: cb.Fourier(cos={1: c}), {"c": -1.0}),
         "simulate": (run, {**HERE, "periods": 1, "damping": 0.0, "t0": 0.0}),
         "smooth": (smooth, {"a": 0.5, "gamma": 0.04, "k": 0.8, "m": 6, "damping": 0.0}),
@@ -83,7 +90,7 @@ def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Orbit) -> None
     # times and unknowns may be arrays, a window open to one side, and None is "unless given"
     welcome = {("place", "t"), ("window", "high"), ("verdict", "threshold"), ("problem", "x")}
     welcome |= {("zones", "k")}  # an array of them gives several diagrams
-    answered = [entry for entry in answered if entry != ("rule", "on", None)]
+    answered = [entry for entry in answered if entry != ("rule", "threshold", None)]
     assert [entry for entry in answered if entry[:2] not in welcome] == []
 
 

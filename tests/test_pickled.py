@@ -126,7 +126,6 @@ def test_events_of_the_front_desk_out_of_a_pickle_find_the_same() -> None:
         cb.pitchfork(),
         cb.grazing(),
         cb.neimark_sacker(threshold=1.004),
-        cb.neimark_sacker(on=cb.Ring(30), threshold=1.01),
         cb.user("gamma", 0.05),
     ]
     window = {"gamma": (0.0, 0.12)}

@@ -31,7 +31,7 @@ from contbreather.plotting import (
 )
 from contbreather.plotting.canvas import BLUE, MARKERS, MEETING, PAGE, VERMILLION, marker, size
 from contbreather.plotting.multipliers import band
-from contbreather.stability.half_period import HalfMap
+from contbreather.stability.one_impact import HalfMap
 
 
 def curves(ax) -> list:

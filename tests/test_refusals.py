@@ -189,7 +189,7 @@ CASES += [
     ),
     (
         lambda: cb.trace(told_as(3), "mu", events=[cb.neimark_sacker(threshold=1.01)]),
-        r"a threshold, or a lattice to ask about, is for orbits; got 3\.",
+        r"a threshold is for orbits; got 3\.",
     ),
     (
         lambda: cb.neimark_sacker(threshold=1.01, every="yes"),

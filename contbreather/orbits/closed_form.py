@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from contbreather.continuation.point import DefiningSystem, Point
     from contbreather.continuation.problem import Problem
     from contbreather.orbits.grazing import GrazingSite
-    from contbreather.stability.half_period import HalfMap
+    from contbreather.stability.one_impact import HalfMap, RingHalfMap
 
 FloatArray = NDArray[np.float64]
 
@@ -183,10 +183,10 @@ class ClosedForm:
         return ChainMotion(self, self.forcing, self.lattice)
 
     @cached_property
-    def map(self) -> HalfMap:
-        from contbreather.stability.half_period import HalfMap
+    def map(self) -> HalfMap | RingHalfMap:
+        from contbreather.stability.one_impact import half_map
 
-        return HalfMap(self.gamma, self.k, self.b, self.lattice)
+        return half_map(self.gamma, self.k, self.b, self.lattice)
 
     # ------------------------------------------------------------ what continues it, and is like it
 

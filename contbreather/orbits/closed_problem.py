@@ -355,7 +355,7 @@ PITCHFORK = Scalar(
 def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     """Along the curve's columns, through b and directly, and the angle."""
     orbit = Point(curve, z).solution
-    F = of.map(orbit).gradient(of.angle(extra), of.radius)
+    F = orbit.map.gradient(of.angle(extra), of.radius)
     direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": F.d_spring}
     t, columns = terms_at(orbit.representation, "eta"), []
     for name in curve.slots:

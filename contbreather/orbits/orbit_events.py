@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.checks import brief, check_kind, flag
+from contbreather.checks import brief, flag
 from contbreather.continuation.branch import Points
 from contbreather.continuation.branch_points import bordered_matrix
 from contbreather.continuation.defining_systems import Singular
@@ -40,16 +40,16 @@ from contbreather.continuation.point import (
 )
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.chain import Ring
 from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
 from contbreather.orbits.pair_events import is_blurred, pair_leaves
 from contbreather.orbits.section import WEAK, Section
-from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.verdict import THRESHOLD, check_threshold, threshold_on
+from contbreather.stability.one_impact import RingHalfMap
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
 EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
@@ -120,6 +120,10 @@ def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
     return along.map.crosses(mu) * 2.0 * along.p, along.map.beyond(mu) if counted else None
 
 
+def _by_modes_alone(map: Any) -> bool:
+    return isinstance(map, ModalMap) and not isinstance(map, RingHalfMap)
+
+
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
     map = point.solution.map
@@ -131,7 +135,7 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     # idle sites held by their neighbours alone have this multiplier without coupling, wherever
-    modal = mu > 0.0 and isinstance(orbit.map, ModalMap)
+    modal = mu > 0.0 and _by_modes_alone(orbit.map)
     drifts = modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
     return replace(locus, domain={"gamma": (WEAK, math.inf)}) if drifts else locus
 
@@ -278,21 +282,15 @@ def grazing() -> Event:
     return _deferred("GR")
 
 
-def neimark_sacker(
-    *,
-    on: InfiniteChain | Ring | None = None,
-    threshold: float | None = None,
-    every: bool = False,
-) -> Event:
+def neimark_sacker(*, threshold: float | None = None, every: bool = False) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
+
+    On the infinite chain it is the point where an isolated pair comes out of the continuous
+    spectrum, exact and without a threshold. On a ring some multipliers are always at or outside the
+    circle, so there the paper's rule is followed, of `orbit.on(Ring(N))`.
 
     Parameters
     ----------
-    on : InfiniteChain or Ring, optional
-        Of a symmetric breather: ask about another lattice than its own. On the infinite chain it
-        is the point where an isolated pair comes out of the continuous spectrum, exact and without
-        a threshold. On a ring some multipliers are always at or outside the circle, so there the
-        paper's rule is followed.
     threshold : float, optional
         On finite lattices: the modulus over the whole period that a pair must pass, 1.005 in the
         paper. A boundary ends where another of a ring's waves gets there first (NS-NS);
@@ -310,58 +308,36 @@ def neimark_sacker(
     0.0969709
     """
     every = flag("every", every)
-    if on is None and threshold is None and not every:
+    if threshold is None and not every:
         return _deferred("NS")
     modulus = THRESHOLD if threshold is None else threshold
-    form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
-    if isinstance(on, InfiniteChain):
-        threshold_on(on, threshold)
-    elif on is not None:
-        check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
-        check_threshold(modulus)
-    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, every, form), form=form)
+    form = {"kind": "NS", "threshold": threshold, **({"every": True} if every else {})}
+    return DeferredEvent("NS", choose=partial(_pair_leaves, modulus, every, form), form=form)
 
 
 serialised("NS")(neimark_sacker)
 
 
-def _pair_leaves(
-    on: InfiniteChain | Ring | None,
-    threshold: float,
-    every: bool,
-    form: Mapping[str, Any],
-    problem: Problem,
-) -> Event:
+def _pair_leaves(threshold: float, every: bool, form: Mapping[str, Any], problem: Problem) -> Event:
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
-        raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
-    if every and (on is not None or not isinstance(orbit.map, ModalMap)):
+        raise BadInput(f"a threshold is for orbits; got {orbit!r}.")
+    map, lattice = orbit.map, orbit.lattice
+    if every and not _by_modes_alone(map):
         raise BadInput(
             "every=True counts the multipliers of exact modes, on the orbit's own lattice: "
             "leave it out, or give the breather of a ring spring=0.0"
         )
-    closed = isinstance(orbit.map, HalfMap)
-    if on is None and orbit.lattice.sites is None:
+    if lattice.sites is None:
         raise BadInput(
             f"threshold = {brief(threshold)}: the infinite chain has none, its verdict is exact; "
-            "name the ring it is about, on=Ring(N)."
+            "take the orbit to the ring it is about, orbit.on(Ring(N))."
         )
     if every:
-        event = pair_leaves(orbit.lattice, threshold, every=True)
-    elif on is None or on == orbit.lattice:
-        event = _of_kind("NS", orbit.representation.problem(threshold))
-    elif closed:
-        event = pair_leaves(on, threshold, elsewhere=True)
+        event = pair_leaves(lattice, threshold, every=True)
     else:
-        raise BadInput(
-            f"on = {on!r}: another lattice goes with events of symmetric breathers of "
-            f"chain and ring only; take the orbit there, orbit.on({on!r})."
-        )
-    # with the column of what is unstable on the same lattice, by the same threshold
-    lattice: Any = on or orbit.lattice
-    about = f"threshold {threshold:g}"
-    if closed:
-        endless = lattice.sites is None
-        about = "" if endless else f"stability of a ring of {lattice.sites}, {about}"
-    record = {"unstable": unstable_by(threshold, on if closed else None)}
+        event = _of_kind("NS", orbit.representation.problem(threshold))
+    # with the column of what is unstable by the same threshold
+    ring = f"stability of a ring of {lattice.sites}, " * isinstance(map, RingHalfMap)
+    about, record = f"{ring}threshold {threshold:g}", {"unstable": unstable_by(threshold)}
     return EventWithRule.of_event(event, record=record, about=about, form=form)

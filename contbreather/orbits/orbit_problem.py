@@ -28,8 +28,7 @@ from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import AT_ONCE, Section
 from contbreather.orbits.symmetries import images_of, simpler_than
-from contbreather.stability.counting import many_outside
-from contbreather.stability.half_period import HalfMap
+from contbreather.stability.one_impact import HalfMap, many_outside
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
@@ -181,28 +180,25 @@ def _none(point: Point) -> float:
     return 0.0
 
 
-def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:
+def unstable_by(threshold: float) -> UnstableDimension:
     """The column of the multipliers outside: isolated ones on the infinite chain, those beyond the
-    threshold on a finite lattice; of a symmetric breather also as one of another lattice."""
-    return UnstableDimension(partial(_unstable, threshold, lattice), partial(_rows, lattice))
+    threshold on a finite lattice."""
+    return UnstableDimension(partial(_unstable, threshold), _rows)
 
 
-def _unstable(threshold: float, lattice: Any, point: Point) -> float:
+def _unstable(threshold: float, point: Point) -> float:
     if point.solution.vanishing is not None:  # (19) has a pole there: no count means anything
         return math.nan
-    map = point.solution.map
-    count: float = (map if lattice is None else map.on(lattice)).unstable(threshold)
+    count: float = point.solution.map.unstable(threshold)
     return count
 
 
-def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
+def _rows(points: Points) -> NDArray[np.int64] | None:
     """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
     for symmetric breathers of the infinite chain without springs."""
     curve, on = points.curve, points[0].solution
     closed = on.symmetric and isinstance(on.lattice, InfiniteChain) and not on.spring
-    if not closed or not isinstance(lattice, InfiniteChain | None):
-        return None
-    if not {*curve.free} <= {"a", "gamma", "k"}:
+    if not closed or not {*curve.free} <= {"a", "gamma", "k"}:
         return None
     p, phi, *free = points.z.T
     values = curve.fixed | dict(zip(curve.free, free, strict=True))
@@ -289,13 +285,10 @@ class OnCircle:
     radius : float
     nu : float, optional
         0 or 1, for a real multiplier; else one more unknown.
-    lattice : InfiniteChain or Ring, optional
-        Whose multipliers; those of the orbit's own lattice unless given.
     """
 
     radius: float = 1.0
     nu: float | None = None
-    lattice: Any = None
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
         """With ``slopes(conditions, curve, z, extra)``, the derivative along a curve."""
@@ -307,18 +300,15 @@ class OnCircle:
     ) -> FloatArray:
         return slopes(self.beside(curve, z, extra), curve, z, extra)
 
-    def map(self, orbit: Any) -> Any:
-        return orbit.map if self.lattice is None else orbit.map.on(self.lattice)
-
     def conditions(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        map = self.map(Point(curve, z).solution)
+        map = Point(curve, z).solution.map
         return self.real_parts(map.on_circle(self.angle(extra), self.radius))
 
     def beside(self, curve: Curve, z: FloatArray, extra: FloatArray) -> Equations:
         """The same next to a place, cheaper and exact to first order where they vanish."""
-        value = self.map(Point(curve, z).solution).beside(self.angle(extra), self.radius)
+        value = Point(curve, z).solution.map.beside(self.angle(extra), self.radius)
         return lambda curve, z, extra: self.real_parts(
-            value(self.map(Point(curve, z).solution), self.angle(extra))
+            value(Point(curve, z).solution.map, self.angle(extra))
         )
 
     def angle(self, extra: FloatArray) -> float:

@@ -20,6 +20,7 @@ from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Even
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
 from contbreather.stability.modal_map import ModalMap
+from contbreather.stability.one_impact import RingHalfMap
 from contbreather.stability.zeros import REAL, nearest_pair, passing, upper
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
@@ -37,21 +38,16 @@ def is_blurred(map: Any) -> bool:
     return isinstance(map, ModalMap) and map.rounding > BLURRED
 
 
-def pair_leaves(
-    lattice: Any, threshold: float, *, elsewhere: bool = False, every: bool = False
-) -> Event:
+def pair_leaves(lattice: Any, threshold: float, *, every: bool = False) -> Event:
     """NS: a complex pair leaves the unit circle of the infinite chain; on a finite lattice, whose
-    band is on that circle, the first to pass a threshold over the whole period.
-
-    With `elsewhere` of a symmetric breather as one of that lattice, whichever it lives on; with
-    `every` of a motion by exact modes any pair, after the first one, too.
-    """
+    band is on that circle, the first to pass a threshold over the whole period; with `every` any
+    pair, after the first one, too."""
     endless = lattice.sites is None
     if not (endless or 1.0 <= real(threshold) < math.inf):
         raise BadInput(
             f"threshold = {brief(threshold)}: a finite modulus of at least 1 is expected."
         )
-    pair = _Pair(threshold, lattice if elsewhere else None, every)
+    pair = _Pair(threshold, every)
     count = pair.passed if endless or every else None
     many = pair.many if endless and not every else None
     # where one outside turns real the test of a finite lattice goes on with the next
@@ -69,30 +65,23 @@ class _Pair:
     ----------
     threshold : float
         Their modulus over the whole period on a finite lattice.
-    lattice : InfiniteChain or Ring, optional
-        Whose they are, unless those of the orbit's own.
     every : bool
         Whether each one that passes it counts, not the first alone; of multipliers by modes.
     """
 
     threshold: float
-    lattice: Any = None
     every: bool = False
 
     def circle(self, map: Any) -> OnCircle:
         """Over a section, which may be half the period."""
         if map.lattice.sites is None:
-            return OnCircle(lattice=self.lattice)
+            return OnCircle()
         # multipliers over the period are the squares of those over half of it
         radius = math.sqrt(self.threshold) if map.sign < 0 else self.threshold
-        return OnCircle(radius, lattice=self.lattice)
-
-    def map(self, point: Point) -> Any:
-        map = point.solution.map
-        return map if self.lattice is None else map.on(self.lattice)
+        return OnCircle(radius)
 
     def test(self, point: Point) -> float:
-        map = self.map(point)
+        map = point.solution.map
         if map.lattice.sites is None:
             return self._on_chain(map, point)[0]
         if self.every and not is_blurred(map):
@@ -104,7 +93,7 @@ class _Pair:
         return None if along is None else along.map.pairs()
 
     def passed(self, point: Point) -> int:
-        map = self.map(point)
+        map = point.solution.map
         if self.every:
             return passing(map.coupled, self.circle(map).radius)[1]
         return self._on_chain(map, point)[1]
@@ -120,7 +109,7 @@ class _Pair:
         return answer
 
     def locus(self, point: Point) -> DefiningSystem:
-        map = self.map(point)
+        map = point.solution.map
         if map.lattice.sites is None and map.gamma == 0.0:
             raise Undefined("at gamma = 0 there is no band for a pair to come out of")
         if _is_elastic(map):
@@ -132,11 +121,11 @@ class _Pair:
         return self.following(point, angle)
 
     def following(self, point: Point, angle: float) -> DefiningSystem:
-        map, representation = self.map(point), point.solution.representation
+        map, representation = point.solution.map, point.solution.representation
         circle = self.circle(map)
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
-        if isinstance(map, ModalMap):
+        if not isinstance(map, RingHalfMap):
             ends = tuple(_turns_real(circle.radius, point))
         else:
             others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + _ON)
@@ -166,7 +155,7 @@ class _Next:
         return CodimensionTwo("NS-NS", self.test, ends="domain", base=base, examine=self.examine)
 
     def others(self, point: Point) -> NDArray[np.complex128]:
-        return _others(self.pair.map(point), self.radius, point["nu"])
+        return _others(point.solution.map, self.radius, point["nu"])
 
     def test(self, point: Point) -> float:
         mu = self.others(point)

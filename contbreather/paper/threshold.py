@@ -4,7 +4,7 @@
 of the complex conjugate eigenvalues) with the largest absolute value crossed a threshold of 1.005",
 at N = 400. The monodromy matrix is (QS)^2, eq. (20), of the ring, with b of the exact breather of
 the infinite chain. Which multiplier is the largest changes along the line, so the line is the
-envelope of the curves of single multipliers: it is found by Newton's method for all pairs at once.
+envelope of the curves of single multipliers.
 """
 
 from __future__ import annotations
@@ -25,18 +25,16 @@ from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import NUMBERS, parameter
-from contbreather.stability.characteristic import D
-from contbreather.stability.counting import unstable_multipliers
-from contbreather.stability.ring_multipliers import even_multipliers
+from contbreather.stability.one_impact import half_map
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.zeros import nearest_pair, outermost
 
 Array = NDArray[Any]
 Path = Callable[[float], Orbit]
 
 SITES = 400
-NEAREST = 24  # pairs with the largest modulus; the next one to cross is among them
-TINY = 1e-7  # step in gamma of the derivative of a multiplier
-STRIDE = 3e-3  # longest step in gamma
+TINY = 1e-7  # of 1/4 - gamma: the last coupling that is looked at
+STRIDE = 3e-3  # step in gamma by which the first pair beyond the circle is looked for
 SETTLED = 1e-12
 upper = partial(symmetric, root=1)  # behind a wall, too: where the line ends is sought there
 FIRST = 0.02  # of the couplings looked at; below there is no band to speak of
@@ -108,7 +106,8 @@ def neimark_sacker_point(
     >>> [round(neimark_sacker_point(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
     [0.082409, 0.0915527, 0.0968769]
     """
-    return first_crossing(lambda gamma: upper(a, gamma, k), FIRST, _pairs_of(sites), threshold)
+    first = FirstCrossing(InfiniteChain() if sites is None else Ring(sites), _radius(threshold))
+    return first.along(lambda gamma: upper(a, gamma, k), FIRST)
 
 
 def neimark_sacker_line(
@@ -134,17 +133,15 @@ def neimark_sacker_line(
     >>> round(float(line.gamma.min()), 3)
     0.082
     """
-    points, pairs = whole("points", points, 1), _pairs_of(sites)
-    lowest = first_crossing(
-        lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
-    )
+    points, first = whole("points", points, 1), FirstCrossing(Ring(sites), _radius(threshold))
+    lowest = first.along(lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST)
     start = smallest_amplitude(lowest.gamma, k)
     crossings = {start: lowest}
 
     def at(a: float) -> ThresholdPoint:
         if a not in crossings:
             guess = crossings[min(crossings, key=lambda known: abs(known - a))].gamma
-            crossings[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
+            crossings[a] = first.along(lambda gamma: upper(a, gamma, k), guess)
         return crossings[a]
 
     end = _upper_end(k, at, start)
@@ -166,14 +163,13 @@ def pitchfork_line(
     >>> round(float(pitchfork_line(0.8, [0.05]).a[0]), 6)  # exact line: 0.803643
     0.803983
     """
-    nu = 1j * _depth(threshold)
-    chain, ring = InfiniteChain(), Ring(sites)
+    radius, chain, ring = _radius(threshold), InfiniteChain(), Ring(sites)
     couplings = row("gamma", gamma, "couplings")
     parameter("k", k)
     amplitudes = []
     for coupling in couplings.tolist():
-        at_zero = complex(D(coupling, nu, k, 0.0, ring)).real
-        b = -at_zero / (complex(D(coupling, nu, k, 1.0, ring)).real - at_zero)
+        D = half_map(coupling, k, 0.0, ring).gradient(0.0, radius)
+        b = -D.value.real / D.d_b.real
         p = 1.0 / (chain.chi(coupling) - chain.eta(coupling) - 2.0 * b / (1.0 + k) ** 2)
         amplitudes.append(math.hypot(1.0 - p * chain.chi(coupling), p * (1.0 - k) / (1.0 + k)))
     return ThresholdLine(
@@ -184,75 +180,68 @@ def pitchfork_line(
 # --- the first pair to cross ------------------------------------------------------------------
 
 
-def _pairs_of(sites: int | None) -> Callable[[Orbit], Array]:
-    """Multipliers of QS in the open upper half plane that can pass a threshold."""
-    ring = None if sites is None else Ring(sites)
-
-    def pairs(breather: Orbit) -> Array:
-        here = breather.gamma, breather.k, breather.representation.b
-        mu = unstable_multipliers(*here) if ring is None else even_multipliers(ring, *here)
-        return np.asarray(mu[mu.imag > 1e-9])
-
-    return pairs
-
-
-def _depth(threshold: float) -> float:
-    """Im nu where ``|exp(i pi nu)|^2`` is the threshold."""
+def _radius(threshold: float) -> float:
+    """Of the circle that multipliers of QS pass."""
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
             "above 1 is expected, 1.005 in the paper"
         )
-    return -0.5 * math.log(threshold) / math.pi
+    return math.sqrt(threshold)
 
 
-def _excess(mu: Array, threshold: float) -> Array:
-    return 2.0 * np.log(np.abs(mu)) - math.log(threshold)
+@dataclass(frozen=True)
+class FirstCrossing:
+    """Where the first pair of multipliers of QS passes a circle, as the coupling grows.
 
+    Parameters
+    ----------
+    lattice : InfiniteChain or Ring
+    radius : float
+    """
 
-def first_crossing(
-    path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float
-) -> ThresholdPoint:
-    """Newton's method on the envelope, from a coupling before it."""
-    _depth(threshold)
-    gamma = _before(path, guess, pairs, threshold)
-    for _ in range(200):
-        following, angle = _next(path, gamma, pairs, threshold)
-        step = min(following - gamma, STRIDE)
-        gamma += step
-        if gamma >= NUMBERS["gamma"].high - TINY:
-            break
-        if abs(step) < SETTLED:
-            return ThresholdPoint(gamma, angle)
-    raise NotConverged(f"no pair of multipliers reaches the modulus {threshold} below 1/4")
+    lattice: Any
+    radius: float
 
+    def along(self, path: Path, guess: float) -> ThresholdPoint:
+        """The first coupling, next to a guess, at which one does."""
+        from scipy.optimize import brentq  # dear to import
 
-def _before(path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float) -> float:
-    """A coupling at or below the guess where no pair is beyond the threshold."""
-    gamma, back = guess, 1e-4
-    while gamma > 0.0:
-        mu = pairs(path(gamma))
-        if mu.size == 0 or _excess(mu, threshold).max() <= 0.0:
-            return gamma
-        gamma, back = gamma - back, 2.0 * back
-    raise NotConverged(f"pairs beyond the modulus {threshold} at every coupling below {guess}")
+        def excess(gamma: float) -> float:
+            return self.excess(self.map(path(gamma)))
 
+        low, back, last = guess, 1e-4, NUMBERS["gamma"].high - TINY
+        while excess(low) > 0.0:
+            low, back = low - back, 2.0 * back
+            if low <= 0.0:
+                raise NotConverged(
+                    f"pairs beyond the modulus {self.radius**2:g} at every coupling below {guess}"
+                )
+        high = low
+        while excess(high) <= 0.0:
+            if high >= last:
+                reason = f"no pair of multipliers reaches the modulus {self.radius**2:g} below 1/4"
+                raise NotConverged(reason)
+            low, high = high, min(high + STRIDE, last)
+        gamma = float(brentq(excess, low, high, xtol=SETTLED))
+        return ThresholdPoint(gamma, self.angle(self.map(path(gamma))))
 
-def _next(
-    path: Path, gamma: float, pairs: Callable[[Orbit], Array], threshold: float
-) -> tuple[float, float]:
-    """Where, to first order, the first of all pairs reaches the threshold, and its angle."""
-    here, there = pairs(path(gamma)), pairs(path(gamma + TINY))
-    if here.size == 0 or there.size == 0:
-        return math.inf, math.nan
-    here = here[np.argsort(-np.abs(here))[:NEAREST]]
-    there = there[np.argmin(np.abs(here[:, None] - there), axis=1)]
-    excess = _excess(here, threshold)
-    slope = (_excess(there, threshold) - excess) / TINY
-    growing = slope > 0.0
-    reached = np.where(growing, gamma - excess / np.where(growing, slope, 1.0), np.inf)
-    first = int(reached.argmin())
-    return float(reached[first]), float(np.angle(here[first]) / math.pi)
+    def map(self, breather: Orbit) -> Any:
+        """Of the infinite chain's breather, as one of the lattice."""
+        return half_map(breather.gamma, breather.k, breather.representation.b, self.lattice)
+
+    def excess(self, map: Any) -> float:
+        """How far the first pair is beyond the circle."""
+        if self.lattice.sites is None:
+            return outermost(map.unstable_multipliers(), self.radius)
+        return float(map.outermost(self.radius))
+
+    def angle(self, map: Any) -> float:
+        """Over pi, of the pair on the circle."""
+        if self.lattice.sites is None:
+            return nearest_pair(map.unstable_multipliers(), self.radius)
+        near = map.reduced.around(self.radius)
+        return nearest_pair(map.coupled if near is None else near.zeros, self.radius)
 
 
 def _upper_end(k: float, at: Callable[[float], ThresholdPoint], start: float) -> float:

@@ -1,6 +1,6 @@
 """The equations of a Neimark-Sacker point of the infinite chain, and where they have roots.
 
-Letters and formulas are those of `contbreather.stability.arc`, at one angle of the band at a time.
+Letters and formulas are those of `contbreather.stability.one_impact`, one angle at a time.
 """
 
 from __future__ import annotations
@@ -120,6 +120,15 @@ def plus(total: Any, part: Any) -> tuple[Any, Any, Any]:
     return total[0] + part[0] / math.pi, total[1] + part[1] / math.pi, total[2] + part[2] / math.pi
 
 
+def sums_along(on: ChainWithImpacts, work: BandWorkspace, nu: Vector, out: Matrix) -> None:
+    """R, B, C at angles up to 1, in rows, and the slope of R."""
+    find_tails(on.gamma, work)
+    for i in range(nu.size):
+        R, B, C = regular_sums(on, work.tails, nu[i])
+        (by_nu, _, _), _, _ = regular_sum_slopes(on, work.tails, nu[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = R, B, C, by_nu
+
+
 # --- the two equations and their derivatives ------------------------------------------------
 
 
@@ -161,7 +170,7 @@ def add_alias(
 
 
 def smooth_and_L(nu: Any, k: Any, b: Any, value: Any) -> tuple[Any, Any]:
-    """``D = smooth + (g/pi) L``: both parts, see `contbreather.stability.characteristic`; g is the
+    """``D = smooth + (g/pi) L``: both parts, see `contbreather.stability.one_impact`; g is the
     in-band alias. Of numbers and of arrays, on the band and off it."""
     R, B, C = value
     c, beta = 1.0 + k, b - (1.0 + k) * (1.0 + k) * C
@@ -211,8 +220,8 @@ def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
 
 
 def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:
-    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; angle and
-    b of each root, in rows."""
+    """Centre and square of the `Window`, and the angles at its ends, where it has none that where
+    it will open; angle and b of each root, in rows."""
     find_tails(on.gamma, work)
     step, values, top, count = 0.5 * math.pi / GRID, work.values, 0, 0
     for i in range(1, GRID):
@@ -242,7 +251,9 @@ def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots
     else:
         curvature, vertex, height = refine_maximum(on, work, top)
         window[0], window[1] = unopened(work.around, curvature, vertex, height)
-        window[2] = window[3] = 0.0
+        step = work.around[2, 0] - work.around[1, 0]
+        _, _, angle = at_angle(on, work.tails, work.around[1, 0] + vertex * step)
+        window[2] = window[3] = angle
 
 
 def bracketed(
@@ -318,4 +329,4 @@ def unopened(around: Matrix, curvature: float, x: float, height: float) -> tuple
     return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 
-ON_ARC, WINDOW = Kernel(pair_equations), Kernel(pair_window)
+ON_ARC, WINDOW, SUMS = Kernel(pair_equations), Kernel(pair_window), Kernel(sums_along)

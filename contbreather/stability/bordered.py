@@ -55,6 +55,7 @@ class Impacts(NamedTuple):
     """Those of one period; times and entries b in units of n forcing periods."""
 
     gamma: float
+    floor: float  # lower edge of the band as a kappa, 0 where no spring holds the sites
     loss: float  # -(1 + k), on the diagonal of S - 1
     times: Vector
     entries: Vector
@@ -172,11 +173,19 @@ def root_of(x: float, y: float) -> complex:
     return complex(large, small) if x >= 0.0 else complex(small, large)
 
 
-def band_root(gamma: float, kappa: complex) -> complex:
-    """``sqrt(kappa^2 - 4 gamma)``, like kappa far off, for Im kappa <= 0; on the band its limit
-    from below. As a product of two roots it is exact next to either edge, and zero at them."""
-    edge, depth = 2.0 * math.sqrt(gamma), abs(kappa.imag)
+def edge_root(edge: float, kappa: complex) -> complex:
+    """``sqrt(kappa^2 - edge^2)``, like kappa far off, for Im kappa <= 0; on the band its limit from
+    below. As a product of two roots it is exact next to either edge, and zero at them."""
+    if edge == 0.0:
+        return kappa
+    depth = abs(kappa.imag)
     return (root_of(kappa.real - edge, depth) * root_of(kappa.real + edge, depth)).conjugate()
+
+
+def band_roots(orbit: Impacts, kappa: complex) -> tuple[complex, complex]:
+    """Those of both edges of the band: ``1/g`` is minus their product."""
+    upper = math.sqrt(orbit.floor * orbit.floor + 4.0 * orbit.gamma)
+    return edge_root(orbit.floor, kappa), edge_root(upper, kappa)
 
 
 def power(z: complex, n: int) -> complex:
@@ -192,10 +201,10 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
     for a in range(-NEAR, NEAR + 1):
         if abs(a) > BORDER:
             x = kappa + a
-            root = band_root(orbit.gamma, x)
-            answer, share = over(-x * root), complex(0.0, 0.0)
+            low, high = band_roots(orbit, x)
+            answer, share = over(-low * high), complex(0.0, 0.0)
             if orbit.moments.shape[0] > 1:
-                share = over(x + root)
+                share = over(low + high)
             r = -4.0 * orbit.gamma * (share * share)
             for d in range(orbit.moments.shape[0]):
                 put(room.answers, a + NEAR, d, answer)
@@ -263,10 +272,10 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
     itself only: sites answer each other as on a chain that is held at the first, ``g r^|n - m|``
     less the image ``g r^(n + m)``, plus what the motion of that one brings.
     """
-    m, matrix, root = orbit.times.size, room.matrix, band_root(orbit.gamma, kappa)
+    m, matrix, (low, high) = orbit.times.size, room.matrix, band_roots(orbit, kappa)
     speed, share = complex(-kappa.imag, kappa.real), complex(0.0, 0.0)
     if orbit.moments.shape[0] > 1:
-        share = over(kappa + root)
+        share = over(low + high)
     square = share * share  # r = -4 gamma of it: what a site passes on to the next
     for i in range(m):
         angle = alias * orbit.times[i]
@@ -285,7 +294,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
     for i in range(2 * BORDER + 1):
         if 2 * m + i != last:
             put(matrix, last, 2 * m + i, complex(0.0, 0.0))
-    put(matrix, last, last, -kappa * root)
+    put(matrix, last, last, -low * high)
 
 
 def answer_held(
@@ -358,16 +367,19 @@ def circle_samples(
     such a size. F has square roots at the edges.
     """
     expand_pairs(orbit, series, room.sums)
-    edge = 2.0 * math.sqrt(orbit.gamma)
-    cut = max(min(edge, 1.0 - edge), 0.0)
+    floor, edge = orbit.floor, math.sqrt(orbit.floor * orbit.floor + 4.0 * orbit.gamma)
+    first, second = min(floor, 1.0 - floor), max(min(edge, 1.0 - edge), 0.0)
+    first, second = min(first, second), max(first, second)
     summary = circle.found
     summary[TURNING], summary[LEAST] = 0.0, math.inf
     summary[RESOLVED], summary[APPROACH] = 1.0, FARTHEST
     circle.used[0] = 0
-    if cut > 0.0:
-        piece(orbit, room, terms, circle, 0.0, cut)
-    if cut < 0.5:
-        piece(orbit, room, terms, circle, cut, 0.5)
+    if first > 0.0:
+        piece(orbit, room, terms, circle, 0.0, first)
+    if second > first:
+        piece(orbit, room, terms, circle, first, second)
+    if second < 0.5:
+        piece(orbit, room, terms, circle, second, 0.5)
 
 
 def piece(

@@ -38,7 +38,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
+from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.finite import mode_solutions
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
@@ -67,10 +69,10 @@ from contbreather.stability.bordered import (
     Impacts,
     PairSeries,
 )
-from contbreather.stability.counting import Count
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     MOST,
+    Count,
     as_counted,
     distinct,
     multipliers_of,
@@ -82,6 +84,7 @@ Array = NDArray[Any]
 ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
 DEEP = 0.5  # beyond this |Im kappa|, 40 modes are the infinite chain
 MODES = 40
+FROM_CIRCLE = np.geomspace(1e-9, 1e9, 91)  # of mu, where real multipliers are looked for
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,9 @@ class OrbitMap:
     kicks : sequence of (site, time, b)
         The impacts of one period in order; b as in `saltation_entry`.
     periods : int
-        n, for an orbit of period 2 pi n.
+        n, for an orbit of period 2 pi n; or 1/2, for a section that is half a forcing period.
+    spring : float
+        That holds every site to the ground, for such a section.
 
     Raises
     ------
@@ -114,8 +119,8 @@ class OrbitMap:
     gamma: float
     k: float
     kicks: tuple[Saltation, ...]
-    periods: int = 1
-    lattice: ClassVar[InfiniteChain] = InfiniteChain()
+    periods: float = 1
+    spring: float = 0.0
     sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
@@ -127,13 +132,20 @@ class OrbitMap:
             raise BadInput("the times of impact and the entries b must be finite numbers.")
         parameter("k", self.k)
         times = [kick.time for kick in kicks]
-        late = times[-1] - times[0] - 2.0 * math.pi * self.periods
+        late = times[-1] - times[0] - self.period
         if late > 0.0 or any(b < a for a, b in pairwise(times)):
             raise BadInput(
                 f"impacts at {times}: give them in order of time, all within one period "
                 f"2 pi {self.periods}."
             )
-        check_coupling(self.lattice, self.gamma, self.periods)
+        if self.periods == 0.5:
+            check_gamma(self.gamma, self.spring)
+        else:
+            check_coupling(self.lattice, self.gamma, int(self.periods))
+
+    @cached_property
+    def lattice(self) -> InfiniteChain:
+        return InfiniteChain().with_spring(self.spring)
 
     @property
     def period(self) -> float:
@@ -145,9 +157,14 @@ class OrbitMap:
         return self.periods**2 * self.gamma
 
     @property
+    def floor(self) -> float:
+        """Lower edge of the band as a kappa."""
+        return self.periods * math.sqrt(self.spring)
+
+    @property
     def edge(self) -> float:
         """Upper edge of the band as a kappa."""
-        return 2.0 * math.sqrt(self.scaled)
+        return math.sqrt(self.floor**2 + 4.0 * self.scaled)
 
     # --- the reduced matrix ---
 
@@ -164,11 +181,12 @@ class OrbitMap:
         m, n, sites = len(self.kicks), self.periods, self._sites[0]
         return Impacts(
             self.scaled,
+            self.floor,
             -(1.0 + self.k),
             np.array([kick.time / n for kick in self.kicks]),
             np.array([n * kick.b for kick in self.kicks]),
             sites,
-            moments(self.scaled, int(sites.max())),
+            moments(self.scaled, int(sites.max()), self.floor**2),
             np.empty((m * m, 3 * POWERS, 2)),
             np.empty((m * m, 2 * NEAR + 1, 2)),
         )
@@ -187,7 +205,7 @@ class OrbitMap:
         X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
         for distance in np.unique(apart):
             i, j = np.nonzero(apart == distance)
-            turn, reach, pull = deep(self.scaled, int(distance), times[i, j], kappa)
+            turn, reach, pull = deep(self, int(distance), times[i, j], kappa)
             X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = turn.T
             X[:, i, 0, j, 1] = reach.T
             X[:, i, 1, j, 0] = pull.T
@@ -211,7 +229,7 @@ class OrbitMap:
             out[far] = self._deep(values[far])
         if not np.all(far):
             near = values[~far]
-            poles = [inverse(self.scaled, near + alias) for alias in ALIASES]
+            poles = [self.inverse(near + alias) for alias in ALIASES]
             with np.errstate(divide="ignore", invalid="ignore"):
                 out[~far] = -self.F(near) / np.prod(poles, axis=0)
         return np.where(mirrored, out.conj(), out).reshape(np.shape(kappa))
@@ -223,6 +241,15 @@ class OrbitMap:
         pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
         EVERYWHERE(self._impacts, series(), self._room(0), *pairs)
         return values
+
+    def inverse(self, kappa: Array) -> Array:
+        """``1/<1/(w^2 - kappa^2)>`` for Im kappa <= 0, on the band its limit from below. With
+        products of two roots it is exact next to either edge, and zero at them."""
+        above = kappa.real + 1j * np.abs(kappa.imag)  # the conjugate, on the upper side of the cut
+        low, high = (
+            np.sqrt(above - edge) * np.sqrt(above + edge) for edge in (self.floor, self.edge)
+        )
+        return np.asarray(-(low * high).conj())
 
     # --- real multipliers as scalars ---
 
@@ -336,7 +363,8 @@ class OrbitMap:
             kicks = [kick for kick in self.kicks if kick.site == site]
             M, ends = np.eye(2), [*kicks[1:], kicks[0]._replace(time=kicks[0].time + self.period)]
             for kick, later in zip(kicks, ends, strict=True):
-                free = np.array([[1.0, later.time - kick.time], [0.0, 1.0]])
+                C, S, dS = mode_solutions(self.spring, 0.0, later.time - kick.time)
+                free = np.array([[C, S], [-self.spring * S, dS]])
                 M = free @ saltation(self.k, kick.b) @ M
             mu.append(_pair(M))
         return np.concatenate(mu)
@@ -355,32 +383,65 @@ class OrbitMap:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
             return mu[np.argsort(-np.abs(mu), kind="stable")]
-        look = lambda more: _zeros(self._smooth, self._starts(more), self.edge)  # noqa: E731
-        return as_counted(self.count(), look, (1, 2, 4))
+        return as_counted(self.count(), self.zeros, (0, 1, 2, 4))
+
+    def zeros(self, more: int, rim: float = -ON_CIRCLE) -> Array:
+        """What Newton's method reaches outside the circle, as multipliers, the largest first; as
+        far in as Im kappa is a rim."""
+        zeros = newton_from_all(
+            self._step, self._starts(more), 40, 1e-11, 0.3, _outside, self._unit
+        )
+        zeros = zeros[zeros.imag < rim]
+        return multipliers_of(2.0 * distinct(zeros, 1e-7 * self._unit(zeros)))
+
+    def _unit(self, kappa: Array) -> Array:
+        # what is next to a narrow band changes as fast as that does
+        return np.asarray(np.maximum(np.abs(kappa), self.edge))
+
+    def _step(self, kappa: Array) -> Array:
+        """Newton's. From the outside D goes on smoothly through the band, but for its ends."""
+        ends = np.array([0.0, self.floor, self.edge])
+        ends = np.abs(ends - np.round(ends))[:, None]
+        h = np.minimum(1e-5, 0.03 * np.abs(kappa - ends).min(axis=0))
+        return self._smooth(kappa) * 2.0 * h / (self._smooth(kappa + h) - self._smooth(kappa - h))
 
     def _smooth(self, kappa: Array) -> Array:
         """D off the circle without its poles at the ends of the band."""
-        poles = [inverse(self.scaled, kappa + alias) for alias in ALIASES]
+        poles = [self.inverse(kappa + alias) for alias in ALIASES]
         return np.asarray(self.D(kappa) * np.prod(poles, axis=0))
 
     def _starts(self, more: int) -> Array:
-        """kappa of the upper half plane of mu, outside the circle."""
+        """kappa of the upper half plane of mu, outside the circle: where a zero looks near, and
+        all around, also in units of the band."""
         kappa, F = self._samples
         # F is straight between its samples: those next to a zero know where it is
         step = np.diff(kappa)
         with np.errstate(all="ignore"):
             share = -F[:-1] / np.diff(F)
-        near = np.abs(share) < 4.0 * more
-        depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
-        across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
+        near = np.abs(share) < 4.0 * max(more, 1)
         zeros = kappa[:-1][near] + share[near] * step[near]
-        return np.concatenate([zeros[zeros.imag < 0.0], (across - 1j * depth).ravel()])
+        starts = [zeros[zeros.imag < 0.0], *(self._changes(end) for end in (0.0, 0.5))]
+        if more:
+            depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
+            across = np.linspace(0.0, 1.0, 8 * more + 1)[:, None]
+            starts += [(0.5 * across - 1j * depth).ravel()]
+            along = self.floor + (self.edge - self.floor) * across
+            starts += [(along - 1j * self.edge * depth).ravel()]
+        return np.concatenate(starts)
+
+    def _changes(self, end: float) -> Array:
+        """Where D changes its sign on the real axis, beyond 1 or -1, at ``exp(2 pi i end)``."""
+        depth = np.log1p(FROM_CIRCLE) / (2.0 * math.pi)
+        values = self.D(end - 1j * depth).real
+        i = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
+        share = values[i] / (values[i] - values[i + 1])
+        return np.asarray(end - 1j * (depth[i] + share * (depth[i + 1] - depth[i])))
 
 
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    circle = CircleSamples(np.empty((2 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
     AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
     return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 
@@ -406,42 +467,20 @@ def _counted(mu: Array) -> Count:
     return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
 
 
-def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Array:
-    """Zeros of D outside the circle as multipliers, conjugates together, the largest first."""
-
-    def unit(kappa: Array) -> Array:  # what is next to a narrow band changes as fast as that does
-        return np.asarray(np.maximum(np.abs(kappa), edge))
-
-    def step(kappa: Array) -> Array:
-        h = np.minimum(1e-5, 0.03 * np.abs(kappa.imag))  # on this side of the circle
-        return D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
-
-    zeros = newton_from_all(step, kappa, 40, 1e-11, 0.3, _outside, unit)
-    zeros = zeros[zeros.imag < -ON_CIRCLE]
-    return multipliers_of(2.0 * distinct(zeros, 1e-7 * unit(zeros)))
-
-
 def _outside(kappa: Array) -> Array:
     """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
-    kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
-    return np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag
+    kappa = kappa[(kappa.imag < ON_CIRCLE) & (kappa.imag > -6.0)]
+    return np.abs(kappa.real - np.round(kappa.real)) + 1j * np.minimum(kappa.imag, 0.0)
 
 
 # --- mean propagators -----------------------------------------------------------------------------
 
 
-def inverse(gamma: float, kappa: Array) -> Array:
-    """``1/<1/(w^2 - kappa^2)>`` for Im kappa <= 0, on the band its limit from below. With a product
-    of two roots it is exact next to either edge, and zero at them and at kappa = 0."""
-    edge = 2.0 * math.sqrt(gamma)
-    above = kappa.real + 1j * np.abs(kappa.imag)  # the conjugate, on the upper side of the cut
-    return np.asarray(-kappa * (np.sqrt(above - edge) * np.sqrt(above + edge)).conj())
-
-
-def deep(gamma: float, distance: int, times: Array, kappa: Array) -> tuple[Array, Array, Array]:
+def deep(map: OrbitMap, distance: int, times: Array, kappa: Array) -> tuple[Array, Array, Array]:
     """Turn, reach and pull of pairs of impacts the times apart, at one distance, shape (pairs, K),
     for |Im kappa| >= `DEEP`: by modes."""
-    theta, weight, w = Ring(MODES + 2 * distance).nodes(gamma)
+    theta, weight, w = Ring(MODES + 2 * distance).nodes(map.scaled)
+    w = np.hypot(w, map.floor)
     amplitude = weight * np.cos(distance * theta)
     late = np.where(times <= 0.0, 1.0, 0.0)
     mu = np.exp(2j * math.pi * kappa)
@@ -490,7 +529,7 @@ def series() -> PairSeries:
 
 
 @lru_cache(maxsize=64)
-def moments(gamma: float, farthest: int) -> Array:
+def moments(gamma: float, farthest: int, spring: float = 0.0) -> Array:
     """``<w^2l cos(d theta)>`` of the chain for distances d up to the farthest, (d, ORDERS)."""
-    rows = InfiniteChain().powers(gamma, (*range(farthest + 1),))
+    rows = InfiniteChain().with_spring(spring).powers(gamma, (*range(farthest + 1),))
     return np.ascontiguousarray(rows[:, :ORDERS])

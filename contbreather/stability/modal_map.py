@@ -215,7 +215,7 @@ class ModalMap:
         much as free modes), -1 where there is none."""
         margin = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
-            margin = self._reduced.outermost(radius)
+            margin = self.reduced.outermost(radius)
         return outermost(self.coupled, radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
@@ -236,17 +236,21 @@ class ModalMap:
         """How many real multipliers are farther out than 1 or -1, on its side."""
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
             return beyond(self.coupled, place * (1.0 + BESIDE))
-        return self._reduced.beyond(place * (1.0 + BESIDE))
+        return self.reduced.beyond(place * (1.0 + BESIDE))
 
     def unstable(self, threshold: float) -> float:
         """How many multipliers over the period are beyond a threshold; NaN where damping ends, and
         free modes are on it."""
         if threshold == 1.0 and self.idle == 1.0:
             return math.nan
+        if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and threshold > 1.0:
+            nearest = self.reduced.around(threshold if self.sign > 0 else math.sqrt(threshold))
+            if nearest is not None:
+                return nearest.outside
         return int(np.count_nonzero(abs(self.over_period) > threshold))
 
     @cached_property
-    def _reduced(self) -> ReducedDeterminant:
+    def reduced(self) -> ReducedDeterminant:
         return ReducedDeterminant(self.z, self.damping, self.length, self.turns, self.blows)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
@@ -275,10 +279,15 @@ def _smallest_singular(map: ModalMap, mu: complex) -> tuple[complex, Array, Arra
 
 @lru_cache(maxsize=64)
 def ring_map(
-    ring: Ring, gamma: float, k: float, kicks: tuple[Saltation, ...], period: float = 2.0 * math.pi
+    ring: Ring,
+    gamma: float,
+    k: float,
+    kicks: tuple[Saltation, ...],
+    period: float = 2.0 * math.pi,
+    of: type[ModalMap] = ModalMap,
 ) -> ModalMap:
-    """The map of a ring over one period of an orbit, from within a flight that is not short: next
-    to an impact, others at the same time would move from one end of the period to the other.
+    """The map of a ring over a section of an orbit, from within a flight that is not short: next
+    to an impact, others at the same time would move from one end of the section to the other.
 
     Examples
     --------
@@ -306,7 +315,7 @@ def ring_map(
         ModalSaltation(shape, shape, saltation(k, kick.b))
         for shape, kick in zip(shapes, kicks, strict=True)
     )
-    return ModalMap(ring, gamma, 0.0, z, lam, turns, blows, period)
+    return of(ring, gamma, 0.0, z, lam, turns, blows, period)
 
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from contbreather.checks import brief, real
 from contbreather.errors import BadInput
+from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.stability.arc import OverReflection
-from contbreather.stability.counting import EDGE
-from contbreather.stability.half_period import HalfMap
+from contbreather.stability.one_impact import EDGE, HalfMap, half_map
+from contbreather.stability.saltation import check_kb, check_lattice
+from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
 Array = NDArray[Any]
@@ -86,7 +87,7 @@ class Verdict(HtmlRepr):
             return self.map.unstable_multipliers()
         mu = self.map.over_period
         mu = mu[np.abs(mu) > self.threshold]
-        return mu[np.argsort(-np.abs(mu), kind="stable")]
+        return mu[np.lexsort((-mu.imag, -np.round(np.abs(mu), 12)))]  # conjugates side by side
 
     @cached_property
     def largest(self) -> float:
@@ -106,12 +107,12 @@ class Verdict(HtmlRepr):
         BadInput
             Unless this is about a symmetric breather on the infinite chain.
         """
-        return self._half().over_reflects()
+        return over_reflects(self._half())
 
     @cached_property
     def over_reflection(self) -> OverReflection:
         """By how much, and at which angle."""
-        return self._half().over_reflection()
+        return over_reflection(self._half())
 
     def _half(self) -> HalfMap:
         if self.threshold is None and self.map.sign < 0:
@@ -253,4 +254,5 @@ amplified, so long rings are weakly unstable>
     >>> stability(0.05, 0.8, 0.2, sites=400)
     <ring of 400: stable; largest |multiplier| over 2 pi 1.00035565 <= threshold 1.005>
     """
-    return verdict(HalfMap(gamma, k, b, Ring(sites) if sites is not None else lattice), threshold)
+    on = check_lattice(Ring(sites) if sites is not None else lattice)
+    return verdict(half_map(check_gamma(gamma, on.spring), *check_kb(k, b), on), threshold)

@@ -5,18 +5,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import NotConverged
+from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
 Array = NDArray[Any]
 
 TURN = 0.6  # largest step between neighbouring samples, relative to their modulus
 DEPTH = 40  # halvings of one interval
 MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
+
+
+@dataclass(frozen=True)
+class Count(HtmlRepr):
+    """Multipliers strictly outside the unit circle: a count, and how sure it is.
+
+    ``distance`` is the smallest of what vanishes where a multiplier is on the circle, relative to
+    the size of its terms, at ``mu = exp(i pi nu)``. Where it is below rounding, a multiplier sits
+    there: the parameters are a bifurcation, and ``certain`` is False; so it is next to
+    gamma = 1/4. ``pairs`` is half the count without the two whose presence signs on the real axis
+    betray, one above 1 and one below -1: it changes where complex pairs cross the circle, and
+    nowhere else on it.
+    """
+
+    count: int
+    certain: bool
+    distance: float
+    nu: float
+    pairs: int
+
+    def __int__(self) -> int:
+        return self.count
+
+    def table(self) -> Sheet:
+        """The count, how sure it is, and where a multiplier is closest to the circle."""
+        return Sheet.of([
+            ("multipliers outside", self.count), ("complex pairs of them", self.pairs),
+            ("certain", yes_or_no(self.certain)), ("least modulus", self.distance),
+            ("at nu", self.nu),
+        ])  # fmt: skip
 
 
 def steep(F: Array, floor: float) -> Array:

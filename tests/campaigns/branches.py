@@ -15,7 +15,6 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
-from contbreather.stability import unstable_count
 
 SMALL = cb.Steps(largest=0.01, most=20000)
 WINDOWS = {"a": (1e-3, 1.5), "gamma": (0.0, 0.2499), "k": (0.5, 0.999)}
@@ -61,7 +60,7 @@ def scan(start, free):
     for point in branch:
         b = point.solution
         broken = b.b > 0.5 * (1 + b.k) ** 2 * b.lattice.psi(b.gamma)
-        pairs = unstable_count(b.gamma, b.k, b.b).pairs
+        pairs = b.map.count().pairs
         rows.append({"LP": point.tangent[-1] > 0, "PF": broken, "NS": pairs, "z": point.z})
     return branch, [
         (kind, one["z"], two["z"])

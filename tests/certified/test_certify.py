@@ -24,7 +24,7 @@ from contbreather.certified import Interval, certificate, certify, proofs, windi
 from contbreather.certified.balls import working
 from contbreather.certified.proofs import BranchSheet, certify_curve, certify_point
 from contbreather.orbits import Orbit, orbit_of
-from contbreather.stability import unstable_count
+from contbreather.stability.one_impact import HalfMap
 from tests.lattice.by_hand import MEANS, ring_mean
 
 
@@ -116,7 +116,7 @@ def test_a_random_number_of_multipliers_is_that_of_the_signs() -> None:
     for _ in range(300):
         gamma, k, b = rng.uniform(0, 0.249), rng.uniform(0, 0.99), rng.gauss(0, 1)
         count = winding.count(arb(gamma), arb(k), arb(b))
-        assert count.unstable == unstable_count(gamma, k, b).count, (gamma, k, b)
+        assert count.unstable == HalfMap(gamma, k, b).count().count, (gamma, k, b)
 
 
 def test_a_multiplier_on_the_circle_is_not_counted() -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
-from contbreather.stability.characteristic import resolvent
 from tests.lattice.by_hand import MEANS, ring_mean
 from tests.orbits.field import dense
 
@@ -70,40 +69,6 @@ def test_every_mean_of_a_ring_tends_to_the_chain_s_exponentially(gamma, sites):
         gap = abs(getattr(Ring(sites), name)(gamma) - getattr(CHAIN, name)(gamma))
         # from the pole next to the band; the next, two or three times as far, adds much less
         assert gap <= (4 / math.pi) * 2.5 * lap / (r * (1 - lap)) + 3e-15 / r
-
-
-# -------------------------------------------------------------------------------- resolvent
-
-
-def resolvent_of(lattice, gamma, s):
-    return resolvent(gamma, np.asarray(s, dtype=complex), lattice.sites)
-
-
-@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(5), Ring(24)])
-@pytest.mark.parametrize("s", [1.0, -1.5, 0.3 + 0.2j, -0.7 + 0.1j, 0.4 - 0.3j, 3.0j])
-def test_resolvent_is_the_mean_over_the_modes(lattice, s):
-    gamma = 0.2
-    if isinstance(lattice, Ring):
-        w = lattice.frequencies(gamma)
-        exact = np.mean(1 / (w**2 - s**2))
-    else:
-        theta = 2 * np.pi * np.arange(4000) / 4000
-        exact = np.mean(1 / (4 * gamma * np.sin(theta / 2) ** 2 - s**2))
-    assert abs(resolvent_of(lattice, gamma, s) - exact) < 1e-13 * abs(exact)
-
-
-def test_resolvent_of_the_chain_is_the_branch_that_falls_like_minus_one_over_s_squared():
-    s = 1e4 * np.exp(1j * np.linspace(0.0, 2 * np.pi, 25))
-    np.testing.assert_allclose(resolvent_of(CHAIN, 0.2, s) * s**2, -1.0, atol=1e-8)
-
-
-@settings(max_examples=60)
-@given(couplings, st.floats(-3, 3), st.floats(0.01, 2))
-def test_resolvent_of_the_chain_solves_its_quadratic_and_is_hermitian(gamma, x, y):
-    s = complex(x, y)
-    g = complex(resolvent_of(CHAIN, gamma, s))
-    assert abs(g**2 * s**2 * (s**2 - 4 * gamma) - 1) < 1e-12
-    assert abs(complex(resolvent_of(CHAIN, gamma, s.conjugate())) - g.conjugate()) < 1e-13 * abs(g)
 
 
 # ------------------------------------------------------------------------------------ modes

@@ -14,7 +14,7 @@ from contbreather.continuation import Problem
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.green_function import impact_problem
-from contbreather.stability.half_period import HalfMap
+from contbreather.stability.one_impact import HalfMap
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
 

@@ -11,8 +11,8 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
-from contbreather.stability import ns_points, window
-from contbreather.stability.half_period import HalfMap
+from contbreather.stability import ns_points
+from contbreather.stability.one_impact import HalfMap, window
 
 from ..campaigns import branches, rims
 from ..effort import effort

@@ -48,13 +48,13 @@ def branch(start: Any, free: str, low: float, high: float, **more: Any) -> cb.Br
     return cb.trace(start, free, within={free: (low, high)}, **more)
 
 
-ON_RING = {"events": [cb.neimark_sacker(on=cb.Ring(30))]}
+ON_RING = cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(30))
 LATER = cb.Fourier({1: -1.0, 3: -0.02})
 BRANCHES: dict[str, Callable[[], cb.Branch]] = {
     "orbits": lambda: branch(cb.symmetric(0.5, 0.08, 0.8), "a", 0.0, 0.99),
     "with letters": lambda: branch(cb.symmetric(0.5, 0.04, 0.8, forcing=LETTERS), "a", 0.05, 0.99),
     "in gamma": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12),
-    "on ring": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12, **ON_RING),
+    "on ring": lambda: branch(ON_RING, "gamma", 0.0, 0.12),
     # ends where site 0 grazes between its impacts, and where its impact vanishes
     "at small k": lambda: branch(cb.symmetric(0.6, 0.1, 0.01), "a", 0.0, 1.0),
     "arm": lambda: branch(asymmetric(0.82, 0.04, 0.8).problem, "a", 0.7, 0.95),

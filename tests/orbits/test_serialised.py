@@ -39,9 +39,9 @@ def sprung_chain() -> cb.Branch:
 
 
 def asked_for() -> cb.Branch:
-    """On the infinite chain, with the paper's rule on a ring and a level looked for."""
-    events = [cb.neimark_sacker(on=cb.Ring(20)), cb.user("p", 1.0), cb.pitchfork()]
-    return cb.trace(symmetric(), "a", within={"a": (0.6, 0.84)}, events=events)
+    """On a ring, with the paper's rule and a level looked for."""
+    events = [cb.neimark_sacker(threshold=1.01), cb.user("p", 1.0), cb.pitchfork()]
+    return cb.trace(symmetric().on(cb.Ring(20)), "a", within={"a": (0.6, 0.84)}, events=events)
 
 
 def open_chain() -> cb.Branch:

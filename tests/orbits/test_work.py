@@ -16,8 +16,8 @@ from contbreather.continuation.step_interpolant import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts
-from contbreather.stability import half_period
-from contbreather.stability.arc import ns_points, window
+from contbreather.stability import ns_points
+from contbreather.stability.one_impact import window
 
 FINE = Steps(first=0.005, largest=0.01)
 
@@ -52,7 +52,6 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
     def never(*given: Any) -> Any:
         raise AssertionError(given)
 
-    monkeypatch.setattr(half_period, "closest_approach", never)
     start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
     found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
     ends = sorted(ns_points(found["gamma"], 0.8), key=lambda point: point.b)

@@ -9,14 +9,11 @@ import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.paper.threshold import (
-    STRIDE,
-    TINY,
-    first_crossing,
     neimark_sacker_line,
     neimark_sacker_point,
     pitchfork_line,
 )
-from contbreather.stability.ring_multipliers import dense_half_map
+from tests.stability.half import dense_half_map
 
 SITES, THRESHOLD = 40, 1.02  # a short ring: its dense matrix is quick
 
@@ -99,30 +96,9 @@ def test_pitchfork_line_hardly_depends_on_the_ring_as_the_paper_says() -> None:
     assert short == pytest.approx(exact, rel=1e-3)
 
 
-@pytest.mark.parametrize("from_start", [True, False])
-def test_a_pair_that_begins_or_ends_between_two_looks_does_not_stop_the_search(from_start) -> None:
-    """Where real multipliers meet, a pair is there on one side only."""
-    start, angle = 0.05, 0.3
-    meeting = start + 0.5 * TINY
-
-    def pairs(gamma: float) -> np.ndarray:
-        if from_start and gamma < meeting:  # a short one, until then
-            return np.array([0.9 * np.exp(1j)])
-        if gamma < meeting + (STRIDE if from_start else 0.0):
-            return np.empty(0, complex)
-        modulus = (1.0 + gamma - start - 3 * STRIDE) * np.sqrt(THRESHOLD)
-        return np.array([modulus * np.exp(1j * np.pi * angle)])
-
-    found = first_crossing(lambda gamma: gamma, start, pairs, THRESHOLD)
-    assert found.gamma == pytest.approx(start + 3 * STRIDE, abs=1e-10)
-    assert found.angle == pytest.approx(angle, abs=1e-12)
-
-
-def test_no_pair_at_all_is_no_crossing_nor_are_pairs_that_were_always_beyond() -> None:
-    with pytest.raises(NotConverged, match=rf"no pair .* reaches the modulus {THRESHOLD} below"):
-        first_crossing(lambda gamma: gamma, 0.05, lambda gamma: np.empty(0, complex), THRESHOLD)
-    with pytest.raises(NotConverged, match=rf"pairs beyond the modulus {THRESHOLD} at every"):
-        first_crossing(lambda gamma: gamma, 0.02, lambda gamma: np.array([2j]), THRESHOLD)
+def test_where_no_pair_reaches_a_threshold_there_is_no_crossing() -> None:
+    with pytest.raises(NotConverged, match="no pair of multipliers reaches the modulus 50 below"):
+        neimark_sacker_point(0.2, 0.8, sites=SITES, threshold=50.0)
 
 
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])

@@ -12,8 +12,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import lyapunov, periodic, simulate, variation
-from contbreather.stability import dense_half_map
 from tests.simulation.zoo import breather
+from tests.stability.half import dense_half_map
 
 
 @pytest.mark.parametrize("sites", [1, 2, 3, 20])

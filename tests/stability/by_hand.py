@@ -104,3 +104,16 @@ def slope(of: Callable[[float], Any], h: float) -> Any:
     """The derivative at 0 by differences of sixth order."""
     up = [of(m * h) - of(-m * h) for m in (1, 2, 3)]
     return (45 * up[0] - 9 * up[1] + up[2]) / (60 * h)
+
+
+def det_by_modes(gamma: float, nu: Any, k: float, b: float, sites: int) -> Any:
+    """D at ``mu = exp(i pi nu)`` of a ring, by its definition as a mean over the modes."""
+    theta = 2 * np.pi * np.arange(sites) / sites
+    w = 2 * math.sqrt(gamma) * np.sin(theta / 2)
+    mu = np.exp(1j * np.pi * np.asarray(nu, dtype=complex))[..., None]
+    q = 1.0 / (1 - 2 * mu * np.cos(np.pi * w) + mu**2)
+    g11 = ((1 - mu * np.cos(np.pi * w)) * q).mean(axis=-1)
+    g12 = (-mu * np.pi * np.sinc(w) * q).mean(axis=-1)
+    g21 = (mu * w * np.sin(np.pi * w) * q).mean(axis=-1)
+    c = 1 + k
+    return (1 - c * g11) ** 2 + g12 * (b - c * c * g21)

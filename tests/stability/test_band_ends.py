@@ -14,9 +14,9 @@ import pytest
 import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain
-from contbreather.stability import unstable_count, unstable_multipliers
 from contbreather.stability.chain_map import OrbitMap
 from tests.campaigns.band_ends import by_modes
+from tests.stability.half import unstable_count, unstable_multipliers
 
 OFF = (0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8)
 

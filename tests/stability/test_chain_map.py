@@ -11,19 +11,14 @@ from scipy.optimize import brentq
 from contbreather.errors import BadInput, NotConverged
 from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import (
-    D,
-    chain_map,
-    ns_points,
-    unstable_count,
-    unstable_multipliers,
-)
+from contbreather.stability import chain_map, ns_points
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from tests.campaigns.band_ends import by_modes
 from tests.stability.by_hand import apart, flight, impact, pitchfork_b
+from tests.stability.half import D, unstable_count, unstable_multipliers
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -357,15 +352,15 @@ def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolve
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
     """Newton's method that loses one, or finds one that is none, is not believed."""
-    find = chain_map._zeros
+    find = OrbitMap.zeros
 
-    def other(*args: object) -> np.ndarray:
-        found = find(*args)
+    def other(map: OrbitMap, more: int) -> np.ndarray:
+        found = find(map, more)
         return found[:-1] if wrong < 0 else np.append(found, 1.5)
 
     map = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)])
     assert map.unstable_multipliers().size == map.count().count == 2
-    monkeypatch.setattr(chain_map, "_zeros", other)
+    monkeypatch.setattr(OrbitMap, "zeros", other)
     with pytest.raises(NotConverged, match=f"says 2 multipliers .* found {2 + wrong}"):
         map.unstable_multipliers()
 

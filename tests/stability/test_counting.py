@@ -9,21 +9,18 @@ import numpy as np
 import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import (
+from contbreather.stability import ns_points
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.one_impact import HalfMap, half_map, many_outside
+from tests.stability.by_hand import fold_b, pitchfork_b
+from tests.stability.half import (
     D,
-    D_slope,
-    closest_approach,
     dense_half_map,
     half_multipliers,
-    ns_points,
     over_reflection,
     unstable_count,
     unstable_multipliers,
 )
-from contbreather.stability.counting import count_on_chain, many_outside, resolved_arc
-from tests.stability.by_hand import fold_b, pitchfork_b
-
-CHAIN = InfiniteChain()
 
 
 def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
@@ -42,10 +39,10 @@ def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
 
 
 def zeros_by_integral(gamma: float, k: float, b: float, radius: float) -> float:
-    """(1/2 pi i) times the integral of D'/D over a whole circle outside, by 8192 points."""
-    nu = 2 * (np.arange(8192) + 0.5) / 8192 - 1 - 1j * math.log(radius) / math.pi
-    value, slope = D_slope(gamma, nu, k, b)
-    return float(-np.mean(slope / value).imag / math.pi)
+    """The turning of D along a whole circle outside, by 8192 points."""
+    nu = 2 * (np.arange(8193) + 0.5) / 8192 - 1 - 1j * math.log(radius) / math.pi
+    value = D(gamma, nu, k, b)
+    return float(-np.angle(value[1:] / value[:-1]).sum() / (2 * math.pi))
 
 
 def test_the_count_on_the_circle_is_the_argument_integral_beside_it():
@@ -110,8 +107,9 @@ def test_a_ring_is_counted_outside_its_band_like_its_dense_matrix():
             dense = np.abs(np.linalg.eigvals(dense_half_map(sites, gamma, k, b)))
             for radius in (math.sqrt(1.005), 1.05, 1.5):
                 if np.abs(dense - radius).min() > 1e-9:
-                    count = unstable_count(gamma, k, b, Ring(sites), radius=radius)
-                    assert count.count == np.sum(dense > radius)
+                    map = half_map(gamma, k, b, Ring(sites))
+                    assert map.unstable(radius**2) == np.sum(dense > radius)
+                    assert map.reduced.around(radius).outside == np.sum(dense > radius)
 
 
 @pytest.mark.parametrize("k", [1.0, 1.0 - 1e-8, 0.9])
@@ -122,8 +120,6 @@ def test_a_pitchfork_of_elastic_impacts_is_counted_without_noise(k):
     assert not count.certain
     assert count.pairs == 0
     assert count.count in (0, 1)
-    arc, _, _ = resolved_arc(0.05, k, b)
-    assert arc.nu.size < 2000
 
 
 def test_many_counts_at_once_are_those_of_one_by_one():
@@ -145,15 +141,14 @@ def test_many_counts_at_once_are_those_of_one_by_one():
     sure = found >= 0
     assert 0.5 < sure.mean() < 1.0
     assert np.array_equal(found[sure], np.array(single)[sure])
-    assert single == [count_on_chain(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
+    assert single == [HalfMap(*one).unstable(1.0) for one in zip(gamma, k, b, strict=True)]
     far = (kind > 3) & (gamma > 1e-9) & (gamma < 0.2499) & (k < 1.0)
     assert np.mean(found[far] < 0) < 0.02
 
 
-@pytest.mark.parametrize("given", [{}, {"radius": 1.2}, {"radius": 1.2, "lattice": Ring(12)}])
-def test_a_distance_is_relative_to_terms_that_grow_with_b(given):
+def test_a_distance_is_relative_to_terms_that_grow_with_b():
     for b in (-1.0, 1.0):
-        one, other = (unstable_count(0.1, 0.8, b * size, **given).distance for size in (1e4, 1e7))
+        one, other = (unstable_count(0.1, 0.8, b * size).distance for size in (1e4, 1e7))
         assert one == pytest.approx(other, rel=1e-2)
         assert 0.1 < one < 1.0
 
@@ -194,17 +189,6 @@ def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
             assert step.max() < 1e-12
 
 
-@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
-def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
-    for point in ns_points(gamma, k):
-        at = closest_approach(gamma, k, point.b)
-        assert at.nu == pytest.approx(point.nu, abs=1e-9)
-        assert at.distance < 1e-9
-        near = closest_approach(gamma, k, point.b + 1e-3)
-        assert near.nu == pytest.approx(point.nu, abs=0.02)
-        assert near.distance < 0.01
-
-
 def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_clear():
     rng = np.random.default_rng(3)
     counts = []
@@ -220,3 +204,40 @@ def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_cl
         for one in mu[np.abs(mu) > 1.6]:  # 1.6^-60 < 1e-12
             assert np.abs(dense - one).min() < 1e-10 * abs(one)
     assert {0, 1, 2} <= set(counts)
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
+def test_the_nearest_angle_is_that_of_the_neimark_sacker_point_beside(gamma, k):
+    for point in ns_points(gamma, k):
+        assert HalfMap(gamma, k, point.b).nearest() == point.nu
+        assert HalfMap(gamma, k, point.b + 1e-3).nearest() == point.nu
+
+
+def test_where_no_pair_comes_out_yet_the_nearest_angle_is_where_both_points_will_part():
+    # at gamma = 0.1 they meet at k = 0.78176...
+    nearest = HalfMap(0.1, 0.7817, 0.3).nearest()
+    low, high = (point.nu for point in ns_points(0.1, 0.7818))
+    assert low < nearest < high
+
+
+def turning(gamma: float, k: float, b: float, spring: float) -> int:
+    """Zeros outside by the turning of the bordered determinant of one impact."""
+    return OrbitMap(gamma, k, [(0, 0.0, b)], 0.5, spring).count().count
+
+
+def test_the_closed_form_counts_as_the_turning_on_the_circle_does():
+    rng = np.random.default_rng(3)
+    for _ in range(120):
+        spring = rng.choice([0.0, rng.uniform(0, 0.8)])
+        gamma = rng.uniform(1e-3, 0.2499) * (1 - spring)
+        k, b = rng.uniform(), rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        found = unstable_count(gamma, k, b, InfiniteChain(spring))
+        if found.distance > 1e-4:
+            assert turning(gamma, k, b, spring) == found.count
+
+
+def test_a_pair_outside_by_rounding_alone_is_found_as_counted():
+    # next to k = 1 pairs leave the circle by about 1 - k
+    mu = unstable_multipliers(0.2499701535554768, 0.9999999978968345, -280.91272758667736)
+    assert mu.size == 3
+    assert np.abs(mu[1:]) == pytest.approx(1.0, abs=1e-12)

@@ -10,8 +10,8 @@ import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.modal_flow import propagator
-from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap, ModalSaltation, ring_map
+from contbreather.stability.one_impact import HalfMap, half_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import outermost
@@ -30,7 +30,7 @@ def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float =
 
 @pytest.mark.parametrize("b", [-0.8, 0.3, 1.4])
 def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: float) -> None:
-    half, modes = HalfMap(0.11, 0.8, b, Ring(30)), half_by_modes(30, 0.11, 0.8, b)
+    half, modes = half_map(0.11, 0.8, b, Ring(30)), half_by_modes(30, 0.11, 0.8, b)
     assert np.sort(abs(half.coupled)) == pytest.approx(np.sort(abs(modes.coupled)), abs=1e-10)
     first = outermost(half.coupled[half.coupled.imag > 0.0], 1.001)
     assert first == pytest.approx(modes.outermost(1.001), abs=1e-10)
@@ -46,7 +46,7 @@ def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: floa
 
 
 def test_a_count_on_a_ring_is_that_of_its_verdict_even_with_multipliers_on_the_circle() -> None:
-    half = HalfMap(0.11, 0.8, -0.3385, Ring(30))
+    half = half_map(0.11, 0.8, -0.3385, Ring(30))
     sizes = np.unique(abs(half.over_period))
     for threshold in sizes[sizes > 1.0001].tolist():
         assert half.unstable(threshold) == verdict(half, threshold).unstable
@@ -67,7 +67,7 @@ def test_scalars_change_sign_where_the_count_does(mu: float, spring: float) -> N
 def test_scalars_of_a_ring_change_sign_together(sites: int) -> None:
     grid = np.linspace(-3.0, 3.0, 90)
     for mu in (1.0, -1.0):
-        half = [HalfMap(0.1, 0.8, b, Ring(sites)).crosses(mu) for b in grid]
+        half = [half_map(0.1, 0.8, b, Ring(sites)).crosses(mu) for b in grid]
         modes = [half_by_modes(sites, 0.1, 0.8, b).crosses(mu) for b in grid]
         assert np.array_equal(np.diff(np.sign(half)) != 0, np.diff(np.sign(modes)) != 0)
 
@@ -81,7 +81,7 @@ def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
     whole = ring_map(Ring(24), gamma, k, (Saltation(0, 0.0, b), Saltation(0, math.pi, b)))
     for map, turned, size in (
         (ring, angle, radius),
-        (HalfMap(gamma, k, b, Ring(24)), angle, radius),
+        (half_map(gamma, k, b, Ring(24)), angle, radius),
         (whole, 2 * angle, radius**2),
     ):
         off = abs(map.on_circle(turned + 0.05, size))

@@ -9,14 +9,9 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
-from contbreather.stability import (
-    half_multipliers,
-    ns_points,
-    saltation,
-    saltation_entry,
-    stability,
-)
+from contbreather.stability import ns_points, saltation, saltation_entry, stability
 from tests.stability.by_hand import b_of, slope
+from tests.stability.half import half_multipliers
 
 
 @pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])

@@ -1,0 +1,156 @@
+"""Waves of the band that a breather sends back larger than they came: what long rings feel of it.
+
+A small wave of the angle nu meets the impacting site, which multiplies its even part by
+``S = (D continued from inside the circle)/(D from outside)``. With the letters of
+`contbreather.stability.one_impact`
+
+    |S|^2 - 1 = -(8 c d nu/(pi v)) W/|D|^2,   W = (R/nu + B)(c^2 nu R + beta) + d^2,
+
+so more comes back than went in exactly where W < 0: a test without roots or logarithms, and no
+ring of any size is unstable where W >= 0 on the whole band. k = 1 (d = 0) gives |S| = 1. A
+Neimark-Sacker point is a pole of S. A packet of waves runs round a ring of N sites with the group
+velocity ``v_g = v/(2 nu)`` and meets the site every ``N/v_g``, so that
+``N (|mu| - 1) -> pi v_g ln|S|`` on long rings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.stability.band_pairs import GRID, smooth_and_L
+from contbreather.stability.one_impact import HalfMap, alias_sums
+from contbreather.tables import Column, HtmlRepr, Sheet
+
+Array = NDArray[Any]
+
+ROUNDING = 1e-13  # of ln|S|
+PEAKS = 3  # of the samples, that are looked at closely
+ZOOMS = 8  # each narrows the bracket of a maximum eight times
+
+
+@dataclass(frozen=True)
+class OverReflection(HtmlRepr):
+    """How much the breather amplifies waves of the band of the infinite chain.
+
+    ``gain = max ln|S|`` at the angle ``nu`` (times pi), both 0 if nothing is amplified;
+    ``growth = max pi v_g ln|S|`` at ``growth_nu``: on long rings the band's multipliers of QS reach
+    ``|mu| = 1 + growth/N``.
+    """
+
+    over_reflecting: bool
+    gain: float = 0.0
+    nu: float = 0.0
+    growth: float = 0.0
+    growth_nu: float = 0.0
+
+    def table(self) -> Sheet:
+        """The gain and the growth, and at which angles they are reached."""
+        return Sheet(
+            [
+                Column("", ["gain", "growth"]),
+                Column("largest", [self.gain, self.growth]),
+                Column("at nu", [self.nu, self.growth_nu]),
+            ],
+            title="Waves come back amplified" if self.over_reflecting else "No wave is amplified",
+        )
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Those of the infinite chain that meet a symmetric breather, by ``alpha = theta/2``."""
+
+    map: HalfMap
+
+    def angle(self, alpha: Array) -> Array:
+        """nu, with ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
+        sine = 2.0 * math.sqrt(self.map.gamma) * np.sin(alpha)
+        spring = self.map.lattice.spring
+        return np.asarray(np.sqrt(spring + sine * sine) if spring else sine)
+
+    def v(self, alpha: Array) -> Array:
+        """``v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2)``, without a difference."""
+        return 4.0 * self.map.gamma * np.sin(alpha) * np.cos(alpha)
+
+    def W(self, alpha: Array) -> Array:
+        """Negative where more comes back than went in; down to alpha = 0, the limit there."""
+        nu, R, B, C, by_nu = alias_sums(self.map.gamma, self.angle(alpha), self.map.lattice.spring)
+        c, d = 1.0 + self.map.k, 0.5 * (1.0 - self.map.k)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steep = np.where(nu > 0.0, R / nu, by_nu)
+        return (steep + B) * (c * c * nu * R + self.map.b - c * c * C) + d * d
+
+    def gain(self, alpha: Array) -> Array:
+        """ln|S|, exact also where |S| is near 1."""
+        nu, R, B, C, _ = alias_sums(self.map.gamma, self.angle(alpha), self.map.lattice.spring)
+        k, b, v = self.map.k, self.map.b, self.v(alpha)
+        smooth, L = smooth_and_L(nu, k, b, (R, B, C))
+        # at a Neimark-Sacker point S has a pole; its size is then that of rounding
+        F = np.maximum(np.abs(v * smooth - 1j / math.pi * L), 1e-15 * (1.0 + abs(b)))
+        excess = -4.0 * (1.0 - k * k) / math.pi * v * nu * self.W(alpha)
+        return np.asarray(0.5 * np.log1p(np.maximum(excess / F**2, -1.0)))
+
+    def growth(self, alpha: Array) -> Array:
+        """pi v_g ln|S|"""
+        gamma, spring = self.map.gamma, self.map.lattice.spring
+        cosine = math.sqrt(gamma) * np.cos(alpha)
+        speed = 0.5 * self.v(alpha) / self.angle(alpha) if spring else cosine
+        return np.asarray(math.pi * speed * self.gain(alpha))
+
+
+def over_reflects(map: HalfMap) -> bool:
+    """Whether waves of some angle come back larger than they went in: W < 0 somewhere on the
+    band."""
+    if map.gamma == 0.0 or map.k == 1.0:  # no waves; nothing lost and nothing won
+        return False
+    lowest = Waves(map).W(np.linspace(0.0, 0.5 * math.pi, GRID + 1)).min()
+    return bool(lowest < -ROUNDING * (1.0 + abs(map.b)))
+
+
+def over_reflection(map: HalfMap) -> OverReflection:
+    """The largest amplification of a wave by the breather, and the growth of long rings it causes.
+
+    If not ``over_reflecting``, no ring of any size is unstable through its band.
+
+    Examples
+    --------
+    >>> worst = over_reflection(HalfMap(0.08, 0.8, 0.46823798739267164))  # a = 0.5
+    >>> round(worst.gain, 4), round(worst.nu, 4), round(worst.growth, 4)
+    (1.257, 0.3685, 0.8488)
+    """
+    if not over_reflects(map):
+        return OverReflection(False)
+    waves = Waves(map)
+    (gain, at), (growth, where) = _largest(waves.gain, map), _largest(waves.growth, map)
+    if gain <= 0.0:  # amplified, but by less than rounding shows
+        return OverReflection(True)
+    nu = waves.angle(np.array([at, where]))
+    return OverReflection(True, gain, float(nu[0]), growth, float(nu[1]))
+
+
+def _largest(f: Callable[[Array], Array], map: HalfMap) -> tuple[float, float]:
+    """The largest value of a function of the band, and where: between the samples next to its
+    highest peaks, of which there is one beside each Neimark-Sacker point."""
+    gamma, spring, ends = map.gamma, map.lattice.spring, map.window
+    x = np.linspace(0.0, 0.5 * math.pi, GRID + 1)
+    sines = np.array([max(nu * nu - spring, 0.0) / (4.0 * gamma) for nu in (ends.low, ends.high)])
+    x = np.unique(np.append(x, np.arcsin(np.sqrt(np.minimum(sines, 1.0)))))
+    values = f(x)
+    padded = np.concatenate([[-math.inf], values, [-math.inf]])
+    peaks = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > 0.0))
+    best = (0.0, 0.0)
+    for i in peaks[np.argsort(-values[peaks])[:PEAKS]].tolist():
+        low, high = x[max(i - 1, 0)], x[min(i + 1, x.size - 1)]
+        best = max(best, (float(values[i]), float(x[i])))
+        for _ in range(ZOOMS):
+            near = np.linspace(low, high, 17)
+            heights = f(near)
+            top = int(heights.argmax())
+            low, high = near[max(top - 1, 0)], near[min(top + 1, 16)]
+        best = max(best, (float(heights[top]), float(near[top])))
+    return best

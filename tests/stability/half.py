@@ -1,0 +1,73 @@
+"""Symmetric breathers by gamma, k and b alone: questions to their half map, and dense matrices."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.one_impact import HalfMap, half_map
+from contbreather.stability.saltation import Saltation, saltation
+from contbreather.stability.scattering import OverReflection, Waves
+from contbreather.stability.scattering import over_reflection as reflection_of
+from contbreather.stability.scattering import over_reflects as reflects
+from contbreather.stability.zeros import Count
+
+CHAIN = InfiniteChain()
+
+
+def unstable_count(gamma: float, k: float, b: float, lattice: Any = CHAIN) -> Count:
+    return HalfMap(gamma, k, b, lattice).count()
+
+
+def unstable_multipliers(gamma: float, k: float, b: float, lattice: Any = CHAIN) -> Any:
+    return HalfMap(gamma, k, b, lattice).unstable_multipliers()
+
+
+def by_impacts(gamma: float, k: float, b: float, spring: float = 0.0) -> OrbitMap:
+    """The same half period as an orbit of one impact."""
+    return OrbitMap(gamma, k, [Saltation(0, 0.0, b)], 0.5, spring)
+
+
+def D(gamma: float, nu: Any, k: float, b: float, lattice: Any = CHAIN) -> Any:
+    """The determinant at ``mu = exp(i pi nu)``."""
+    if lattice.sites is None:
+        return by_impacts(gamma, k, b, lattice.spring).D(0.5 * np.asarray(nu, dtype=complex))
+    ring = half_map(gamma, k, b, lattice)
+    depth = lambda one: ring.gradient(one.real, math.exp(-math.pi * one.imag)).value  # noqa: E731
+    return np.vectorize(depth, otypes=[complex])(np.asarray(nu, dtype=complex))[()]
+
+
+def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Any:
+    return half_map(gamma, k, b, ring).multipliers()
+
+
+def over_reflects(gamma: float, k: float, b: float, spring: float = 0.0) -> bool:
+    return reflects(HalfMap(gamma, k, b, CHAIN.with_spring(spring)))
+
+
+def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> OverReflection:
+    return reflection_of(HalfMap(gamma, k, b, CHAIN.with_spring(spring)))
+
+
+def amplified(gamma: float, nu: Any, k: float, b: float, spring: float = 0.0) -> Any:
+    """|S| at angles of the band (times pi)."""
+    waves = Waves(HalfMap(gamma, k, b, CHAIN.with_spring(spring)))
+    square = (np.atleast_1d(nu) ** 2 - spring) / (4.0 * gamma)
+    return np.exp(waves.gain(np.arcsin(np.sqrt(square))))
+
+
+def dense_half_map(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
+    """QS as a matrix, (18)-(20) without the square, from the ring's modes."""
+    w = Ring(sites).frequencies(gamma)
+    rows = np.stack([np.cos(np.pi * w), np.pi * np.sinc(w), -w * np.sin(np.pi * w)])
+    first = np.fft.ifft(rows, axis=1).real  # circulants: the entry of sites n apart
+    apart = (np.arange(sites)[:, None] - np.arange(sites)) % sites
+    cosine, sine_over_w, w_sine = first[:, apart]
+    half = np.block([[cosine, sine_over_w], [w_sine, cosine]])
+    impact = [0, sites]
+    half[:, impact] = half[:, impact] @ saltation(k, b)
+    return half
