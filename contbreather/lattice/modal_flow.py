@@ -41,7 +41,7 @@ def check_modes(lattice: Finite, modes: int) -> None:
         raise BadInput(
             f"{lattice.describe()}: its impacts move {modes} modes, and how an orbit changes is "
             f"told by a matrix, of up to {MOST}; take fewer sites: with damping waves do not come "
-            "back. A ring without damping, springs and walls of its own needs no matrix."
+            "back."
         )
 
 
