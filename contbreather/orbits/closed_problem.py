@@ -59,7 +59,7 @@ from contbreather.orbits.orbit_problem import (
 )
 from contbreather.orbits.section import Section
 from contbreather.parameters import NEEDED, NUMBERS
-from contbreather.stability.arc import band_workspace
+from contbreather.stability.one_impact import band_workspace
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -264,7 +264,7 @@ def defining_system(
     breather = point.solution.representation
     if nu is not None:
         slopes = partial(_circle_slopes, of)
-        walker = _pair_walker if of.map(point.solution).lattice.sites is None else None
+        walker = _pair_walker if breather.lattice.sites is None else None
         return DefiningSystem({"nu": nu}, of.conditions, slopes, walker=walker, **more)
     if of.nu == 0.0 and "spring" in point.curve.free:
         # with the lower edge of the band, root of the spring, as an unknown: 1/tau grows in
