@@ -18,8 +18,8 @@ from contbreather.explorer.state import (
     PageState,
     map_on_ring,
     model_in_words,
-    model_of,
     watched,
+    zones_in_words,
 )
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
@@ -197,13 +197,19 @@ class ZonesView:
     def title(self, wanted: PageState) -> None:
         """Say what is shown, and what is on its way."""
         drawn = wanted.plane
-        words = "no diagram yet" if drawn is None else f"{model_of(drawn)}, {_at(drawn.fixed)}"
+        words = (
+            "no diagram yet" if drawn is None else f"{zones_in_words(drawn)}, {_at(drawn.fixed)}"
+        )
         words += STOPPED * (drawn is not None and drawn.interrupted)
         orbit = None if wanted.chosen is None else wanted.chosen.orbit
         if wanted.awaited:
             elsewhere = drawn is None or drawn.fixed != wanted.fixed
             words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
-        elif drawn is not None and orbit is not None and model_of(drawn) != model_in_words(orbit):
+        elif (
+            drawn is not None
+            and orbit is not None
+            and zones_in_words(drawn) != model_in_words(orbit)
+        ):
             words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
@@ -225,7 +231,7 @@ class ZonesView:
         orbit = None if chosen is None else chosen.orbit
         here = []
         if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9:
-            alike = model_of(drawn) == model_in_words(orbit)
+            alike = zones_in_words(drawn) == model_in_words(orbit)
             here = [[getattr(orbit, one) for one in drawn.pair]] * alike
         _fill(self.here, here)
 
