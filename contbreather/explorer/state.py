@@ -240,7 +240,7 @@ def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield code, value
 
 
-def zones_in_words(zones: Zones) -> str:
+def plane_in_words(zones: Zones) -> str:
     """What the breathers of zones are on, in words."""
     return next((model_in_words(branch[0].solution) for _, branch in zones), "no curve")
 

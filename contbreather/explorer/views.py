@@ -18,8 +18,8 @@ from contbreather.explorer.state import (
     PageState,
     map_on_ring,
     model_in_words,
+    plane_in_words,
     watched,
-    zones_in_words,
 )
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
@@ -198,7 +198,7 @@ class ZonesView:
         """Say what is shown, and what is on its way."""
         drawn = wanted.plane
         words = (
-            "no diagram yet" if drawn is None else f"{zones_in_words(drawn)}, {_at(drawn.fixed)}"
+            "no diagram yet" if drawn is None else f"{plane_in_words(drawn)}, {_at(drawn.fixed)}"
         )
         words += STOPPED * (drawn is not None and drawn.interrupted)
         orbit = None if wanted.chosen is None else wanted.chosen.orbit
@@ -208,7 +208,7 @@ class ZonesView:
         elif (
             drawn is not None
             and orbit is not None
-            and zones_in_words(drawn) != model_in_words(orbit)
+            and plane_in_words(drawn) != model_in_words(orbit)
         ):
             words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
@@ -231,7 +231,7 @@ class ZonesView:
         orbit = None if chosen is None else chosen.orbit
         here = []
         if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9:
-            alike = zones_in_words(drawn) == model_in_words(orbit)
+            alike = plane_in_words(drawn) == model_in_words(orbit)
             here = [[getattr(orbit, one) for one in drawn.pair]] * alike
         _fill(self.here, here)
 

@@ -17,7 +17,7 @@ import contbreather as cb
 from contbreather.errors import BadInput, Interrupted, NoSolution
 from contbreather.explorer import Explorer, jobs, session, views
 from contbreather.explorer.jobs import Computation, JobThread, Progress
-from contbreather.explorer.state import drawn_columns, names, verdicts, zones_in_words
+from contbreather.explorer.state import drawn_columns, names, plane_in_words, verdicts
 from contbreather.explorer.style import LIGHT
 
 from ..apart import HUNG
@@ -249,7 +249,7 @@ def test_zones_are_those_of_the_ring_that_is_set(monkeypatch: pytest.MonkeyPatch
     explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
     assert explorer.wait(HUNG)
     assert explorer.state.plane is not None
-    assert zones_in_words(explorer.state.plane) == "ring of 9"
+    assert plane_in_words(explorer.state.plane) == "ring of 9"
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
