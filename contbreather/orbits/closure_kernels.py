@@ -23,7 +23,7 @@ from contbreather.lattice.band_averages import (
     excess_slope,
     polynomial,
 )
-from contbreather.lattice.forcing import harmonic, series_motion
+from contbreather.lattice.forcing import Fourier, harmonic, series_motion
 from contbreather.lattice.periodic_green import POWERS, Responses, response_since
 from contbreather.orbits.closure import (
     ClosureTerms,
@@ -303,12 +303,12 @@ def closure_data(
     if lattice.sites is not None:
         del places["gamma"]
     # where coefficients are, and the factor of each
-    places |= {
-        f"{letter}{m}": (COEFFICIENTS + 2 * i + side, -1.0 / m**2)
-        for i, (m, _, _) in enumerate(forcing.harmonics)
-        for side, letter in enumerate("cs")
-        if f"{letter}{m}" in forcing.params
-    }
+    if isinstance(forcing, Fourier):
+        places |= {
+            f"{letter}{m}": (COEFFICIENTS + 2 * i + side, -1.0 / m**2)
+            for i, (m, _, _) in enumerate(forcing.harmonics)
+            for side, letter in enumerate("cs")
+        }
     if any(name not in places for name in free):
         return None
     fixed = None if "gamma" in free else params["gamma"]

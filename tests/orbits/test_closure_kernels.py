@@ -48,6 +48,18 @@ def test_pieces_have_the_points_of_single_steps(monkeypatch, free, within, start
     _alike(lambda: cb.trace(start, free, within=within, **more), monkeypatch)
 
 
+def test_a_parameter_of_a_formula_is_none_of_a_series_whatever_it_is_called() -> None:
+    def walked(name: str) -> cb.Branch:
+        forcing = cb.Symbolic(f"-cos(t) - {name}*cos(3*t)", **{name: 2.7})
+        found = cb.orbits.symmetric_roots(a=0.3, gamma=0.12, k=0.7, forcing=forcing)
+        return cb.trace(found[2], name, within={name: (0, 4)})
+
+    ours, theirs = walked("c3"), walked("third")
+    assert [p.label for p in ours.special] == ["EP1", "LP1", "NS1", "NS2", "PF1", "EP2"]
+    assert not ours.doubtful
+    np.testing.assert_allclose(ours.points.z, theirs.points.z, rtol=0, atol=1e-11)
+
+
 @pytest.mark.parametrize(
     ("start", "free", "kind"),
     [
