@@ -14,7 +14,6 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 from contbreather.checks import MOST, brief
 from contbreather.errors import BadInput
-from contbreather.tables import visible
 
 Content = Mapping[str, Any]
 Reader = TypeVar("Reader", bound=Callable[..., Any])
@@ -157,6 +156,4 @@ def _fits(value: Any, hint: Any) -> bool:
         return several and all(map(_fits, value, each))
     if isinstance(value, Mapping) and inside:
         return all(_fits(inner, inside[1]) for inner in value.values())
-    if kind is str:  # it may be shown by a terminal, which obeys some characters
-        return isinstance(value, str) and visible(value) == value
     return isinstance(value, type(None) if kind is None else kind)
