@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -53,8 +52,8 @@ def to_json(content: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not finite becomes null, never NaN."""
     plain = not (sys.stdout.encoding or "utf-8").lower().startswith("utf")
     text = json.dumps(_plain(content), allow_nan=False, ensure_ascii=plain)
-    # JSON writes out the first 32 of the characters that a terminal obeys
-    sys.stdout.write(re.sub("[\x7f-\x9f]", lambda c: f"\\u{ord(c[0]):04x}", text) + "\n")
+    # what a terminal obeys is written out, as JSON itself writes what is below a space
+    sys.stdout.write("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text) + "\n")
 
 
 def _plain(value: Any) -> Any:

@@ -131,8 +131,9 @@ def along(
     before: list[Array] = []
     for _ in range(_HALVINGS):
         try:
+            there = function(z + h * vector)
             behind, width = (here, h) if ahead else (function(z - h * vector), 2 * h)
-            row = [(function(z + h * vector) - behind) / width]
+            row = [(there - behind) / width]
         except OUT_OF_DOMAIN:
             before, h = [], h / 8
             continue
