@@ -27,7 +27,7 @@ from .filippov import Filippov, slid_along
 from .flow import Flow, Function, Params, value_at, values
 from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
-from .time_dependence import period_at, refuse_false_period, refuse_period, refuse_time
+from .time_dependence import period_at, refuse_false_period
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
 _EXPLICIT = 10_000  # steps of an explicit method, after which it is taken to be stiff
@@ -42,6 +42,7 @@ _DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
+_UNFORCED = "where nothing depends on the time its period is unknown: leave period= out"
 _BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
 
 
@@ -148,8 +149,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
-        refuse_period(parts, flights, params)
-    refuse_false_period(parts, flights, forcing, params)
+    refuse_false_period(parts, [flight.states[:, 0] for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
         events = events_of_cycle(equations)
@@ -272,12 +272,7 @@ def _check_start(
     else:
         flows[0].check(t0, state, params)
         begun = flows[:1]
-    if forcing is None:
-        return
-    # a flight that stays where it starts: what is asked is how the fields depend on the time
-    whole = period_at(forcing, params)
-    flight = fitted(Collocation(2, 2), t0, whole, lambda t: np.outer(state, np.ones_like(t)))
-    refuse_false_period(begun, [flight] * len(begun), forcing, params)
+    refuse_false_period(begun, [state] * len(begun), forcing, params)
 
 
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
@@ -343,7 +338,6 @@ def _smooth(
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    refuse_time(flow.f, t0, state, params)
     for wait in np.multiply(settle or _WAIT, _LONGER):
         ran = run(x0=state, time=float(wait), t0=t0)
         t0, state = t0 + float(wait), ran.final  # if it was not settled yet
@@ -450,11 +444,12 @@ def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Proble
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
+                unforced = "" if equations.autonomous else f"; {_UNFORCED}"
                 _refuse_family(getattr(error, "last", None), error)
                 _refuse_family(made(equations), error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}; {finer}let it "
-                    "settle longer (settle=)",
+                    f"settle longer (settle=){unforced}",
                     residual=getattr(error, "residual", math.nan),
                 ) from error
         halved = [flight.halved() for flight in equations.start]
@@ -469,11 +464,13 @@ def _refuse_family(problem: Problem | None, error: Exception) -> None:
         orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
         if solved and abs(orbit.others - 1).min(initial=math.inf) <= _ALMOST:
-            second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
+            autonomous = orbit.equations.autonomous
+            second = "a second multiplier" if autonomous else "a multiplier"
+            unforced = "" if autonomous else f"; {_UNFORCED}"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
                 "1: it is one of a family, as where energy is conserved (add damping and forcing), "
-                "or at a bifurcation (take other parameters)",
+                f"or at a bifurcation (take other parameters){unforced}",
                 residual=float(abs(left).max()),
             ) from error
 

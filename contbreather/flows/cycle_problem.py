@@ -313,7 +313,8 @@ class CycleProblem(Problem):
     def having(self, *names: str) -> Problem:
         """The same, if the forcing keeps the period while these change."""
         equations = self.residual
-        refuse_false_period(equations.flows, equations.start, equations.period, self.params, names)
+        starts = [flight.states[:, 0] for flight in equations.start]
+        refuse_false_period(equations.flows, starts, equations.period, self.params, names)
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

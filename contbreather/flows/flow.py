@@ -132,9 +132,11 @@ class Flow:
         for name, function in self.functions.items():
             if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
+        for name in ("f", "until", "reset"):
+            object.__setattr__(self, name, undecorated(getattr(self, name)))
+        object.__setattr__(self, "walls", tuple(map(undecorated, self.walls)))
         if self.mass is not None:
-            f = undecorated(self.f)
-            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), f))
+            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
             object.__setattr__(self, "mass", None)  # it is in f now
 
     @property
@@ -188,7 +190,7 @@ def check_function(
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
     where, given, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = undecorated(function)(t, given, params)
+        returned = function(t, given, params)
         value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
@@ -242,14 +244,13 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
 
 @dataclass(frozen=True)
 class _Calling:
-    """How a function of so many states is called: its plain text, its rows, and what takes many
-    states at once, if anything does; and how it is differentiated, for each choice of parameters.
-    """
+    """Record of a function of n states: its rows, whether it takes many states at once, and how it
+    is differentiated, for each choice of parameters."""
 
     function: Function
     rows: int
     scalar: bool
-    at_once: Function | None
+    at_once: bool
     schemes: dict[Any, Array | None] = field(default_factory=dict)
 
 
@@ -270,9 +271,9 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
 
 def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
     with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
-        if how.at_once is not None:
+        if how.at_once:
             try:
-                return _rows(how.at_once(t, x, p), how, x)
+                return _rows(how.function(t, x, p), how, x)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
         columns = [at_state(how.function, *at, p) for at in zip(t, x.T, strict=True)]
@@ -310,10 +311,9 @@ def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[
         raise
 
 
-def undecorated(function: Function) -> Function:
-    """A function as it was written where numba.njit decorated it."""
-    plain: Function = getattr(function, "py_func", function)
-    return plain
+def undecorated(function: Any) -> Any:
+    """Return the Python function under numba.njit, which takes no dict of parameters."""
+    return getattr(function, "py_func", function)
 
 
 def _name(function: Function) -> str:
@@ -332,57 +332,28 @@ def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) ->
 
 
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
-    """Three states one by one and all at once: is that the same?"""
-    plain = undecorated(function)
+    """Compare three states one by one with all three at once."""
     t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
     with np.errstate(all="ignore"):
         try:
-            aside = x + _aside(x)[:, None] * _THREE
-            singly = [at_state(plain, *at, p) for at in zip(t, aside.T, strict=True)]
-            x = aside
+            beside = x + offset(x)[:, None] * _THREE
+            singly = [at_state(function, *at, p) for at in zip(t, beside.T, strict=True)]
+            x = beside
         except Undefined:  # outside of its domain
-            singly = [at_state(plain, *at, p) for at in zip(t, x.T, strict=True)]
-        scalar = np.ndim(plain(t[0], x[:, 0], p)) == 0
-    how = _Calling(plain, singly[0].size, scalar, None)
-    for at_once in [plain] if plain is function else [_looped(function, how), plain]:
-        # what was written for one state may raise anything for three, and numba refuse it
-        with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("error")
-            together, alone = _rows(at_once(t, x, p), how, x), np.stack(singly, axis=-1)
-            if np.allclose(together, alone, rtol=_SAME, atol=0, equal_nan=True):
-                return replace(how, at_once=at_once)
-    _LOG.debug("%s takes one state at a time, which is slower", _name(plain))
-    return how
+            singly = [at_state(function, *at, p) for at in zip(t, x.T, strict=True)]
+        scalar = np.ndim(function(t[0], x[:, 0], p)) == 0
+    how = _Calling(function, singly[0].size, scalar, at_once=True)
+    # what was written for one state may raise anything for three
+    with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("error")
+        together, alone = _rows(function(t, x, p), how, x), np.stack(singly, axis=-1)
+        if np.allclose(together, alone, rtol=_SAME, atol=0, equal_nan=True):
+            return how
+    _LOG.debug("%s takes one state at a time, which is slower", _name(function))
+    return replace(how, at_once=False)
 
 
-def _looped(function: Function, how: _Calling) -> Function:
-    """A function that `numba.njit` decorated at many states in one call. In place of a dict it gets
-    a record, which is indexed by names just so."""
-    from numba import njit
-
-    entry = njit((lambda value, i: value) if how.scalar else (lambda value, i: value[i]))
-
-    def loop(t: Any, x: Any, p: Any, out: Any) -> None:
-        for j in range(t.size):
-            value = function(t[j], x[j], p[0])
-            for i in range(out.shape[0]):
-                out[i, j] = entry(value, i)
-
-    compiled = njit(loop)
-
-    def at_once(t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
-        numbers = (*p.values(),)
-        kinds = (t.dtype.kind, x.dtype.kind, *(np.asarray(value).dtype.kind for value in numbers))
-        kind = complex if "c" in kinds else float
-        record = np.array([numbers], dtype=[(name, kind) for name in p])
-        out = np.empty((how.rows, t.size), kind)
-        compiled(t.astype(kind), np.ascontiguousarray(x.T, dtype=kind), record, out)
-        return out[0] if how.scalar else out
-
-    return at_once
-
-
-def _aside(x: Array) -> Array:
+def offset(x: Array) -> Array:
     """A short way for each entry of a state: kinks tend to lie where one starts, at 0 or 1."""
     return _ASIDE * np.where(size := abs(x).max(axis=1), size, 1.0)
 
@@ -414,7 +385,7 @@ def slopes(
     joined, scales = partial(_joined, how, p, key), _scales(z, n)
     if how.schemes.get(key) is None:  # nobody knows yet, or no longer
         first = key not in how.schemes
-        aside = np.append(_aside(x), np.zeros(len(z) - n)) if first else np.zeros(len(z))
+        aside = np.append(offset(x), np.zeros(len(z) - n)) if first else np.zeros(len(z))
         how.schemes[key] = _decide_scheme(joined, z[:, doubtful], aside, scales)
         by = "complex steps" if how.schemes[key] is None else "differences"
         _LOG.debug("%s is differentiated by %s", _name(function), by)

@@ -20,8 +20,8 @@ from .cycle_constructors import named_state
 from .cycle_events import events_of_cycle
 from .cycle_problem import problem_of
 from .equations import FlowEquations, sizes_of
-from .flow import Flow, Function, Params, at_state, undecorated
-from .time_dependence import refuse_time
+from .flow import Flow, Function, Params, at_state
+from .time_dependence import refuse_false_period
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 _ORIGIN = 1e-12  # an equilibrium no larger than this is the origin, but for rounding
@@ -71,7 +71,7 @@ def equilibrium(
     flow = f if isinstance(f, Flow) else Flow(f)
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
-    refuse_time(flow.f, 0.0, state, params)
+    refuse_false_period([Flow(flow.f)], [state], None, params)
     return Equilibrium(
         _Rest(flow, collocation or Collocation()), dict(start), params,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
@@ -87,7 +87,7 @@ class _Rest:
     collocation: Collocation
 
     def __call__(self, x: Array, p: Params) -> Array:
-        return at_state(undecorated(self.flow.f), 0.0, x, p)
+        return at_state(self.flow.f, 0.0, x, p)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,7 +98,7 @@ class Equilibrium(Problem):
 
     def having(self, *names: str) -> Problem:
         """The same, if the field does not begin to depend on the time with one of these."""
-        refuse_time(self.residual.flow.f, 0.0, self.x, self.params, names)
+        refuse_false_period([Flow(self.residual.flow.f)], [self.x], None, self.params, names)
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

@@ -19,7 +19,7 @@ from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .filippov import Filippov
-from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
+from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, values
 from .guards import GuardOnPiece
 
 _LONGEST = 1e20  # how long a flow is waited for where no time is given: in any unit, but
@@ -325,7 +325,7 @@ class _Integration:
         from scipy import integrate
 
         flow = self.path.flows[mode]
-        guards, plain = flow.guards, undecorated(flow.f)
+        guards = flow.guards
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
         clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
@@ -334,7 +334,7 @@ class _Integration:
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
         solver = getattr(integrate, self.method)(
-            lambda t, x: at_state(plain, t, x, self.params), t0, x0, waited,
+            lambda t, x: at_state(flow.f, t, x, self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         guarded = [
