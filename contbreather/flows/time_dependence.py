@@ -15,7 +15,7 @@ from .flow import Clock, Flow, Function, Params, at_state, check_function, offse
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
 _TIMES = 16  # at which functions are compared
 _SAME = 1e-6  # relative to the size of a function: a period of seven digits is one
-_FLOOR = 1e-4  # of the size of the state: a function that is smaller may be made of rounding
+_FLOOR = 1e-4  # of the largest state: a function that is smaller may be made of rounding
 _MOVED = 0.01  # how far parameters are moved, relative
 
 
@@ -29,25 +29,28 @@ def refuse_false_period(
     """Refuse functions that are not the same a period later, beside the states in which their flows
     start; without a period, at another time. With names, when these parameters move, too."""
     names = tuple(name for name in names if name in p)
+    least = _FLOOR * max(float(abs(x).max()) for x in starts)
     for moved in dict.fromkeys([(), *((name,) for name in names), names]):
         at = {**p, **{name: p[name] + _MOVED * (abs(p[name]) or 1.0) for name in moved}}
         with suppress(Undefined):  # the parameter was moved out of a domain
             later = 2 * _GOLDEN if period is None else period_at(period, at)
             for i, (flow, x) in enumerate(zip(flows, starts, strict=True)):
                 for name, function in flow.functions.items():
-                    if isinstance(function, Clock) or _repeats(flow, function, x, at, later):
+                    if isinstance(function, Clock) or _repeats(flow, function, x, at, later, least):
                         continue
                     what = name if len({*flows}) == 1 else f"{name} of flow {i}"
                     raise BadInput(_refusal(what, period, p, moved))
 
 
-def _repeats(flow: Flow, function: Function, x: Array, p: Params, later: float) -> bool:
+def _repeats(
+    flow: Flow, function: Function, x: Array, p: Params, later: float, least: float
+) -> bool:
     """Compare f(t + T) with f(t); half of a symmetric orbit has half of the period, after which f
     is its mirror image."""
     t = later * (_GOLDEN * np.arange(_TIMES) % 1)
     x = np.repeat(x[:, None] + offset(x[:, None])[:, None], _TIMES, axis=1)  # x cos t is 0 at 0
     now = values(function, t, x, p)
-    if _same(now, values(function, t + later, x, p), _FLOOR * abs(x).max()):
+    if _same(now, values(function, t + later, x, p), least):
         return True
     if function is not flow.f or flow.reset is None:
         return False
