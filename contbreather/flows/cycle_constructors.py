@@ -149,7 +149,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
-    refuse_false_period(parts, [flight.states[:, 0] for flight in flights], forcing, params)
+    refuse_false_period(parts, [flight.states for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
         events = events_of_cycle(equations)
@@ -272,7 +272,7 @@ def _check_start(
     else:
         flows[0].check(t0, state, params)
         begun = flows[:1]
-    refuse_false_period(begun, [state] * len(begun), forcing, params)
+    refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
 
 
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:

@@ -313,8 +313,8 @@ class CycleProblem(Problem):
     def having(self, *names: str) -> Problem:
         """The same, if the forcing keeps the period while these change."""
         equations = self.residual
-        starts = [flight.states[:, 0] for flight in equations.start]
-        refuse_false_period(equations.flows, starts, equations.period, self.params, names)
+        states = [flight.states for flight in equations.start]
+        refuse_false_period(equations.flows, states, equations.period, self.params, names)
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

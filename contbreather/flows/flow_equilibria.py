@@ -71,7 +71,7 @@ def equilibrium(
     flow = f if isinstance(f, Flow) else Flow(f)
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
-    refuse_false_period([Flow(flow.f)], [state], None, params)
+    refuse_false_period([Flow(flow.f)], [state[:, None]], None, params)
     return Equilibrium(
         _Rest(flow, collocation or Collocation()), dict(start), params,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
@@ -98,7 +98,9 @@ class Equilibrium(Problem):
 
     def having(self, *names: str) -> Problem:
         """The same, if the field does not begin to depend on the time with one of these."""
-        refuse_false_period([Flow(self.residual.flow.f)], [self.x], None, self.params, names)
+        refuse_false_period(
+            [Flow(self.residual.flow.f)], [self.x[:, None]], None, self.params, names
+        )
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

@@ -21,20 +21,20 @@ _MOVED = 0.01  # how far parameters are moved, relative
 
 def refuse_false_period(
     flows: Sequence[Flow],
-    starts: Sequence[Array],
+    places: Sequence[Array],
     period: Function | None,
     p: Params,
     names: tuple[str, ...] = (),
 ) -> None:
-    """Refuse functions that are not the same a period later, beside the states in which their flows
-    start; without a period, at another time. With names, when these parameters move, too."""
+    """Refuse functions that are not the same a period later, beside states of their flows, shape
+    (n, m); without a period, at another time. With names, when these parameters move, too."""
     names = tuple(name for name in names if name in p)
-    least = _FLOOR * max(float(abs(x).max()) for x in starts)
+    least = _FLOOR * max(float(abs(x).max()) for x in places)
     for moved in dict.fromkeys([(), *((name,) for name in names), names]):
         at = {**p, **{name: p[name] + _MOVED * (abs(p[name]) or 1.0) for name in moved}}
         with suppress(Undefined):  # the parameter was moved out of a domain
             later = 2 * _GOLDEN if period is None else period_at(period, at)
-            for i, (flow, x) in enumerate(zip(flows, starts, strict=True)):
+            for i, (flow, x) in enumerate(zip(flows, places, strict=True)):
                 for name, function in flow.functions.items():
                     if isinstance(function, Clock) or _repeats(flow, function, x, at, later, least):
                         continue
@@ -48,7 +48,8 @@ def _repeats(
     """Compare f(t + T) with f(t); half of a symmetric orbit has half of the period, after which f
     is its mirror image."""
     t = later * (_GOLDEN * np.arange(_TIMES) % 1)
-    x = np.repeat(x[:, None] + offset(x[:, None])[:, None], _TIMES, axis=1)  # x cos t is 0 at 0
+    x = np.take(x, np.arange(_TIMES) * x.shape[1] // _TIMES, axis=1)
+    x = x + offset(x)[:, None]  # at the origin x cos t vanishes
     now = values(function, t, x, p)
     if _same(now, values(function, t + later, x, p), least):
         return True
