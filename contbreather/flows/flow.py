@@ -1,4 +1,4 @@
-"""A vector field, the condition that ends it and a reset: what a user brings, and its slopes."""
+"""Vector field, the condition that ends it and a reset, as a user brings them; and slopes."""
 
 from __future__ import annotations
 
@@ -38,34 +38,25 @@ _SAME = 1e-9  # relative; sums over all states at once round differently
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """What ends a flow at a part of each period of the forcing, as a condition ``(t, x, p)``: that
-    of the period with a certain number."""
+    """Condition ``(t, x, p)`` that ends a flow at a part of the period of a certain number."""
 
     part: float | Callable[[Params], Any]
     period: float | Callable[[Params], Any] | None = None
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        part, period = self._at(p)
+        part, period = value_at(self.part, p), value_at(self.period, p)
         return (self.number + part) * period - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
-        """When it strikes next."""
-        part, period = self._at(p)
+        """Return the time at which it strikes next."""
+        part, period = value_at(self.part, p), value_at(self.period, p)
         return float((math.floor(t / period - part + _STRUCK) + 1 + part) * period)
 
-    def at(self, t: float, p: Params) -> Clock:
-        """The same with the number of the period in which it strikes at a time."""
-        part, period = self._at(p)
-        return replace(self, number=round(t / period - part))
 
-    def _at(self, p: Params) -> tuple[Any, Any]:
-        return value_at(self.part, p), value_at(self.period, p)
-
-
-def value_at(what: Any, p: Params) -> Any:
-    """A number, or a function of the parameters."""
-    return what(p) if callable(what) else what
+def value_at(value: Any, p: Params) -> Any:
+    """Evaluate a number, or a function of the parameters."""
+    return value(p) if callable(value) else value
 
 
 @dataclass(frozen=True)
@@ -141,18 +132,17 @@ class Flow:
 
     @property
     def guards(self) -> dict[str, Function]:
-        """What must stay positive inside, by name."""
-        until = {} if self.until is None else {"until": self.until}
-        return until | {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+        """Conditions that must stay positive inside, by name."""
+        walls = {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+        return ({"until": self.until} if self.until else {}) | walls
 
     @property
     def functions(self) -> dict[str, Function]:
-        """All that it is made of, by name."""
-        reset = {} if self.reset is None else {"reset": self.reset}
-        return {"f": self.f, **self.guards, **reset}
+        """Field, guards and reset, by name."""
+        return {"f": self.f, **self.guards} | ({"reset": self.reset} if self.reset else {})
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
-        """The flow, with the period of which its clock strikes a part."""
+        """Give its clock the period of which it strikes a part."""
         if not isinstance(self.until, Clock) or self.until.period is not None:
             return self
         if period is None:
@@ -160,12 +150,15 @@ class Flow:
         return replace(self, until=replace(self.until, period=period))
 
     def struck(self, t: float, p: Params) -> Flow:
-        """The flow, with its clock set to the period in which it strikes at a time."""
+        """Set the clock to the period in which it strikes at a time."""
         clock = self.until
-        return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
+        if not isinstance(clock, Clock):
+            return self
+        number = round(t / value_at(clock.period, p) - value_at(clock.part, p))
+        return replace(self, until=replace(clock, number=number))
 
     def through(self, change: Callable[..., Any]) -> Flow:
-        """The flow with its field, reset and walls asked by way of a function of these."""
+        """Compose its field, reset and walls with a function of these."""
         f, reset = partial(change, self.f), self.reset and partial(change, self.reset)
         return replace(self, f=f, reset=reset, walls=tuple(partial(change, w) for w in self.walls))
 
@@ -217,9 +210,14 @@ def check_function(
 
 
 def place(t: Any, x: NDArray[Any], p: Params | None = None) -> str:
-    """Where a function was called, as a sentence says it."""
+    """Describe the place where a function was called."""
     params = "" if p is None else f", p = {brief(dict(p))}"
     return f"at t = {t:g}, x = {brief(x.tolist())}{params}"
+
+
+def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
+    """Evaluate ``M^-1 f``; the columns of x stay columns."""
+    return inverse @ rows_of(f(t, x, p), x)
 
 
 def _inverse(mass: Any) -> Array:
@@ -232,11 +230,6 @@ def _inverse(mass: Any) -> Array:
             "which is not supported. Solve the algebraic ones for their unknowns inside f."
         )
     return np.asarray(np.linalg.inv(matrix))
-
-
-def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
-    """``M^-1 f``; the columns of x stay columns."""
-    return inverse @ rows_of(f(t, x, p), x)
 
 
 # --- values at many states ------------------------------------------------------------------------
@@ -258,8 +251,8 @@ _CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states t
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """A user's function of (t, x, p) at K states, the columns of `x`, as m rows: one of a function
-    that returns a number. NaN where it has no value.
+    """Evaluate a user's function of (t, x, p) at K states, the columns of `x`: as m rows, one of a
+    function that returns a number. NaN where it has no value.
 
     Raises `Undefined` where the function raises `ValueError` or `ArithmeticError`. Other errors are
     bugs: they pass, with a note that says for which t, x and p.
@@ -281,7 +274,7 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
 
 
 def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
-    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
+    """Make an array as wide as `x` of what a user's function returned for its columns."""
     try:
         rows = np.asarray(returned)
         if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
@@ -292,7 +285,7 @@ def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
 
 
 def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
-    """The same, seen to be as many rows as ever."""
+    """Make such an array of as many rows as ever."""
     rows = rows_of([returned] if how.scalar else returned, x)
     if rows.shape != (how.rows, x.shape[1]):
         raise ValueError(f"shape {rows.shape}")
@@ -300,7 +293,7 @@ def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
 
 
 def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """A function at one state, with what it raises told where."""
+    """Evaluate a function at one state; what it raises says where."""
     try:
         return np.array(function(t, x, p), ndmin=1)
     except Exception as error:
@@ -354,7 +347,7 @@ def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calli
 
 
 def offset(x: Array) -> Array:
-    """A short way for each entry of a state: kinks tend to lie where one starts, at 0 or 1."""
+    """Return a short way for each entry of a state: kinks tend to lie where one starts."""
     return _ASIDE * np.where(size := abs(x).max(axis=1), size, 1.0)
 
 
@@ -364,8 +357,8 @@ def offset(x: Array) -> Array:
 def slopes(
     function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
 ) -> tuple[Array, Array]:
-    """As `values`, and the derivatives in the state, in time and in named parameters, of shape
-    (m, n + 1 + len(names), K).
+    """Evaluate a function as `values` does, and its derivatives in the state, in time and in named
+    parameters, of shape (m, n + 1 + len(names), K).
 
     By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
     differences, whose steps suit it. Decided beside the first states, and anew where slopes are
@@ -373,24 +366,30 @@ def slopes(
     """
     n, count = x.shape
     t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
-    how, key = _calling(function, t, x, p), tuple(names)
-    doubtful: Any = slice(None)
-    if how.schemes.get(key, how) is None:
-        value, slope = _complex_steps(how, t, x, p, key)
+    how, doubtful = _calling(function, t, x, p), np.arange(count)
+    if how.schemes.get(names, how) is None:
+        value, slope = _complex_steps(how, t, x, p, names)
         doubtful = _doubtful(how, t, x, p, value, slope)
         if not doubtful.size:
             return value, slope
+
+    def joined(z: NDArray[Any]) -> NDArray[Any]:
+        """Evaluate it at rows of states, of times, and of parameters, the same in all columns."""
+        moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
+        return _call(how, z[n], z[:n], {**p, **moved})
+
     named = np.array([p[name] for name in names]).reshape(-1, 1)
     z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
-    joined, scales = partial(_joined, how, p, key), _scales(z, n)
-    if how.schemes.get(key) is None:  # nobody knows yet, or no longer
-        first = key not in how.schemes
-        aside = np.append(offset(x), np.zeros(len(z) - n)) if first else np.zeros(len(z))
-        how.schemes[key] = _decide_scheme(joined, z[:, doubtful], aside, scales)
-        by = "complex steps" if how.schemes[key] is None else "differences"
+    scales = _scales(z, n)
+    if how.schemes.get(names) is None:  # nobody knows yet, or no longer
+        beside = np.zeros(len(z))
+        if names not in how.schemes:
+            beside[:n] = offset(x)
+        how.schemes[names] = _decide_scheme(joined, z[:, doubtful], beside, scales)
+        by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", _name(function), by)
-    if (finer := how.schemes[key]) is None:
-        return _complex_steps(how, t, x, p, key)
+    if (finer := how.schemes[names]) is None:
+        return _complex_steps(how, t, x, p, names)
     return joined(z), _differences(joined, z, scales, finer)
 
 
@@ -414,7 +413,7 @@ def _complex_steps(
 def _doubtful(
     how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array
 ) -> NDArray[np.intp]:
-    """Some states at which slopes, along one way, are not what a central difference gives."""
+    """Find states at which slopes, along one way, are not what a central difference gives."""
     n, count = x.shape
     low, high = x.min(axis=1), x.max(axis=1)
     step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
@@ -429,21 +428,14 @@ def _doubtful(
 
 
 def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> float:
-    """How fast a function changes along a flow, dh/dt + grad h . f."""
+    """Evaluate the rate at which a function changes along a flow, dh/dt + grad h . f."""
     slope = slopes(function, t, x[:, None], p)[1][0, :, 0]
     return float(slope @ np.append(values(f, t, x[:, None], p), 1.0))
 
 
-def _joined(how: _Calling, p: Params, names: tuple[str, ...], z: NDArray[Any]) -> NDArray[Any]:
-    """A function of rows of states, of times, and of named parameters, the same in all columns."""
-    n = len(z) - 1 - len(names)
-    moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
-    return _call(how, z[n], z[:n], {**p, **moved})
-
-
 def _scales(z: Array, n: int) -> Array:
-    """Typical sizes of the rows: of n states and the time their spread, or 1 where they are
-    constant, of parameters their own, or 1 where they vanish."""
+    """Measure the rows: n states and the time by their spread, or 1 where they are constant,
+    parameters by their size, or 1 where they vanish."""
     spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
     least = _SAME * size
     least[:n] += _ROUNDING * size[:n].max()  # what is rounding of other states says nothing
@@ -452,7 +444,7 @@ def _scales(z: Array, n: int) -> Array:
 
 
 def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
-    """Five-point differences, shorter where they leave the domain of the function."""
+    """Take five-point differences, shorter where they leave the domain of the function."""
     slopes, sizes = [], np.maximum(scales[:, None], abs(z))
     for j, divisor in enumerate(finer):
         for shorter in (1, 64, 4096):
@@ -466,8 +458,8 @@ def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
 
 
 def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array) -> Array | None:
-    """None for complex steps, where they agree with differences beside each of a few states; or
-    what the steps of differences are divided by."""
+    """Return None for complex steps, where they agree with differences beside each of a few
+    states, or the divisors of the steps of differences."""
     finest = np.zeros(len(z))
     for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
         with np.errstate(all="ignore"):
