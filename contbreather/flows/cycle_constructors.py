@@ -1,4 +1,4 @@
-"""Where cycles come from: a simulation, or samples of an orbit."""
+"""Constructors of cycles: from a simulation, or samples of an orbit."""
 
 from __future__ import annotations
 
@@ -117,8 +117,12 @@ def cycle(
     >>> round(oscillator.start["period"], 9)
     6.663286859
     """
-    scheme, forcing = collocation or Collocation(), _period(period)
+    scheme, forcing = collocation or Collocation(), None
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
+    if period is not None:
+        if not callable(period):
+            number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
+        forcing = partial(_length, period)
     flows = flows_of(flows, period)
     alone = _alone(flows)
     if isinstance(start, tuple):
@@ -162,7 +166,7 @@ def cycle(
 def named_state(
     start: Mapping[str, float], params: Mapping[str, float]
 ) -> tuple[Array, dict[str, float]]:
-    """A state and parameters as numbers, their names seen to be no one else's."""
+    """Make numbers of a state and parameters, and refuse names that clash."""
     wanted = "a dict with the name and value of each state, {'x': 1.0} for instance,"
     check_kind(start, Mapping, f"{wanted} or for a cycle samples (t, x),")
     check_kind(params, Mapping, "a dict of parameters")
@@ -189,7 +193,7 @@ def named_state(
 
 
 def _alone(flows: Any) -> Flow | None:
-    """The flow that nothing ends, where that is all there is."""
+    """Return the flow that nothing ends, where that is all there is."""
     if not isinstance(flows, tuple):  # a system that decides by its state which flow comes next
         return None
     endless = [i for i, flow in enumerate(flows) if flow.until is None]
@@ -198,14 +202,8 @@ def _alone(flows: Any) -> Flow | None:
     return flows[0] if endless else None
 
 
-def _period(period: Any) -> Function | None:
-    """The period as a function to differentiate, ``period(t, x, p)``."""
-    if period is not None and not callable(period):
-        number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
-    return None if period is None else partial(_length, period)
-
-
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
+    """Evaluate the period as a function to differentiate."""
     return value_at(period, p)
 
 
@@ -215,12 +213,12 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
 Run = Callable[..., Trajectory]
 Made = Callable[[FlowEquations], CycleProblem]
 Begin = tuple[float, Array, int]  # time, state and flow
-Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
+Motion = tuple[Callable[[Array], Array], float, float]  # states at times, from when to when
 
 
 def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
-    """A simulation, of what is stiff by an implicit method; one that leaves the domain of its
-    functions finds no orbit."""
+    """Simulate, stiff systems by an implicit method; a run that leaves the domain of its functions
+    finds no orbit."""
     run = partial(integrate, flows, params=params, tolerance=_CLOSELY, **how)
     try:
         with suppress(TooManySteps):
@@ -231,9 +229,9 @@ def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
 
 
 def _resolved(
-    scheme: Collocation, parts: Sequence[Flow], params: Params, pieces: Sequence[Stretch]
+    scheme: Collocation, flows: Sequence[Flow], params: Params, pieces: Sequence[Motion]
 ) -> list[TrajectorySegment]:
-    """Motions on meshes that follow them, of as many intervals as their equations need."""
+    """Fit motions on meshes that follow them, of as many intervals as their equations need."""
 
     def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[TrajectorySegment]:
         return [
@@ -245,7 +243,7 @@ def _resolved(
     flights = [*_adapted(through(scheme, even))]
     for _ in range(_DOUBLINGS):
         try:
-            for flow, flight, size in zip(parts, flights, sizes_of(flights), strict=True):
+            for flow, flight, size in zip(flows, flights, sizes_of(flights), strict=True):
                 flown(flow, flight, params, float(size.max()), (flight.slopes, None))
             return flights
         except Undefined as error:
@@ -266,17 +264,14 @@ def _check_start(
     flows: Any, t0: float, state: Array, params: Params, forcing: Function | None
 ) -> None:
     """Refuse functions that do not fit, and a false period before a simulation goes astray."""
-    if isinstance(flows, Filippov):
-        flows.begin(t0, state, params)
-        begun = flows.flows[:2]
-    else:
-        flows[0].check(t0, state, params)
-        begun = flows[:1]
+    slides = isinstance(flows, Filippov)
+    check, begun = (flows.begin, flows.flows[:2]) if slides else (flows[0].check, flows[:1])
+    check(t0, state, params)
     refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
 
 
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
-    """Where the simulation is after the time to settle, a whole number of periods."""
+    """Simulate for the time to settle, a whole number of periods."""
     settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
     if length is not None:
         settle = math.ceil(settle / length - 1e-9) * length  # whole periods stay as many
@@ -295,8 +290,8 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     return middle, last(middle), last.number
 
 
-def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Stretch]]:
-    """The last pieces of a simulation after which it repeats itself."""
+def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Motion]]:
+    """Return the last pieces of a simulation after which it repeats itself."""
     t, state, first = begin
     ran = run(x0=state, events=2 * _RETURNS, t0=t, first=first)
     last = ran.events[-1]
@@ -319,7 +314,7 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
 
 
 def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
-    """The first return that is nearly as close as the closest of all."""
+    """Choose the first return that is nearly as close as the closest of all."""
     least = min((off for off, _ in returns), default=math.inf)
     if not least <= _BACK:
         raise NotConverged(
@@ -333,8 +328,8 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 def _smooth(
     flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
-) -> Stretch:
-    """One period: of the forcing, or from a plane across the flow back to it."""
+) -> Motion:
+    """Simulate one period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
@@ -351,8 +346,8 @@ def _smooth(
 
 
 def _returns(flow: Flow, ran: Trajectory, params: Params) -> list[tuple[float, float]]:
-    """How far from its start it is, in its size, and when, each time it comes back to the plane
-    through that across its velocity."""
+    """Find the returns to the plane through the start across its velocity: how far off the start
+    they are, in the size of the orbit, and when."""
     begin, state = ran.t[0], ran.x[:, :1]
     speed = values(flow.f, begin, state, params)[:, 0]
 
@@ -377,17 +372,16 @@ def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = Fals
     size = max(size, float(abs(state).max()))
     if float(abs(moved).max()) <= _AT_REST * size:
         place = [float(f"{x:.6g}") if abs(x) > _AT_REST * size else 0.0 for x in state.tolist()]
+        kind, more = "an equilibrium", "cb.equilibrium continues it"
         if slides:
-            what, more = "a pseudo-equilibrium", "the motion along the surface comes to rest there"
-        else:
-            what, more = "an equilibrium", "cb.equilibrium continues it"
+            kind, more = "a pseudo-equilibrium", "the motion along the surface comes to rest there"
         raise NotConverged(
-            f"there is {what} at {brief(place)}, not a cycle: {more}; start elsewhere for a cycle"
+            f"there is {kind} at {brief(place)}, not a cycle: {more}; start elsewhere for a cycle"
         )
 
 
 def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
-    """The same on meshes that follow them."""
+    """Put flights on meshes that follow them."""
     return tuple(
         flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
     )
@@ -395,8 +389,8 @@ def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, .
 
 def _sampled(
     flow: Flow | None, samples: tuple[Any, Any], params: Params
-) -> tuple[tuple[Flow, ...], list[Stretch], tuple[str, ...]]:
-    """The motion through samples of one period."""
+) -> tuple[tuple[Flow, ...], list[Motion], tuple[str, ...]]:
+    """Interpolate samples of one period."""
     from scipy.interpolate import CubicSpline
 
     if flow is None:
@@ -415,7 +409,7 @@ def _sampled(
 
 
 def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -> Problem:
-    """The problem with its orbit solved for, then once more on a mesh that follows it."""
+    """Solve for the orbit of a problem, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
     for _ in range(2):
         equations, solved = _solved(equations, made)
@@ -435,7 +429,7 @@ def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -
 
 
 def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Problem]:
-    """The orbit solved for, on as many intervals as it needs."""
+    """Solve for the orbit on as many intervals as it needs."""
     while True:
         try:
             return equations, made(equations).solve(tolerance=1e-10)[0]
@@ -445,8 +439,8 @@ def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Proble
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
                 unforced = "" if equations.autonomous else f"; {_UNFORCED}"
-                _refuse_family(getattr(error, "last", None), error)
-                _refuse_family(made(equations), error)
+                for problem in filter(None, (getattr(error, "last", None), made(equations))):
+                    _refuse_family(problem, error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}; {finer}let it "
                     f"settle longer (settle=){unforced}",
@@ -456,10 +450,8 @@ def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Proble
         equations = replace(equations, start=_adapted(halved))
 
 
-def _refuse_family(problem: Problem | None, error: Exception) -> None:
-    """Newton's iteration does not end at an orbit with others beside it."""
-    if problem is None:
-        return
+def _refuse_family(problem: Problem, error: Exception) -> None:
+    """Refuse an orbit with others beside it, at which Newton's iteration does not end."""
     with suppress(Undefined):
         orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
@@ -476,13 +468,12 @@ def _refuse_family(problem: Problem | None, error: Exception) -> None:
 
 
 def _refuse_passed(orbit: Cycle) -> None:
-    """Newton's iteration does not see walls, and may have moved an orbit through one."""
+    """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing."""
     touch = lowest(orbit)
-    if touch is None or not touch.clearance < -_BEHIND:
-        return
-    raise NotConverged(
-        "no periodic orbit was found from there: the closest passes "
-        f"{touch.guard} of flow {touch.flow}, which is {touch.clearance:.3g} at "
-        f"t = {touch.time:.4g}; let it settle longer (settle=), or start closer to the orbit",
-        residual=-touch.clearance,
-    )
+    if touch and touch.clearance < -_BEHIND:
+        raise NotConverged(
+            "no periodic orbit was found from there: the closest passes "
+            f"{touch.guard} of flow {touch.flow}, which is {touch.clearance:.3g} at "
+            f"t = {touch.time:.4g}; let it settle longer (settle=), or start closer to the orbit",
+            residual=-touch.clearance,
+        )

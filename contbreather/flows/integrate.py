@@ -1,4 +1,4 @@
-"""A sequence of flows followed in time, from event to event."""
+"""Integration of a sequence of flows in time, from event to event."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CHATTER = 4  # that many in a row
 
 
 class TooManySteps(NotConverged):
-    """A stiff system takes more than it may by an explicit method."""
+    """More steps than allowed, as a stiff system takes by an explicit method."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +56,14 @@ class _InTurn:
                 f"{name} of flow {mode} is zero {place(t, x)}: it must stay positive; start "
                 "elsewhere, or make it the condition of a flow"
             )
-        reset = flow.reset
-        if reset is not None:
-            x = values(reset, t, x[:, None], p)[:, 0]
+        if flow.reset is not None:
+            x = values(flow.reset, t, x[:, None], p)[:, 0]
         following = (mode + 1) % len(self.flows)
-        if reset is not None or following != mode:
-            try:
-                self.flows[following].check(t, x, p)
-            except BadInput as error:
-                where = f"the reset of flow {mode} lands" if reset else f"flow {mode} ends"
-                raise BadInput(f"where {where}, {error}") from error
+        try:
+            self.flows[following].check(t, x, p)
+        except BadInput as error:
+            where = f"the reset of flow {mode} lands" if flow.reset else f"flow {mode} ends"
+            raise BadInput(f"where {where}, {error}") from error
         return following, x
 
 
@@ -99,7 +97,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class GuardCrossing:
-    """Where a flow ended: its state before and after the reset, and how fast the guard changed:
+    """End of a flow: its state before and after the reset, and how fast the guard changed:
     negative, 0 at grazing."""
 
     time: float
@@ -111,7 +109,7 @@ class GuardCrossing:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Columns, HtmlRepr):
-    """What `integrate` returns; call it for states at times, after the reset at that of an event.
+    """Result of `integrate`; call it for states at times, after the reset at that of an event.
 
     Attributes
     ----------
@@ -165,7 +163,7 @@ class Trajectory(Columns, HtmlRepr):
         return {"t": self.t, **dict(zip(self.names, self.x, strict=True))}
 
     def table(self) -> Sheet:
-        """What there is to it, and where it ended."""
+        """Tabulate its span, events and final state."""
         rows: list[Any] = [("from t =", self.pieces[0].t[0]), ("to t =", self.pieces[-1].t[-1])]
         rows += [("events", len(self.events)), *zip(self.names, self.final, strict=False)]
         return Sheet.of(rows)
@@ -264,8 +262,8 @@ def integrate(
 
 
 def flows_of(flows: Any, period: Any) -> Any:
-    """A list of flows in turn, with the period of which their clocks strike a part; a system that
-    decides by its state which comes next as it is."""
+    """Make a tuple of flows in turn, with the period of which their clocks strike a part; a system
+    that decides by its state which comes next stays as it is."""
     if isinstance(flows, Filippov):
         return flows
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
@@ -277,7 +275,7 @@ def flows_of(flows: Any, period: Any) -> Any:
 def _ends(
     t0: float, periods: Any, period: Any, time: Any, events: Any, params: Mapping[str, float]
 ) -> tuple[float, float]:
-    """The time and the number of events at which to end."""
+    """Return the time and the number of events at which to end."""
     if (periods is not None and time is not None) or periods is time is events is None:
         raise BadInput("say how far to go: either periods= (of period=), or time=, or events=")
     most = math.inf if events is None else whole("events", events, 1)
@@ -292,7 +290,7 @@ def _ends(
 
 @dataclass
 class _Integration:
-    """The driver: pieces one after the other."""
+    """Integrate pieces one after the other."""
 
     path: _InTurn | Filippov
     params: Params
@@ -321,7 +319,7 @@ class _Integration:
         return Trajectory(tuple(pieces), tuple(events), x, names, self.params)
 
     def piece(self, mode: int, t0: float, x0: Array, end: float) -> tuple[Piece, int | None]:
-        """One flow, up to the first of its guards or to the end of the run."""
+        """Integrate one flow, up to the first of its guards or to the end of the run."""
         from scipy import integrate
 
         flow = self.path.flows[mode]
