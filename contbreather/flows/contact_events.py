@@ -1,10 +1,13 @@
-"""VI, an impact that loses its velocity, GR, a wall that is touched in between, and SL, where an
+"""Events VI, an impact that loses its velocity, GR, a wall that is touched in between, and SL: an
 orbit of a Filippov system begins to slide, or to cross where it slid."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +16,11 @@ from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
-from .cycle_problem import Cycle, equations_of
+from .cycle_problem import Cycle
 from .equations import FlowEquations
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
+from .layout import Places
 from .multipliers import paces, relative_paces
 
 _LOOKS = 8  # into each interval for a wall that is touched
@@ -28,28 +32,41 @@ _SLOW = 1e-2  # of how fast a condition may change: it is all but touched
 _BRACKET = 60  # halvings that locate the lowest place of a wall
 
 
-def _slowest(point: Point) -> float:
-    """How fast the condition falls that falls slowest where it ends its flow."""
-    orbit: Cycle = point.base_point.solution
-    return float(paces(orbit.equations, orbit.x, orbit.params).min())
+class Margin(NamedTuple):
+    """Distance of an orbit from one end of its branch, the equations of the end, and a sentence."""
+
+    value: float
+    system: Callable[[], DefiningSystem]
+    said: str
 
 
-def _slowest_end(orbit: Cycle) -> tuple[int, Function]:
-    """The flow whose condition falls that slowly where it ends, and the condition."""
-    ended = [(i, flow.until) for i, flow in enumerate(orbit.equations.flows) if flow.until]
-    return ended[int(paces(orbit.equations, orbit.x, orbit.params).argmin())]
+@dataclass(frozen=True, eq=False)
+class _Nearest:
+    """Test of an event: the least of some margins of an orbit."""
+
+    margins: Callable[[Cycle], Iterable[Margin]]
+
+    def __call__(self, point: Point) -> float:
+        nearest = self._of(point)
+        return nearest.value if nearest else math.nan
+
+    def locus(self, point: Point) -> DefiningSystem:
+        if (nearest := self._of(point)) is None:
+            raise Undefined("no wall comes close between the ends of a flow")
+        return nearest.system()
+
+    def examine(self, point: Point) -> Examined:
+        nearest = self._of(point)
+        return {"said": nearest.said} if nearest else ""
+
+    def _of(self, point: Point) -> Margin | None:
+        margins = self.margins(point.base_point.solution)
+        return min(margins, key=lambda margin: margin.value, default=None)
 
 
-def _slowest_locus(point: Point) -> DefiningSystem:
-    orbit: Cycle = point.base_point.solution
-    i, until = _slowest_end(orbit)
-    return _Reached(orbit.equations, i, until, 1.0, slice(1, 2)).system()  # it does not change
-
-
-def _examine_slowest(point: Point) -> Examined:
-    orbit: Cycle = point.base_point.solution
-    i, _ = _slowest_end(orbit)
-    return {"said": f"flow {i} only just reaches its end at t = {orbit.flights[i].last:.6g}"}
+def _event(kind: str, margins: Callable[[Cycle], Iterable[Margin]]) -> Event:
+    nearest = _Nearest(margins)
+    return Event(kind, nearest, locus=nearest.locus, examine=nearest.examine, ends="domain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +101,7 @@ class _Reached:
         return float(extra[0]) if self.place is None else self.place
 
     def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
-        """Both at a time and a state, and their derivatives in state, time and parameters."""
+        """Evaluate both at a time and a state, and their derivatives, in parameters too."""
 
         def gradient(z: Array) -> Array:
             return slopes(self.wall, z[-1], z[:-1, None], p, names)[1][0, :, 0]
@@ -114,8 +131,8 @@ class Touch:
 
 
 def lowest(orbit: Cycle) -> Touch | None:
-    """Where an orbit comes closest to touching a wall of its flows, at the ends of these, too, or
-    what ends one before it does; None without walls."""
+    """Find the place where an orbit comes closest to touching a wall of its flows, at the ends of
+    these, too, or the condition that ends one before it does; None without walls."""
     touches: list[Touch] = []
     flows = orbit.equations.flows
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
@@ -141,8 +158,8 @@ def lowest(orbit: Cycle) -> Touch | None:
 
 
 def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
-    """Whether a flow begins off its own condition, not on it as after an impact: so off is what is
-    no error of where the flow before it ends. Where sliding begins SL is looked for."""
+    """Tell whether a flow begins off its own condition, not on it as after an impact: by more than
+    the error of the end of the flow before. Where sliding begins SL is looked for."""
     flows, before, p = orbit.equations.flows, orbit.flights[i - 1], orbit.params
     if slid_along(flows[i]):
         return False
@@ -154,7 +171,7 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
-    """Where a wall has minima, those at the two ends of its flow among them.
+    """Find the minima of a wall, those at the two ends of its flow among them.
 
     What ends the flow is zero there, so that is divided out: where it is touched before, v = 0 and
     v' = 0 as ever, but a minimum of v / (1 - s) comes into being while it is positive, and none
@@ -178,7 +195,7 @@ def _bottom(
     beside: tuple[float, float],
     ends: bool,
 ) -> float:
-    """Where the wall stops falling, by halving and the secant; `s` where it does not."""
+    """Find the place where the wall stops falling; `s` where it does not."""
     from scipy.optimize import brentq
 
     def rate(s: float) -> float:
@@ -195,122 +212,96 @@ def _bottom(
     return float(brentq(rate, low, high, xtol=1e-15, maxiter=_BRACKET))
 
 
-def _clearance(point: Point) -> float:
-    touch = lowest(point.base_point.solution)
-    return math.nan if touch is None else touch.clearance
-
-
-def _clearance_locus(point: Point) -> DefiningSystem:
-    touch, equations = lowest(point.base_point.solution), equations_of(point.base_point)
+def _clearances(orbit: Cycle) -> list[Margin]:
+    """Measure how far the orbit is off touching a wall."""
+    touch, equations = lowest(orbit), orbit.equations
     if touch is None:
-        raise Undefined("no wall comes close between the ends of a flow")
+        return []
     flow = equations.flows[touch.flow]
-    wall = flow.guards[touch.guard]
+    wall, reached = flow.guards[touch.guard], partial(_Reached, equations, touch.flow)
+    system = partial(reached(wall, None, slice(2)).system, touch=touch.place)
     if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-        return _Reached(equations, touch.flow, wall, touch.place, slice(1)).system()
-    return _Reached(equations, touch.flow, wall, None, slice(2)).system(touch=touch.place)
+        system = partial(reached(wall, touch.place, slice(1)).system)
+    said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
+    return [Margin(touch.clearance, system, said)]
 
 
-def _examine_clearance(point: Point) -> Examined:
-    orbit: Cycle = point.base_point.solution
-    touch = lowest(orbit)
-    if touch is None:
-        return ""
-    return {"said": f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"}
+def _rates(orbit: Cycle) -> list[Margin]:
+    """Measure how fast each condition falls where it ends its flow."""
+    equations = orbit.equations
+    ended = [(i, flow.until) for i, flow in enumerate(equations.flows) if flow.until]
+    return [
+        Margin(
+            float(rate),
+            _Reached(equations, i, until, 1.0, slice(1, 2)).system,  # it does not change
+            f"flow {i} only just reaches its end at t = {orbit.flights[i].last:.6g}",
+        )
+        for (i, until), rate in zip(ended, paces(equations, orbit.x, orbit.params), strict=True)
+    ]
 
 
 # --- where a surface is reached ------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Arrivals:
-    """Where an orbit comes to the surface of a Filippov system: the field of the other side points
-    away from the surface where the orbit crosses it, and at it where it slides."""
-
-    system: Filippov
-
-    def __call__(self, point: Point) -> float:
-        return min((margin for margin, _, _ in self._arrivals(point)), default=math.nan)
-
-    def locus(self, point: Point) -> DefiningSystem:
-        _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        return _Reached(equations_of(point.base_point), i, field, 1.0, slice(1)).system()
-
-    def examine(self, point: Point) -> Examined:
-        orbit: Cycle = point.base_point.solution
-        _, i, _ = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        return {"said": f"flow {i} ends at the edge of sliding at t = {orbit.flights[i].last:.6g}"}
-
-    def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
-        orbit: Cycle = point.base_point.solution
-        numbers = [self.system.flows.index(flow) for flow in orbit.equations.flows]
-        fields = [self.system.to_minus.until, self.system.to_plus.until]
-        arrivals = []
-        for i, flight in enumerate(orbit.flights):
-            if numbers[i] >= len(fields):
-                continue  # it leaves the surface there
-            field, follows = fields[numbers[i]], numbers[(i + 1) % len(numbers)]
-            assert field is not None
-            points_at_it = values(field, flight.last, flight.end[:, None], orbit.params)[0, 0]
-            slides = follows >= len(fields)
-            arrivals.append((float(points_at_it if slides else -points_at_it), i, field))
-        return arrivals
+def _arrivals(system: Filippov, orbit: Cycle) -> list[Margin]:
+    """Measure the field of the other side where an orbit comes to the surface: it points away from
+    it where the orbit crosses, and at it where it slides."""
+    numbers = [system.flows.index(flow) for flow in orbit.equations.flows]
+    fields, arrivals = [system.to_minus.until, system.to_plus.until], []
+    for i, flight in enumerate(orbit.flights):
+        if numbers[i] >= len(fields):
+            continue  # it leaves the surface there
+        field, slides = fields[numbers[i]], numbers[(i + 1) % len(numbers)] >= len(fields)
+        assert field is not None
+        points_at_it = float(values(field, flight.last, flight.end[:, None], orbit.params)[0, 0])
+        reached = _Reached(orbit.equations, i, field, 1.0, slice(1)).system
+        said = f"flow {i} ends at the edge of sliding at t = {flight.last:.6g}"
+        arrivals.append(Margin(points_at_it if slides else -points_at_it, reached, said))
+    return arrivals
 
 
 def sliding(system: Filippov) -> Event:
-    """SL, of the cycles of a Filippov system."""
-    arrivals = _Arrivals(system)
-    return Event("SL", arrivals, locus=arrivals.locus, examine=arrivals.examine, ends="domain")
+    """Make the event SL of the cycles of a Filippov system."""
+    return _event("SL", partial(_arrivals, system))
 
 
 # --- where a flow shrinks to nothing --------------------------------------------------------------
 
 
-def _shortest(point: Point) -> tuple[float, int]:
-    """The share of the orbit, beyond what counts as none, of its shortest flow among those that
-    begin where a condition without a reset is all but touched, and which: where two flows meet at a
-    tangency one comes into being, as short as the root of how far the parameter is beyond."""
-    orbit: Cycle = point.base_point.solution
-    flows, whole = orbit.equations.flows, orbit.period
+def _shares(orbit: Cycle) -> list[Margin]:
+    """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
+    condition without a reset is all but touched: where two flows meet at a tangency one comes into
+    being, as short as the root of how far the parameter is beyond."""
+    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
     slow = relative_paces(orbit.equations, orbit.x, orbit.params)
-    before = [(i - 1) % len(flows) for i in range(len(flows))]
-    shares = [
-        (flight.duration / whole - _SHRUNK, i)
-        for i, (j, flight) in enumerate(zip(before, orbit.flights, strict=True))
-        if flows[j].until and not flows[j].reset and slow[j] < _SLOW
+    return [
+        Margin(
+            flight.duration / orbit.period - _SHRUNK,
+            partial(_shortest, lengths, lengths[i]),
+            f"flow {i} shrinks to nothing, it begins at a tangency",
+        )
+        for i, flight in enumerate(orbit.flights)
+        if flows[i - 1].until and not flows[i - 1].reset
+        if slow[(i - 1) % len(flows)] < _SLOW
     ]
-    return min(shares, default=(math.nan, 0))
 
 
-def _least_share(point: Point) -> float:
-    return _shortest(point)[0]
-
-
-def _shortest_locus(point: Point) -> DefiningSystem:
-    i, lengths = _shortest(point)[1], equations_of(point.base_point).layout.lengths
-
+def _shortest(lengths: Places, shrunk: int) -> DefiningSystem:
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return z[lengths[i], None] - _SHRUNK * z[lengths].sum()
+        return z[shrunk, None] - _SHRUNK * z[lengths].sum()
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
         row = np.zeros((1, z.size))
         row[0, lengths] = -_SHRUNK
-        row[0, lengths[i]] += 1.0
+        row[0, shrunk] += 1.0
         return row
 
     return DefiningSystem({}, conditions, derivative)
 
 
-def _examine_shortest(point: Point) -> Examined:
-    return {"said": f"flow {_shortest(point)[1]} shrinks to nothing, it begins at a tangency"}
-
-
 def shrinking(kind: str) -> Event:
-    """GR, or SL of a Filippov system, of cycles whose flows follow each other without a reset."""
-    return Event(
-        kind, _least_share, locus=_shortest_locus, examine=_examine_shortest, ends="domain"
-    )
+    """Make the event GR, or SL of a Filippov system, of flows that follow without a reset."""
+    return _event(kind, _shares)
 
 
-IMPACT = Event("VI", _slowest, locus=_slowest_locus, examine=_examine_slowest, ends="domain")
-GRAZING = Event("GR", _clearance, locus=_clearance_locus, examine=_examine_clearance, ends="domain")
+IMPACT, GRAZING = _event("VI", _rates), _event("GR", _clearances)
