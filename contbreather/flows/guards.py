@@ -11,10 +11,11 @@ import numpy as np
 
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
-from .flow import Function, Params, place, slopes, values
+from .flow import Function, Params, place, values
 
 _FEWEST, _MOST = 16, 4096  # parts of a step between which a guard is looked at
 _ROUGH = 0.1  # of its range: fourth differences this large hide dips between the places
+_SHIFT = 1e-6  # relative to a state: it is another one
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
 _LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
 _PATIENT = 10_000  # steps to a zero that may be a multiple one
@@ -45,18 +46,20 @@ class GuardOnPiece:
             return value
 
         if not self.armed:
-            a = self._arm(guard, a, b, self._size(a, step(a), b, step(b)))
+            a = self._arm(guard, a, b, self._size(step(a), b, step(b)))
         return _first_fall(guard, a, b) if self.armed else math.inf
 
-    def _size(self, a: float, before: Array, b: float, after: Array) -> float:
+    def _size(self, before: Array, b: float, after: Array) -> float:
         """Measure the states that the guard depends on, or its change: those it is made of."""
-        n, x = after.size, after[:, None]
+        # entry by entry another state
+        moved = after[:, None] + np.diag(_SHIFT * np.where(after, after, 1.0))
+        states = np.column_stack([after, moved])
         try:
-            involved = slopes(self.function, b, x, self.params)[1][0, :n, 0] != 0
-            pace = slopes(self.field, b, x, self.params)[1][:, :n, 0]
+            level, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
         except Undefined:  # a little further it has no value
             return float(abs(np.append(before, after)).max())
-        involved |= (pace[involved] != 0).any(axis=0)
+        involved = level[0, 1:] != level[0, 0]
+        involved |= (pace[involved, 1:] != pace[involved, :1]).any(axis=0)
         return float(abs(np.append(before[involved], after[involved])).max(initial=0.0))
 
     def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
