@@ -25,13 +25,11 @@ from .flow import Flow, Params, slopes, values
 Guess = tuple[Array, Array | None]  # slopes inside, and perhaps an inverse that finds them
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
-_ITERATIONS = 12
 ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
 _STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _LONGEST = 18.4  # ln of a path in its sizes, which is at least the inverse
-_ADAPTIONS = 4
 _AT_REST = 0.1  # how far an orbit goes at least, in its size: what sets out from rest keeps a mesh
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
@@ -238,7 +236,7 @@ class TrajectorySegment:
     def adapted(self, sizes: Array) -> TrajectorySegment:
         """The same flight on a mesh with equal shares, as far as interpolation tells."""
         even, flight = np.linspace(0.0, 1.0, self.knots.size), self
-        for _ in range(_ADAPTIONS):
+        for _ in range(4):
             share = np.append(0.0, np.cumsum(flight.shares(sizes, flight.path(sizes))))
             knots = np.interp(even, share / share[-1], flight.knots)
             knots[0], knots[-1] = 0.0, 1.0
@@ -311,7 +309,7 @@ def _newton(
     makes corrections shrink."""
     (k, inverse), before, lengths, good = near, np.inf, flight.lengths[:, None], False
     moves = max(abs(k).max(), _STILL * max(unit, abs(flight.states).max()))
-    for _ in range(_ITERATIONS):
+    for _ in range(12):
         fresh = inverse is None
         good = good or fresh
         if inverse is None:

@@ -23,13 +23,10 @@ from .flow import Clock, Function, Params, slopes, values
 from .layout import Places
 from .multipliers import paces, relative_paces
 
-_LOOKS = 8  # into each interval for a wall that is touched
 _ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
 _AS_MUCH = 10.0  # or off by so many times what the flow before it is off where it ends
 _FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
-_SLOW = 1e-2  # of how fast a condition may change: it is all but touched
-_BRACKET = 60  # halvings that locate the lowest place of a wall
 
 
 class Margin(NamedTuple):
@@ -138,7 +135,7 @@ def lowest(orbit: Cycle) -> Touch | None:
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         # without a reset it begins where another ended: the walls of sliding are zero there at SL
         walled = flow.until is None or flows[i - 1].reset is not None
-        s, states = flight.sampled(_LOOKS)
+        s, states = flight.sampled(8)  # into each interval for a wall that is touched
         for name, wall in flow.guards.items():
             if isinstance(wall, Clock):
                 continue
@@ -209,7 +206,7 @@ def _bottom(
     low, high = beside
     if not (rate(low) < 0 < rate(high)):
         return s
-    return float(brentq(rate, low, high, xtol=1e-15, maxiter=_BRACKET))
+    return float(brentq(rate, low, high, xtol=1e-15, maxiter=60))
 
 
 def _clearances(orbit: Cycle) -> list[Margin]:
@@ -282,7 +279,7 @@ def _shares(orbit: Cycle) -> list[Margin]:
         )
         for i, flight in enumerate(orbit.flights)
         if flows[i - 1].until and not flows[i - 1].reset
-        if slow[(i - 1) % len(flows)] < _SLOW
+        if slow[(i - 1) % len(flows)] < 1e-2  # of its largest rate: all but touched
     ]
 
 

@@ -30,7 +30,6 @@ from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .time_dependence import period_at, refuse_false_period
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
-_EXPLICIT = 10_000  # steps of an explicit method, after which it is taken to be stiff
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _NEARLY = 3.0  # the first return that is nearly as close as the closest is the period
@@ -38,12 +37,10 @@ _CLOSE = 1e-3  # of the size: all returns this close are as good
 _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _LONGER = (1, 3, 9, 27)  # and then
-_DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
 _UNFORCED = "where nothing depends on the time its period is unknown: leave period= out"
-_BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
 
 
 @one_thread
@@ -222,7 +219,7 @@ def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
     run = partial(integrate, flows, params=params, tolerance=_CLOSELY, **how)
     try:
         with suppress(TooManySteps):
-            return run(steps=_EXPLICIT)
+            return run(steps=10_000)  # by an explicit method, or it is taken to be stiff
         return run(method="LSODA")
     except Undefined as error:
         raise NotConverged(f"no periodic orbit was found from there: {error}") from error
@@ -241,7 +238,7 @@ def _resolved(
 
     even = [None] * len(pieces)
     flights = [*_adapted(through(scheme, even))]
-    for _ in range(_DOUBLINGS):
+    for _ in range(5):  # of the intervals of a mesh that does not resolve a simulation
         try:
             for flow, flight, size in zip(flows, flights, sizes_of(flights), strict=True):
                 flown(flow, flight, params, float(size.max()), (flight.slopes, None))
@@ -470,7 +467,7 @@ def _refuse_family(problem: Problem, error: Exception) -> None:
 def _refuse_passed(orbit: Cycle) -> None:
     """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing."""
     touch = lowest(orbit)
-    if touch and touch.clearance < -_BEHIND:
+    if touch and touch.clearance < -1e-9:  # less is passed, as where a walk begins
         raise NotConverged(
             "no periodic orbit was found from there: the closest passes "
             f"{touch.guard} of flow {touch.flow}, which is {touch.clearance:.3g} at "

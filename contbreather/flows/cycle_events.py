@@ -28,7 +28,6 @@ from .homoclinic import HOMOCLINIC
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
-_NEAR = 0.1  # how far off 1 a multiplier is at a fold: 1e-5 where the parameter turns by 1e-13
 _EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
@@ -106,7 +105,7 @@ def _examine_fold(point: Point) -> Examined:
         return reason
     # where a branch is steep, as at a canard, rounding turns its parameter back, too
     off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
-    if not off < _NEAR:
+    if not off < 0.1:  # 1e-5 where the parameter turns by 1e-13
         return f"no multiplier is 1: the nearest is {off:.2g} off"
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
         b = normal_forms.cubic_at_cusp(point)[0]

@@ -29,11 +29,8 @@ from .flow import Params
 from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
-_ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-_MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
 _ROUNDING = 1e-8  # of its size at the start: smaller orbits are
-_ROUGHLY = 1e-7  # error of slopes inside on the way to a solution, where the next is smaller
 _FAR = 1e3  # parameters larger than this are measured by their size
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
@@ -145,7 +142,7 @@ class Cycle(HtmlRepr):
 
     @property
     def unstable(self) -> int:
-        return int((abs(self.others) > 1 + _ON_CIRCLE).sum())
+        return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
 
     @property
     def coarse(self) -> str:
@@ -245,7 +242,7 @@ class CycleProblem(Problem):
         return {} if back is None else {"orbit": back}
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
-        return self.residual(x, params, _ROUGHLY)
+        return self.residual(x, params, 1e-7)  # the next step is more exact
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
@@ -265,7 +262,7 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
-        if len(self.start["mesh"]) > _MOST_INTERVALS:
+        if len(self.start["mesh"]) > 400:  # of all flows together: enough
             return None
         if along is None:
             return self.halved(), None

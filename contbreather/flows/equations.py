@@ -23,9 +23,7 @@ from .collocation import ROUNDING, Guess, Slopes, TrajectorySegment, derivatives
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
-_CLOSE = 0.1  # of its size: from a solution this near the next one is begun
 _AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others is measured by them
-_ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
 _ROUNDED = 1e-12  # of the states: what a reset moves by no more stays
@@ -146,7 +144,7 @@ class FlowEquations:
         """Places that are solved for, and near, the nearest first."""
         places = [*self._latest, self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
-        most = _CLOSE * abs(x).max()
+        most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
         return [places[j] for j in off.argsort().tolist() if off[j] <= most]
 
     def _guess(
@@ -417,7 +415,7 @@ class FlowEquations:
     def single_round(self, x: Array, p: Params) -> FlowEquations:
         """As begun at this orbit, a single time around where it goes around several times."""
         flights = self.flights(x, p)
-        rounds = next((m for m in range(_ROUNDS, 1, -1) if self._repeats(m, flights, p)), 1)
+        rounds = next((m for m in range(24, 1, -1) if self._repeats(m, flights, p)), 1)
         if not self.smooth:
             flights = flights[: len(flights) // rounds]
         elif rounds > 1:

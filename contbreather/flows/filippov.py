@@ -36,7 +36,6 @@ from .flow import (
 # complex step can be taken because the state may be complex already.
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 _STEP = 0.01  # relative to the state: 1e-16 of truncation, 1e-14 of rounding
-_EDGE = 1e-12  # of the surface, relative to the state
 _PLUS, _MINUS, _TO_PLUS, _TO_MINUS = range(4)
 
 
@@ -133,7 +132,7 @@ class Filippov:
         for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
             check_function(name, getattr(self, name), shape, t, x, p)
         h = float(self.h(t, x, p))
-        if abs(h) > _EDGE * (1 + abs(x).max()):
+        if abs(h) > 1e-12 * (1 + abs(x).max()):  # of the surface, relative to the state
             return _PLUS if h > 0 else _MINUS
         return self._from_surface(t, x, p)
 

@@ -30,8 +30,6 @@ _UNSEEN = 1e-5  # of the largest: a difference in slopes that is no rounding
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
-_SINGULAR = 1e12  # condition of a mass matrix: of 16 digits four are left
-_STRUCK = 1e-9  # of a period after a clock struck it waits for the next one
 _ROUNDING = 1e-14  # relative to the largest state
 _SAME = 1e-9  # relative; sums over all states at once round differently
 
@@ -51,7 +49,7 @@ class Clock:
     def after(self, t: float, p: Params) -> float:
         """Return the time at which it strikes next."""
         part, period = value_at(self.part, p), value_at(self.period, p)
-        return float((math.floor(t / period - part + _STRUCK) + 1 + part) * period)
+        return float((math.floor(t / period - part + 1e-9) + 1 + part) * period)
 
 
 def value_at(value: Any, p: Params) -> Any:
@@ -224,7 +222,7 @@ def _inverse(mass: Any) -> Array:
     matrix = numbers("the mass matrix", mass)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise BadInput(f"a mass matrix is square; one of shape {matrix.shape} was given")
-    if not np.linalg.cond(matrix) < _SINGULAR:
+    if not np.linalg.cond(matrix) < 1e12:  # condition of a mass matrix: of 16 digits four are left
         raise BadInput(
             "the mass matrix is singular, or all but: the equations are differential-algebraic, "
             "which is not supported. Solve the algebraic ones for their unknowns inside f."

@@ -24,7 +24,6 @@ from .flow import Flow, Function, Params, at_state
 from .time_dependence import refuse_false_period
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
-_ORIGIN = 1e-12  # an equilibrium no larger than this is the origin, but for rounding
 
 
 def equilibrium(
@@ -127,7 +126,7 @@ def _born(point: Point) -> SwitchingProblem:
     eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
     q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
     size = float(np.sqrt(np.mean(rest**2)))
-    size = size if size > _ORIGIN else 1.0
+    size = size if size > 1e-12 else 1.0  # or it is the origin, but for rounding
     # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
     period = 2 * math.pi / omega
 

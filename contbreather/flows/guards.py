@@ -15,10 +15,8 @@ from .flow import Function, Params, place, values
 
 _FEWEST, _MOST = 16, 4096  # parts of a step between which a guard is looked at
 _ROUGH = 0.1  # of its range: fourth differences this large hide dips between the places
-_SHIFT = 1e-6  # relative to a state: it is another one
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
 _LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
-_PATIENT = 10_000  # steps to a zero that may be a multiple one
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two places
 
 Guard = Callable[[Array], Array]  # over times
@@ -52,7 +50,7 @@ class GuardOnPiece:
     def _size(self, before: Array, b: float, after: Array) -> float:
         """Measure the states that the guard depends on, or its change: those it is made of."""
         # entry by entry another state
-        moved = after[:, None] + np.diag(_SHIFT * np.where(after, after, 1.0))
+        moved = after[:, None] + np.diag(1e-6 * np.where(after, after, 1.0))  # another state
         states = np.column_stack([after, moved])
         try:
             level, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
@@ -132,4 +130,4 @@ def root(guard: Guard, a: float, b: float) -> float:
         return value if value > 0.0 or end < 0.0 else -float(start)
 
     # at a double or triple zero it is hardly sooner there than by halving, a few hundred times
-    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing, maxiter=_PATIENT))
+    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing, maxiter=10_000))

@@ -32,12 +32,10 @@ _OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit ha
 _SHARED = 1e-6  # the same where it rests a second time
 _LEFT = 1e-4  # and on a curve in two parameters where it is as good as homoclinic no more
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
-_UNKNOWN = 0.5  # a / b where there is none, as before a saddle-node
 _CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _GROWS = "the period grows without bound"
-_NEUTRAL = 1e-9  # an eigenvalue this small, relative to the largest, is that of what stays constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class _Passage:
     def off(self, most: float) -> float:
         """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
         saddle = self.saddle if self.pace < _SLOW else None  # where it is fast there is none close
-        sizes = abs(saddle.leading.real) if saddle else np.array([_UNKNOWN, 1.0])
+        sizes = abs(saddle.leading.real) if saddle else np.array([0.5, 1.0])  # before a saddle-node
         ratio = sizes.min() / sizes.max()
         return float((1 + ratio) * math.log(max(self.pace, 1e-300)) - math.log(most))
 
@@ -85,7 +83,7 @@ class _Passage:
             if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
                 break
         values = np.linalg.eigvals(matrix)
-        least = _NEUTRAL * abs(values).max()
+        least = 1e-9 * abs(values).max()  # less is of what stays constant
         inwards, outwards = values[values.real < -least], values[values.real > least]
         if self.surface and not inwards.size:  # orbits come to the surface in a finite time
             inwards = np.array([-math.inf])

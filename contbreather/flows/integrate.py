@@ -22,9 +22,6 @@ from .filippov import Filippov
 from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, values
 from .guards import GuardOnPiece
 
-_LONGEST = 1e20  # how long a flow is waited for where no time is given: in any unit, but
-_PATIENT = 10_000  # steps without an event, which are some hundred oscillations
-_STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
 _CHATTER = 4  # that many in a row
@@ -187,7 +184,7 @@ def integrate(
     first: int = 0,
     tolerance: float = 1e-12,
     method: str = "DOP853",
-    steps: int = _STEPS,
+    steps: int = 200_000,  # of one run: by an explicit method a stiff system takes more
 ) -> Trajectory:
     """Follow flows in turn, each until its condition ends it, through the resets between them.
 
@@ -328,7 +325,7 @@ class _Integration:
         clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
         end = min(end, struck)
-        waited = t0 + _LONGEST if guards and math.isinf(end) else end
+        waited = t0 + 1e20 if guards and math.isinf(end) else end  # in any unit
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
         solver = getattr(integrate, self.method)(
@@ -342,7 +339,7 @@ class _Integration:
         ]
         t, x, hit = [t0], [x0], None
         steps: list[Any] = []
-        most = _PATIENT if guards and math.isinf(end) else self.steps + 1
+        most = 10_000 if guards and math.isinf(end) else self.steps + 1  # some hundred oscillations
         while hit is None and solver.status == "running" and len(steps) < most:
             self.step(solver)
             steps.append(solver.dense_output())

@@ -18,11 +18,7 @@ from ..continuation.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
 from .flow import Params, values
 
-_NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
 _KEPT = 1e6  # condition of a product that still has ten digits of its smallest singular value
-_PARTED = 1e-3  # ratio of diagonal entries between which eigenvalues are told apart
-_ROUNDS = 40  # around the cycle; the directions of multipliers so far apart settle in six
-_SETTLED = 1e-13
 
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
@@ -113,16 +109,16 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
     the A once Q has come around to itself, but for blocks of multipliers of about one size."""
     n = len(factors[0])
     basis, sizes, blocks = np.eye(n), np.zeros(n), [slice(0, n)]
-    for _ in range(_ROUNDS):
+    for _ in range(40):  # directions so far apart settle in six
         before, rounds = basis, []
         for factor in factors:
             basis, triangle = np.linalg.qr(factor @ basis)
             rounds.append(triangle)
         sizes = sum(np.log(np.maximum(abs(np.diag(r)), 1e-300)) for r in rounds)
         turned = before.T @ basis
-        cuts = [i for i in range(1, n) if sizes[i] - sizes[i - 1] < np.log(_PARTED)]
+        cuts = [i for i in range(1, n) if sizes[i] - sizes[i - 1] < np.log(1e-3)]  # told apart
         blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
-        if all(abs(turned[b:, :b]).max() < _SETTLED for b in cuts):
+        if all(abs(turned[b:, :b]).max() < 1e-13 for b in cuts):
             break
     mu = []
     for block in blocks:
@@ -185,7 +181,7 @@ def _saltation(equations: FlowEquations, place: SolvedPlace, i: int, fastest: Ar
     # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
     jump = after - reset @ before - piece.reset[:, n]
     gate, waits = piece.condition[0, :n], piece.condition[0, n]
-    if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(waits)):
+    if abs(rate) <= 1e-13 * (abs(gate) @ fastest + abs(waits)):  # rounding
         return np.full_like(reset, np.nan)
     return np.asarray(reset + np.outer(jump, gate) / rate)
 
