@@ -36,7 +36,7 @@ _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of
 
 @dataclass(frozen=True)
 class Collocation:
-    """How finely a flow is resolved: intervals, and collocation points in each.
+    """Resolution of a flow: intervals, and collocation points in each.
 
     States where intervals meet are exact to the order of twice the points, so that high orders
     are the cheap gain: 20 intervals of 6 points are as exact as 60 of 4.
@@ -75,12 +75,12 @@ class Collocation:
 
     @cached_property
     def weights(self) -> Array:
-        """The same up to 1."""
+        """Integrals of the Lagrange polynomials from 0 to 1."""
         return self.spread(np.ones(1))[0]
 
     @cached_property
     def highest(self) -> Array:
-        """From values at the nodes to the coefficient of their highest Legendre polynomial."""
+        """Row from values at the nodes to the coefficient of their highest Legendre polynomial."""
         return np.asarray(np.linalg.inv(self._legendre)[-1])
 
     @cached_property
@@ -95,7 +95,7 @@ class Collocation:
 
     @lru_cache(maxsize=64)  # noqa: B019 - as for a property
     def looks(self, per: int) -> Array:
-        """The same up to so many places from 0 on that are as far apart."""
+        """Integrate from 0 to each of so many places as far apart."""
         return self.spread(np.arange(per) / per)
 
     def between(self, at: Array) -> Array:
@@ -131,7 +131,7 @@ class TrajectorySegment:
 
     @cached_property
     def lengths(self) -> Array:
-        """How long they last."""
+        """Durations of its intervals."""
         return np.asarray(self.duration * self.steps)
 
     @cached_property
@@ -171,7 +171,7 @@ class TrajectorySegment:
         return j, (s - self.knots[j]) / self.steps[j]
 
     def on(self, knots: Array, scheme: Collocation | None = None) -> TrajectorySegment:
-        """The same flight on another mesh, by interpolation: a start for it."""
+        """Interpolate on another mesh: a start for it."""
         steps, scheme = np.diff(knots), scheme or self.scheme
         inner = knots[:-1, None] + steps[:, None] * scheme.nodes
         rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
@@ -179,8 +179,8 @@ class TrajectorySegment:
         return replace(self, scheme=scheme, knots=knots, states=states, slopes=slopes)
 
     def halved(self) -> TrajectorySegment:
-        """The same flight on twice as many intervals; where these are many, of the highest order:
-        the tail after a jump is in one of them, however many they are."""
+        """Interpolate on twice as many intervals; where these are many, of the highest order: the
+        tail after a jump is in one of them, however many they are."""
         between = 0.5 * (self.knots[1:] + self.knots[:-1])
         knots = np.insert(self.knots, range(1, self.knots.size), between)
         many = 2 * self.scheme.intervals
@@ -210,7 +210,7 @@ class TrajectorySegment:
         return pace @ self._unit, slope, (path / pace) @ self._unit
 
     def _paces(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
-        """How far it moves at Gauss points, the squares of that, and the density of the mesh."""
+        """Measure its motion at Gauss points, the squares of that, and the density of the mesh."""
         moved, square = self.slopes / (sizes * length)[:, None, None], (self.steps**2)[:, None]
         path = np.einsum("njc,njc->jc", moved, moved) + square * (self._least / length) ** 2
         return moved, path, np.sqrt(square + path)
@@ -234,7 +234,7 @@ class TrajectorySegment:
         return math.exp(brentq(over, -_LONGEST, _LONGEST, xtol=1e-14))
 
     def adapted(self, sizes: Array) -> TrajectorySegment:
-        """The same flight on a mesh with equal shares, as far as interpolation tells."""
+        """Interpolate on a mesh with equal shares, as far as interpolation tells."""
         even, flight = np.linspace(0.0, 1.0, self.knots.size), self
         for _ in range(4):
             share = np.append(0.0, np.cumsum(flight.shares(sizes, flight.path(sizes))))
@@ -388,7 +388,7 @@ def _reached(flight: TrajectorySegment, k: Array) -> Array:
 
 
 def _by_states(rows: Array, flight: TrajectorySegment) -> Array:
-    """What stands for each interval in one column, point by point, in the shape of slopes."""
+    """Reshape one column for each interval, point by point, to the shape of slopes."""
     return rows.reshape(flight.lengths.size, flight.scheme.points, -1).transpose(2, 0, 1)
 
 

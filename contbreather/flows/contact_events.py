@@ -21,7 +21,7 @@ from .equations import FlowEquations
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
 from .layout import Places
-from .multipliers import paces, relative_paces
+from .multipliers import paces
 
 _ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
 _AS_MUCH = 10.0  # or off by so many times what the flow before it is off where it ends
@@ -225,15 +225,15 @@ def _clearances(orbit: Cycle) -> list[Margin]:
 
 def _rates(orbit: Cycle) -> list[Margin]:
     """Measure how fast each condition falls where it ends its flow."""
-    equations = orbit.equations
-    ended = [(i, flow.until) for i, flow in enumerate(equations.flows) if flow.until]
+    rates = paces(orbit.equations, orbit.x, orbit.params)
     return [
         Margin(
-            float(rate),
-            _Reached(equations, i, until, 1.0, slice(1, 2)).system,  # it does not change
-            f"flow {i} only just reaches its end at t = {orbit.flights[i].last:.6g}",
+            rates[i][0],
+            _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system,  # no change there
+            f"flow {i} only just reaches its end at t = {flight.last:.6g}",
         )
-        for (i, until), rate in zip(ended, paces(equations, orbit.x, orbit.params), strict=True)
+        for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True))
+        if flow.until
     ]
 
 
@@ -270,7 +270,7 @@ def _shares(orbit: Cycle) -> list[Margin]:
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond."""
     flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
-    slow = relative_paces(orbit.equations, orbit.x, orbit.params)
+    rates = paces(orbit.equations, orbit.x, orbit.params)
     return [
         Margin(
             flight.duration / orbit.period - _SHRUNK,
@@ -279,7 +279,7 @@ def _shares(orbit: Cycle) -> list[Margin]:
         )
         for i, flight in enumerate(orbit.flights)
         if flows[i - 1].until and not flows[i - 1].reset
-        if slow[(i - 1) % len(flows)] < 1e-2  # of its largest rate: all but touched
+        if rates[(i - 1) % len(flows)][1] < 1e-2  # of its largest rate: all but touched
     ]
 
 

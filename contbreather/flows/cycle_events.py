@@ -1,4 +1,4 @@
-"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point.
+"""Events of cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point.
 
 A curve of folds ends there, too, at GH.
 """
@@ -35,13 +35,13 @@ _EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
 def _shrinks(equations: FlowEquations) -> bool:
-    """Whether such a cycle may shrink to an equilibrium."""
+    """Tell whether such a cycle may shrink to an equilibrium."""
     return equations.autonomous and equations.smooth and equations.flows[0].reset is None
 
 
 def _amplitude(equations: FlowEquations, x: Array) -> float:
-    """How far the orbit swings the way it did at first, relative to its size: beyond an equilibrium
-    the curve goes on as the same cycles half a turn later."""
+    """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
+    equilibrium the curve goes on as the same cycles half a turn later."""
     first, states = equations.start[0].states, x[equations.layout.nodes[0]].T
     way = first - first.mean(axis=1, keepdims=True)
     swing = (states - states.mean(axis=1, keepdims=True)) * way
@@ -49,7 +49,7 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
 
 
 def _swing(least: float, point: Point) -> float:
-    """The same, less what counts as an equilibrium."""
+    """Measure the swing, less that of an equilibrium."""
     return _amplitude(equations_of(point.base_point), point.base_point.x) - least
 
 
@@ -132,7 +132,7 @@ _BRANCH_POINT = replace(
 
 
 def events_of_cycle(equations: FlowEquations, tangency: str = "GR") -> tuple[Event, ...]:
-    """What can happen to a cycle of these flows; one comes into being at a tangency, GR or SL."""
+    """List the events of a cycle of these flows; one comes into being at a tangency, GR or SL."""
     events = [_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"]]
     if _shrinks(equations):
         events.append(_SHRUNK)

@@ -81,7 +81,7 @@ class Cycle(HtmlRepr):
 
     @property
     def durations(self) -> Array:
-        """How long each flow takes."""
+        """Duration of each flow."""
         return np.array([flight.duration for flight in self.flights])
 
     @property
@@ -127,7 +127,7 @@ class Cycle(HtmlRepr):
 
     @property
     def others(self) -> NDArray[np.complex128]:
-        """All multipliers but the trivial one."""
+        """Multipliers but the trivial one."""
         return self._spectrum[0]
 
     @property
@@ -146,7 +146,7 @@ class Cycle(HtmlRepr):
 
     @property
     def coarse(self) -> str:
-        """What the mesh does not resolve, empty if it resolves the orbit."""
+        """Reason why the mesh does not resolve the orbit; empty if it does."""
         off = abs(self.trivial - 1)
         if off <= COARSE:
             return ""
@@ -251,7 +251,7 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        """Those of the orbit but for the trivial one: small ones are as exact as large ones."""
+        """Return those of the orbit but the trivial one: small ones are as exact as large ones."""
         return point.solution.others, 0.0
 
     @property
@@ -271,7 +271,7 @@ class CycleProblem(Problem):
         return None
 
     def _arm(self, along: Array, free: tuple[str, ...]) -> tuple[Problem, Array]:
-        """Where an arm sets out, and its direction, on a mesh of twice the intervals."""
+        """Solve for the start of an arm, and its direction, on a mesh of twice the intervals."""
         finer = Curve(self.halved(self.residual.start), free)  # tangents keep their phase
         z, guess = finer.start, np.zeros(finer.start.size)
         here, there = self.residual.layout, finer.problem.residual.layout
@@ -288,8 +288,8 @@ class CycleProblem(Problem):
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
     def halved(self, flights: Sequence[TrajectorySegment] = ()) -> CycleProblem:
-        """The same from its start on a mesh of half the intervals; of a phase that is measured by
-        that start, or by the flights that are given."""
+        """Halve the intervals of its start, with a phase that is measured by that start, or by the
+        flights that are given."""
         here = self.residual.flights(self.x, self.params)
         finer = replace(self.residual, start=tuple(f.halved() for f in flights or here))
         return replace(self, residual=finer, start=finer.unknowns([f.halved() for f in here]))
@@ -308,7 +308,7 @@ class CycleProblem(Problem):
         return problem
 
     def having(self, *names: str) -> Problem:
-        """The same, if the forcing keeps the period while these change."""
+        """Free parameters, if the forcing keeps the period while these change."""
         equations = self.residual
         states = [flight.states for flight in equations.start]
         refuse_false_period(equations.flows, states, equations.period, self.params, names)

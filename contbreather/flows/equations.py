@@ -79,7 +79,7 @@ class FlowEquations:
 
     @cached_property
     def phased(self) -> bool:
-        """Whether the time at which the first flow begins is unknown."""
+        """Tell whether the time at which the first flow begins is unknown."""
         return self.period is not None and all(flow.until for flow in self.flows)
 
     @property
@@ -88,7 +88,7 @@ class FlowEquations:
 
     @property
     def smooth(self) -> bool:
-        """Whether one flow that no condition ends is all of it."""
+        """Tell whether one flow that no condition ends is all of it."""
         return len(self.flows) == 1 and self.flows[0].until is None
 
     @cached_property
@@ -115,11 +115,11 @@ class FlowEquations:
     # --- the equations ----------------------------------------------------------------------------
 
     def flights(self, x: Array, p: Params) -> tuple[TrajectorySegment, ...]:
-        """All flows, from the states and times among the unknowns."""
+        """Solve for all flows, from the states and times among the unknowns."""
         return self._solved(x, p).flights
 
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
-        """All flows solved for, once for one of the latest places."""
+        """Solve for all flows, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
         place = next((place for place in self._latest if place.key == key), None)
         if place is None or place.error > error:
@@ -150,7 +150,7 @@ class FlowEquations:
     def _guess(
         self, i: int, flight: TrajectorySegment, p: Params, near: Sequence[SolvedPlace]
     ) -> Guess:
-        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
+        """Estimate the slopes inside of a flow to first order, and the inverse that finds them."""
         nearest, known = near[0], next((place for place in near if place.slopes), None)
         if known is None or not nearest.params:
             return nearest.flights[i].slopes, None
@@ -224,7 +224,7 @@ class FlowEquations:
         return float(taken @ x[self.layout.lengths] - turns * self.forcing_period(p))
 
     def forcing_period(self, p: Params) -> float:
-        """How long the forcing takes, of which a cycle may take several."""
+        """Evaluate the period of the forcing, of which a cycle may take several."""
         assert self.period is not None
         return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
 
@@ -262,8 +262,8 @@ class FlowEquations:
     # --- derivatives ------------------------------------------------------------------------------
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
-        """All derivatives of flows, resets and conditions; None for any parameters, those of the
-        last columns, that are known already."""
+        """Take all derivatives of flows, resets and conditions; None for any parameters, those of
+        the last columns, that are known already."""
         place = self._solved(x, p)
         if not place.linear or names not in (None, place.names):
             pairs = zip(self.flows, place.flights, strict=True)
@@ -428,7 +428,7 @@ class FlowEquations:
         )  # fmt: skip
 
     def _repeats(self, rounds: int, flights: Sequence[TrajectorySegment], p: Params) -> bool:
-        """Whether the orbit is the same at all times and a part of its period later."""
+        """Compare the orbit at all times and a part of its period later."""
         if self.turns % rounds and not self.autonomous:
             return False
         if self.smooth:
@@ -459,7 +459,7 @@ def _earlier(
 
 
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
-    """How much each state of each flow moves, or how large it is.
+    """Measure the motion of each state of each flow, or its size.
 
     It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
     one flow as in another has such meshes, too, wherever its branch began.

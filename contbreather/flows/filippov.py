@@ -112,7 +112,7 @@ class Filippov:
         return -self.h(t, x, p)
 
     def _inwards(self, sign: int, t: Any, x: NDArray[Any], p: Params) -> Any:
-        """How fast the field of a side points at the surface: ``-L+`` or ``L-``."""
+        """Rate at which the field of a side points at the surface: ``-L+`` or ``L-``."""
         field = self._fields(t, x, p)[0 if sign > 0 else 1]
         return -sign * self._along(field, t, x, p)
 

@@ -96,7 +96,7 @@ class Equilibrium(Problem):
     residual: _Rest
 
     def having(self, *names: str) -> Problem:
-        """The same, if the field does not begin to depend on the time with one of these."""
+        """Free parameters, if the field does not begin to depend on the time with one of these."""
         refuse_false_period(
             [Flow(self.residual.flow.f)], [self.x[:, None]], None, self.params, names
         )

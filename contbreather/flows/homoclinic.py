@@ -40,8 +40,8 @@ _GROWS = "the period grows without bound"
 
 @dataclass(frozen=True, eq=False)
 class _Passage:
-    """Where an orbit is slowest on its way from fast to fast: its speed relative to the largest,
-    the flow, the state, and how much the states of that flow move."""
+    """Place where an orbit is slowest on its way from fast to fast: its speed relative to the
+    largest, the flow, the state, and how much the states of that flow move."""
 
     pace: float
     orbit: Cycle
@@ -51,7 +51,7 @@ class _Passage:
 
     @property
     def surface(self) -> Function | None:
-        """What is zero where it slides: equilibria are pseudo-equilibria then, of neither field."""
+        """Function that is zero where it slides: equilibria there are of neither field."""
         system = slid_along(self.orbit.equations.flows[self.flow])
         return None if system is None else system.h
 
@@ -121,7 +121,7 @@ class _Saddle:
 
 
 def _passages(orbit: Cycle) -> list[_Passage]:
-    """All slow ones, the slowest first; at least one."""
+    """List the slow passages, the slowest first; at least one."""
     flows, sizes, places, speeds = orbit.equations.flows, sizes_of(orbit.flights), [], []
     for i, (flight, size) in enumerate(zip(orbit.flights, sizes, strict=True)):
         moved = values(flows[i].f, flight.begins, flight.states, orbit.params)
@@ -159,7 +159,7 @@ def _examine(point: Point) -> Examined:
 
 
 def _description(rests: list[_Saddle]) -> dict[str, Any]:
-    """What a cycle ends in that rests at these, the longest at the first."""
+    """Describe the end of a cycle that rests at these, the longest at the first."""
     first, saddles = rests[0], list[_Saddle]()
     for saddle in (image for rest in rests for image in rest.images()):
         if not any(map(saddle.same, saddles)):

@@ -1,4 +1,4 @@
-"""Where the unknowns of a cycle lie, and the values of its derivative among the entries of that."""
+"""Order of the unknowns of a cycle, and of the values of its derivative among its entries."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Places = NDArray[np.intp]
 
 
 class _Pattern(NamedTuple):
-    """Where values belong among the entries of a matrix, `cells` for those that belong nowhere; of
-    a sparse one the row of each, and where columns end."""
+    """Places of values among the entries of a matrix, `cells` for those that belong nowhere; of a
+    sparse one the row of each, and where columns end."""
 
     places: Places
     cells: int
@@ -40,7 +40,7 @@ class Layout:
 
     @cached_property
     def nodes(self) -> tuple[Places, ...]:
-        """Where the states of each flow lie among the unknowns, shape (intervals, n)."""
+        """Places of the states of each flow among the unknowns, shape (intervals, n)."""
         ends = np.cumsum([k * n for k, n in self.counts])
         return tuple(
             np.arange(end - k * n, end).reshape(k, n)
@@ -49,12 +49,12 @@ class Layout:
 
     @cached_property
     def orbit(self) -> int:
-        """How many unknowns are states."""
+        """Number of unknowns that are states."""
         return sum(node.size for node in self.nodes)
 
     @cached_property
     def knots(self) -> tuple[Places, ...]:
-        """Where the mesh of each flow lies, its inner knots and the logarithm of its path, shape
+        """Places of the mesh of each flow, its inner knots and the logarithm of its path, shape
         (intervals,)."""
         counts = [count for count, _ in self.counts]
         ends = self.orbit + np.cumsum(counts)
@@ -62,7 +62,7 @@ class Layout:
 
     @cached_property
     def lengths(self) -> Places:
-        """Where the durations lie."""
+        """Places of the durations."""
         first = self.knots[-1][-1] + 1
         return np.arange(first, first + len(self.counts))
 
@@ -100,7 +100,7 @@ class Layout:
             yield self.size - 1, whole
 
     def columns(self, i: int, named: int) -> Places:
-        """What each interval depends on, in the order of `Equations`."""
+        """List the unknowns that each interval depends on, in the order of `FlowEquations`."""
         before = [*self.lengths[:i], *([self.size - 1] if self.phased else [])]
         shared = [self.lengths[i], *before, *range(self.size, self.size + named)]
         inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
@@ -112,7 +112,7 @@ class Layout:
         )  # fmt: skip
 
     def _pattern(self, named: int) -> _Pattern:
-        """Where the values of all blocks belong: found once."""
+        """Find the places of the values of all blocks, once."""
         if named not in self._patterns:
             width = self.size + named
             spread = [np.broadcast_arrays(*place) for place in self._places(named)]

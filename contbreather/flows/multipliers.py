@@ -137,7 +137,7 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
 
 
 def of_cycle(equations: FlowEquations, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
-    """Those that are not trivial, and the trivial one: NaN where there is none.
+    """Compute those that are not trivial, and the trivial one: NaN where there is none.
 
     At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
     """
@@ -168,7 +168,7 @@ def _factors(equations: FlowEquations, place: SolvedPlace) -> tuple[list[Array],
 
 
 def _saltation(equations: FlowEquations, place: SolvedPlace, i: int, fastest: Array) -> Array:
-    """What the end of a flow does to small perturbations: the reset, and how much longer the
+    """Map small perturbations across the end of a flow: by the reset, and by how much longer the
     one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
     piece, n = place.linear[i], len(place.flights[i].states)
     reset = piece.reset[:, :n]
@@ -194,21 +194,16 @@ def _pace(equations: FlowEquations, place: SolvedPlace, i: int) -> tuple[Array, 
     return f, float(condition[0, : f.size] @ f + condition[0, f.size])
 
 
-def paces(equations: FlowEquations, x: Array, p: Params) -> Array:
-    """How fast each condition falls where it ends its flow; zero where it grazes."""
-    place = equations.linearised(x, p)
-    ended = [i for i, piece in enumerate(place.linear) if piece.condition is not None]
-    return np.array([-_pace(equations, place, i)[1] for i in ended])
-
-
-def relative_paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, float]:
-    """The same by flow, relative to how fast each may change along its flow."""
+def paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, tuple[float, float]]:
+    """Evaluate by flow how fast its condition falls where it ends it, zero where it grazes; and
+    that relative to how fast it may change along its flow."""
     place, found = equations.linearised(x, p), {}
     for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
         if piece.condition is not None:
             gate, waits = np.split(abs(piece.condition[0]), [len(flight.states)])
             fastest = abs(flight.slopes / flight.lengths[:, None]).max(axis=(1, 2))
-            found[i] = abs(_pace(equations, place, i)[1]) / (gate @ fastest + waits[0])
+            rate = _pace(equations, place, i)[1]
+            found[i] = -rate, abs(rate) / (gate @ fastest + waits[0])
     return found
 
 
