@@ -319,11 +319,18 @@ class CycleProblem(Problem):
 
 
 def _doubled(point: Point) -> SwitchingProblem:
-    """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
-    problem = point.curve.problem
+    """Make the cycle of twice the period. Both its phases set out in opposite directions: one arm.
+
+    Its mesh follows a perturbation that changes sign from one round to the next, that of the
+    multipliers does not: curves cross off PD by as much as the mesh does not resolve.
+    """
+    problem, (free,) = point.curve.problem, point.curve.free
     twice = equations_of(point).doubled(np.array(point.x), point.params)
-    arm = problem_of(twice, point.params, problem.events, problem.label)
-    return SwitchingProblem(arm, point.curve.free[0], both=False)
+    arm: Problem = problem_of(twice, point.params, problem.events, problem.label)
+    curve = Curve(arm, (free,))
+    with suppress(Undefined):
+        arm = Point(curve, crossing(curve, curve.start).solution.z).problem
+    return SwitchingProblem(arm, free, both=False)
 
 
 def problem_of(

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import van_der_pol
+from .zoo import BAND, roessler, van_der_pol
 
 FEW = Collocation(intervals=6, points=4)
 TEN = Collocation(intervals=10, points=4)
@@ -146,3 +146,15 @@ def test_a_diagram_has_arms_on_finer_meshes_and_what_they_left_once() -> None:
     ends = sorted(round(branch[-1]["max(w)"], 6) for branch in cycles)
     assert ends == [-1.140175, 0.0, 1.140175]
     assert {branch[-1]["mu"] for branch in cycles} == {1.8}
+
+
+def test_an_arm_of_doubled_cycles_on_a_coarse_mesh_leaves_the_branch() -> None:
+    """A mesh of ten intervals follows the doubled orbit: its branch point is 6e-7 off PD."""
+    start, mesh = {"x": 2.0, "y": 0.0, "z": 0.1}, Collocation(intervals=10, points=5)
+    ring = cb.cycle(roessler, start, {**BAND, "c": 2.7}, settle=200, collocation=mesh)
+    branch = cb.trace(ring, "c", within={"c": (2.0, 3.2)}, towards="up")
+    (double,) = cb.switch(branch.first("PD"), within={"c": (2.0, 3.2)})
+    orbit = double[-1].solution
+    assert orbit.period == pytest.approx(11.531, abs=1e-3)
+    assert abs(orbit.states(orbit.period / 2) - orbit.states(0.0)).max() > 0.1
+    assert [point.kind for point in double.special] == ["EP", "EP"]
