@@ -124,10 +124,7 @@ _FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _LINKED = linked(_FOLD, partial(least_beside, "", -1.0))
 _CROSSING = crossing_event(meetings("BP", _LINKED))
 _BRANCH_POINT = replace(
-    _CROSSING,
-    test=Singular(bordered_matrix, _branches),
-    count=None,
-    examine=_examine_crossing,
+    _CROSSING, test=Singular(bordered_matrix, _branches), count=None, examine=_examine_crossing
 )
 
 

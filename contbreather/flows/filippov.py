@@ -21,16 +21,7 @@ from numpy.typing import NDArray
 from ..checks import brief
 from ..continuation.newton import Array
 from ..errors import BadInput
-from .flow import (
-    Flow,
-    Function,
-    Params,
-    check_function,
-    place,
-    rows_of,
-    slopes,
-    undecorated,
-)
+from .flow import Flow, Function, Params, check_function, place, rows_of, slopes, undecorated
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
