@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -84,13 +85,12 @@ class GuardOnPiece:
 
 def _first_fall(guard: Guard, a: float, b: float) -> float:
     """Look at twice as many places until the guard is smooth between them."""
-    from scipy.optimize import minimize_scalar
-
-    parts, g = _FEWEST, np.empty(0)
-    while not g.size or (parts < _MOST and _is_rough(g)):
-        parts *= 2 if g.size else 1
-        # no two distances are alike: what oscillates is not taken for a constant
-        t = a + (b - a) * (0.5 - 0.5 * np.cos(np.pi * np.arange(parts + 1) / parts))
+    parts, t = _FEWEST, a + (b - a) * _places(_FEWEST)
+    g = guard(t)
+    # a cubic through neighbours leaves fourth differences: are they small beside the range?
+    while parts < _MOST and abs(np.diff(g, 4)).max() > _ROUGH * np.ptp(g) + _EDGE * abs(g).max():
+        parts *= 2
+        t = a + (b - a) * _places(parts)
         g = guard(t)
     least = np.append(True, g[:-1] > g[1:]) & np.append(g[:-1] <= g[1:], True)
     fallen = np.append(False, (g[1:] <= 0) & (g[:-1] > 0))
@@ -102,19 +102,20 @@ def _first_fall(guard: Guard, a: float, b: float) -> float:
         # the first is lower, or as low: rounding decides. So two places to each side tell its depth
         around = g[max(i - 2, 0) : i + 3]
         if 0 < g[i] < _SHALLOW * (around.max() - g[i]):
-            way = t[right] - t[left]
-            dip = minimize_scalar(
-                lambda s, left=t[left], way=way: guard(np.array([left + s * way]))[0],
-                bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-8},
-            )  # fmt: skip
-            if dip.fun <= 0:
-                return root(guard, t[left], t[left] + dip.x * way)
+            low, high = t[left], t[right]
+            for _ in range(8):  # to 6e-8 of the way, as close as rounding can tell
+                finer = np.linspace(low, high, 17)
+                j = int(guard(finer).argmin())
+                low, high = finer[max(j - 1, 0)], finer[min(j + 1, 16)]
+            if guard(finer[j : j + 1])[0] <= 0:
+                return root(guard, t[left], finer[j])
     return math.inf
 
 
-def _is_rough(g: Array) -> bool:
-    """Compare fourth differences, what a cubic through neighbours leaves, with the range."""
-    return bool(abs(np.diff(g, 4)).max() > _ROUGH * np.ptp(g) + _EDGE * abs(g).max())
+@cache
+def _places(parts: int) -> Array:
+    """Divide a step so that no two parts are alike: an oscillation is not taken for a constant."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(parts + 1) / parts))
 
 
 def root(guard: Guard, a: float, b: float) -> float:
