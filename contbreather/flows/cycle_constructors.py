@@ -156,16 +156,16 @@ def cycle(
         events = events_of_cycle(equations)
         if isinstance(flows, Filippov):
             events = (*events_of_cycle(equations, "SL"), sliding(flows))
-    made = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
-    return _closed(equations, made, params, size)
+    problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
+    return _closed(equations, problem_at, params, size)
 
 
 def named_state(
     start: Mapping[str, float], params: Mapping[str, float]
 ) -> tuple[Array, dict[str, float]]:
     """Make numbers of a state and parameters, and refuse names that clash."""
-    wanted = "a dict with the name and value of each state, {'x': 1.0} for instance,"
-    check_kind(start, Mapping, f"{wanted} or for a cycle samples (t, x),")
+    states = "a dict with the name and value of each state, {'x': 1.0} for instance,"
+    check_kind(start, Mapping, f"{states} or for a cycle samples (t, x),")
     check_kind(params, Mapping, "a dict of parameters")
     names = [*start, *params]
     taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names})
@@ -208,7 +208,7 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
 
 
 Run = Callable[..., Trajectory]
-Made = Callable[[FlowEquations], CycleProblem]
+ProblemAt = Callable[[FlowEquations], CycleProblem]
 Begin = tuple[float, Array, int]  # time, state and flow
 Motion = tuple[Callable[[Array], Array], float, float]  # states at times, from when to when
 
@@ -405,11 +405,13 @@ def _sampled(
     return (flow,), [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
-def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -> Problem:
+def _closed(
+    equations: FlowEquations, problem_at: ProblemAt, params: Params, size: float
+) -> Problem:
     """Solve for the orbit of a problem, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
     for _ in range(2):
-        equations, solved = _solved(equations, made)
+        equations, solved = _solved(equations, problem_at)
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
@@ -417,7 +419,7 @@ def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))
-    closed: Any = made(equations).solve(tolerance=1e-12)[0]
+    closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
         while cycle_of(closed).coarse and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
@@ -425,18 +427,18 @@ def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -
     return closed
 
 
-def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Problem]:
+def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquations, Problem]:
     """Solve for the orbit on as many intervals as it needs."""
     while True:
         try:
-            return equations, made(equations).solve(tolerance=1e-10)[0]
+            return equations, problem_at(equations).solve(tolerance=1e-10)[0]
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
                 unforced = "" if equations.autonomous else f"; {_UNFORCED}"
-                for problem in filter(None, (getattr(error, "last", None), made(equations))):
+                for problem in filter(None, (getattr(error, "last", None), problem_at(equations))):
                     _refuse_family(problem, error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}; {finer}let it "

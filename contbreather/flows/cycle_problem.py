@@ -283,8 +283,9 @@ class CycleProblem(Problem):
             z = newton(finer, z, row).z
             tangent = finer.tangent_at(z, guess)[0]
         else:
-            found = crossing(finer, z)
-            z, tangent = found.solution.z, max(found.tangents, key=lambda way: abs(way @ row))
+            branch_point = crossing(finer, z)
+            z = branch_point.solution.z
+            tangent = max(branch_point.tangents, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
     def halved(self, flights: Sequence[TrajectorySegment] = ()) -> CycleProblem:

@@ -137,8 +137,8 @@ class FlowEquations:
     def _keep(self, place: SolvedPlace) -> None:
         """As the latest; of the oldest that with derivatives stays the longest."""
         kept = [other for other in self._latest if other.key != place.key]
-        known = [other for other in kept[:-_RECENT] if other.slopes]
-        self._latest[:] = [*known[-_RECENT:], *kept[-_RECENT:], place]
+        linear = [other for other in kept[:-_RECENT] if other.slopes]
+        self._latest[:] = [*linear[-_RECENT:], *kept[-_RECENT:], place]
 
     def _near(self, x: Array) -> list[SolvedPlace]:
         """Places that are solved for, and near, the nearest first."""
@@ -151,11 +151,12 @@ class FlowEquations:
         self, i: int, flight: TrajectorySegment, p: Params, near: Sequence[SolvedPlace]
     ) -> Guess:
         """Estimate the slopes inside of a flow to first order, and the inverse that finds them."""
-        nearest, known = near[0], next((place for place in near if place.slopes), None)
-        if known is None or not nearest.params:
+        nearest, linear = near[0], next((place for place in near if place.slopes), None)
+        if linear is None or not nearest.params:
             return nearest.flights[i].slopes, None
-        moved = [p[name] - nearest.params[name] for name in known.names]
-        return known.slopes[i].beside(nearest.flights[i], flight, moved), known.slopes[i].inverse
+        moved = [p[name] - nearest.params[name] for name in linear.names]
+        slopes = linear.slopes[i]
+        return slopes.beside(nearest.flights[i], flight, moved), slopes.inverse
 
     @cached_property
     def _begin(self) -> SolvedPlace:
@@ -200,10 +201,10 @@ class FlowEquations:
         if reset is None:
             return flight.end
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
-        wanted = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
-        if after.shape != (wanted,):
+        n = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
+        if after.shape != (n,):
             raise BadInput(
-                f"reset of flow {i} gives {after.size} states; the flow that follows has {wanted}"
+                f"reset of flow {i} gives {after.size} states; the flow that follows has {n}"
             )
         return after
 
@@ -465,8 +466,8 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     one flow as in another has such meshes, too, wherever its branch began.
     """
     sizes = []
-    for one in flights:
-        alike = [flight for flight in flights if len(flight.states) == len(one.states)]
+    for n in (len(flight.states) for flight in flights):
+        alike = [flight for flight in flights if len(flight.states) == n]
         sampled = [flight.sampled(2)[1] for flight in alike]
         # what hardly moves is measured by its value: its motion may be rounding
         moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)

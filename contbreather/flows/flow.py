@@ -179,9 +179,9 @@ def check_function(
     name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
 ) -> None:
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
-    where, given, params = place(t, x, p), x.copy(), dict(p)
+    where, state, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = function(t, given, params)
+        returned = function(t, state, params)
         value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
@@ -190,7 +190,7 @@ def check_function(
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
-    if params != p or not np.array_equal(given, x):
+    if params != p or not np.array_equal(state, x):
         raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
     if shape == () and np.asarray(returned).dtype == bool:
         raise BadInput(
@@ -201,8 +201,8 @@ def check_function(
         value = value.reshape(())
     if value.shape != shape and not (shape is None and value.ndim == 1 and value.size):
         count = "a row of numbers was" if shape is None else f"{x.size} numbers were"
-        wanted = count if shape != () else "a number was"
-        raise BadInput(f"{name} returns shape {value.shape}; {wanted} expected {where}")
+        expected = count if shape != () else "a number was"
+        raise BadInput(f"{name} returns shape {value.shape}; {expected} expected {where}")
     if not np.isfinite(value).all():
         raise BadInput(f"{name} is {brief(value.tolist())} {where}; finite numbers were expected")
 

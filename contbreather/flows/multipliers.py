@@ -197,14 +197,14 @@ def _pace(equations: FlowEquations, place: SolvedPlace, i: int) -> tuple[Array, 
 def paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, tuple[float, float]]:
     """Evaluate by flow how fast its condition falls where it ends it, zero where it grazes; and
     that relative to how fast it may change along its flow."""
-    place, found = equations.linearised(x, p), {}
+    place, rates = equations.linearised(x, p), {}
     for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
         if piece.condition is not None:
             gate, waits = np.split(abs(piece.condition[0]), [len(flight.states)])
             fastest = abs(flight.slopes / flight.lengths[:, None]).max(axis=(1, 2))
             rate = _pace(equations, place, i)[1]
-            found[i] = -rate, abs(rate) / (gate @ fastest + waits[0])
-    return found
+            rates[i] = -rate, abs(rate) / (gate @ fastest + waits[0])
+    return rates
 
 
 def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Matrix:
