@@ -53,13 +53,9 @@ def _repeats(
     now = values(function, t, x, p)
     if _same(now, values(function, t + later, x, p), least):
         return True
-    if function is not flow.f or flow.reset is None:
+    if function is not flow.f or flow.until or not flow.reset:
         return False
-    after, mirror = values(flow.reset, t, x, p), -np.eye(len(x))
-    if flow.until is None:
-        mirror = slopes(flow.reset, t, x, p)[1][:, : len(x), 0]
-    elif after.shape != x.shape or not np.isclose(after, -x, rtol=_SAME, atol=0).any():
-        return False  # an impact that mirrors takes a place to -x
+    mirror = slopes(flow.reset, t, x, p)[1][:, : len(x), 0]
     return _same(mirror @ now, values(function, t + later, mirror @ x, p))
 
 
