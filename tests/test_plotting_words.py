@@ -1,4 +1,4 @@
-"""Words beside points: where they stand, what they keep off, and when a line ties them."""
+"""Words beside points: where they stand, and what they keep off."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from contbreather.plotting.canvas import Labels, place_words
+from contbreather.plotting.canvas import place_words
 
 POINT = 100.0 / 72.0  # pixels, at the resolution of the figure below
 
@@ -28,21 +28,27 @@ def box(ax: Axes, word) -> np.ndarray:
     return ax.transData.inverted().transform(corners).ravel()
 
 
-def stands(ax: Axes, x: float, y: float, **more) -> np.ndarray:
+def placed(ax: Axes, *words: tuple) -> list:
+    """Write words, (x, y) or (x, y, text, style): what was written."""
+    before = len(ax.texts)
+    place_words(ax, [(*word, *("word", {})[len(word) - 2 :]) for word in words])
+    return ax.texts[before:]
+
+
+def stands(ax: Axes, x: float, y: float, *others: tuple) -> np.ndarray:
     """Where a word stands, its middle relative to its point."""
-    labels = more.pop("labels", None) or Labels(ax)
-    left, low, right, high = box(ax, labels.place(x, y, "word", **more))
+    left, low, right, high = box(ax, placed(ax, (x, y), *others)[0])
     return np.array([(left + right) / 2 - x, (low + high) / 2 - y])
 
 
 def test_a_word_stands_to_the_upper_right_close_by(ax: Axes) -> None:
-    word = Labels(ax).place(150, 100, "word")
+    (word,) = placed(ax, (150, 100))
     left, low, *_ = box(ax, word)
     assert 0.0 < left - 150 < 6.0
     assert 0.0 < low - 100 < 6.0
     assert word.get_text() == "word"
     assert word.xy == (150, 100)
-    assert len(ax.texts) == 1  # no line leads to it
+    assert len(ax.texts) == 1
 
 
 @pytest.mark.parametrize(
@@ -50,7 +56,7 @@ def test_a_word_stands_to_the_upper_right_close_by(ax: Axes) -> None:
     [(298, 100, (-1, 0)), (150, 198, (0, -1)), (298, 198, (-1, -1)), (2, 2, (1, 1))],
 )
 def test_a_word_stays_inside_the_axes(ax: Axes, x: float, y: float, way) -> None:
-    word = Labels(ax).place(x, y, "a longer word")
+    (word,) = placed(ax, (x, y, "a longer word", {}))
     left, low, right, high = box(ax, word)
     assert left >= 2.9
     assert low >= 2.9
@@ -70,82 +76,59 @@ def test_a_word_stays_inside_the_axes(ax: Axes, x: float, y: float, way) -> None
     ],
 )  # fmt: skip
 def test_a_point_outside_of_the_axes_gets_no_word(ax: Axes, x, y, seen: bool) -> None:
-    word = Labels(ax).place(x, y, "word")
-    assert (word is not None) == seen
-    assert len([one for one in ax.texts if one.get_text()]) == seen
+    assert len(placed(ax, (x, y))) == seen
 
 
 def test_a_word_keeps_off_a_curve(ax: Axes) -> None:
     plain = stands(ax, 150, 100)
-    labels = Labels(ax)
-    labels.avoid([150, 250], [100, 100 + 100 * plain[1] / plain[0]])  # right through that place
-    away = stands(ax, 150, 100, labels=labels)
-    assert np.hypot(*(away - plain)) > 5.0
+    for one in list(ax.texts):
+        one.remove()
+    ax.plot([150, 250], [100, 100 + 100 * plain[1] / plain[0]])  # right through that place
+    assert np.hypot(*(stands(ax, 150, 100) - plain)) > 5.0
 
 
 def test_points_and_gaps_of_a_curve_are_kept_off_too(ax: Axes) -> None:
     plain = stands(ax, 150, 100)
+    for one in list(ax.texts):
+        one.remove()
     where = 150 + plain[0], 100 + plain[1]
     for x, y in (
-        (where[0], where[1]),
+        ([where[0]], [where[1]]),
         ([where[0], where[0]], [where[1], where[1]]),
         ([np.nan, where[0], np.nan], [1.0, where[1], np.inf]),
     ):
-        labels = Labels(ax)
-        labels.avoid(x, y)
-        assert np.hypot(*(stands(ax, 150, 100, labels=labels) - plain)) > 3.0
-    labels = Labels(ax)
-    labels.avoid([np.nan], [0.0])
-    assert labels.curves == []
-    assert stands(ax, 150, 100, labels=labels) == pytest.approx(plain)
+        (line,) = ax.plot(x, y)
+        assert np.hypot(*(stands(ax, 150, 100) - plain)) > 3.0
+        ax.texts[-1].remove()
+        line.remove()
+    ax.plot([np.nan], [0.0])
+    ax.axline((0, 150), (1, 150))  # what the axes draw in units of their own is where it is seen
+    assert stands(ax, 150, 100) == pytest.approx(plain)
 
 
-def test_a_word_keeps_off_other_words_and_the_legend(ax: Axes) -> None:
-    labels = Labels(ax)
-    boxes = [box(ax, labels.place(150, 100, f"word {i}")) for i in range(8)]
+def test_eight_words_of_one_place_and_a_legend_keep_off_each_other(ax: Axes) -> None:
+    boxes = [box(ax, word) for word in placed(ax, *(8 * [(150, 100)]))]
     for i, one in enumerate(boxes):
         for other in boxes[:i]:
             apart = (one[:2] >= other[2:]).any() or (other[:2] >= one[2:]).any()
             assert apart
     ax.plot([0, 1], [0, 0], label="a legend of some length")
-    legend = ax.legend(loc="upper right")
-    labels = Labels(ax)
-    labels.keep_off([None, legend])
-    left, low, *_ = box(ax, legend)
-    word = box(ax, labels.place(left, low, "word"))
-    assert (word[:2] >= box(ax, legend)[2:]).any() or (box(ax, legend)[:2] >= word[2:]).any()
+    left, low, *_ = there = box(ax, ax.legend(loc="upper right"))
+    word = box(ax, placed(ax, (left, low))[0])
+    assert (word[:2] >= there[2:]).any() or (there[:2] >= word[2:]).any()
 
 
-def test_a_word_far_from_its_point_is_tied_to_it_in_its_colour(ax: Axes) -> None:
-    labels = Labels(ax)
-    for i in range(20):
-        labels.place(150, 100, f"word {i}", color="tab:red")
-    words = [one for one in ax.texts if one.get_text()]
-    lines = [one for one in ax.texts if not one.get_text()]
-    assert len(words) == 20
-    assert 0 < len(lines) < 20
-    boxes = [box(ax, word) for word in words]
-    for line in lines:
-        assert line.xy == (150, 100)
-        assert line.arrow_patch is not None
-        assert line.arrowprops["color"] == "tab:red"
-        assert line.arrowprops["arrowstyle"] == "-"
-        # it ends at the nearest place of a word
-        end = np.add(line.xyann, (150, 100))
-        gaps = [np.maximum(np.maximum(b[:2] - end, end - b[2:]), 0.0) for b in boxes]
-        assert min(np.hypot(*gap) for gap in gaps) < 2.5
-
-
-def test_a_word_does_not_stand_beside_another_announced_point(ax: Axes) -> None:
+def test_a_word_does_not_stand_beside_another_point_that_has_one(ax: Axes) -> None:
     plain = stands(ax, 150, 100)
-    labels = Labels(ax)
+    for one in list(ax.texts):
+        one.remove()
     other = 150 + plain[0], 100 + plain[1]
-    labels.announce(*other)
-    away = box(ax, labels.place(150, 100, "word"))
-    assert (away[:2] > other).any() or (away[2:] < other).any()
-    labels = Labels(ax)
-    labels.announce([150, 150], [100, 100])  # the point itself, from two curves, is no other one
-    assert stands(ax, 150, 100, labels=labels) == pytest.approx(plain)
+    left, low, right, high = box(ax, placed(ax, (150, 100), other)[0])
+    assert left > other[0] or low > other[1] or right < other[0] or high < other[1]
+    for one in list(ax.texts):
+        one.remove()
+    # the point itself, from two curves, is no other one
+    assert stands(ax, 150, 100, (150, 100)) == pytest.approx(plain)
 
 
 def test_words_of_finished_axes_keep_off_what_is_drawn(ax: Axes) -> None:
@@ -154,7 +137,9 @@ def test_words_of_finished_axes_keep_off_what_is_drawn(ax: Axes) -> None:
         one.remove()
     ax.plot([150, 250], [100, 100 + 100 * plain[1] / plain[0]])
     ax.text(150 - plain[0], 100 + plain[1], "XXXXXX", ha="center", va="center")
-    place_words(ax, iter([(150, 100, "one"), (150, 100, "two"), (400, 100, "out")]), color="red")
+    red = {"color": "red"}
+    words = [(150, 100, "one", red), (150, 100, "two", red), (400, 100, "out", red)]
+    place_words(ax, iter(words))
     found = [one for one in ax.texts if one.get_color() == "red" and one.get_text()]
     assert [one.get_text() for one in found] == ["one", "two"]
     boxes = [box(ax, one) for one in ax.texts if one.get_text()]

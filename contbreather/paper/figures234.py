@@ -83,7 +83,7 @@ class Figure2:
                 words = names_of_meetings(diagram)
                 if diagram.fixed == ("k", 0.8):
                     words += [_arrow(panel, *transition) for transition in TRANSITIONS]
-                place_words(panel, words, fontsize="small")
+                place_words(panel, ((*word, {}) for word in words))
         return figure
 
 

@@ -26,11 +26,12 @@ from contbreather.plotting.canvas import (
     CYCLE,
     GREY,
     Drawn,
-    Labels,
     drawing,
+    lay_out,
     legend_size,
     marker,
     name_axes,
+    place_words,
     size,
     symbol,
     text_colour,
@@ -59,7 +60,7 @@ FINE = 6  # pieces of the line between two points
 SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
 BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
 MOST = 7  # values in a legend
-CROWD = 14  # words beside points; of more none is read, and the axes have no room
+CROWD = 8  # words beside points; of more none is read, and the axes have no room
 ROUNDING = 1e-9  # relative; what varies by less is constant
 AS_LARGE = 1e-6  # relative; entries that differ by less, by what Newton leaves, are as large
 SMOOTH = 60  # points of a drawn branch
@@ -117,18 +118,20 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
-        paper, plain = Labels(axes), text_colour(axes)
+        pixel, plain = lay_out(axes), text_colour(axes)
         by_value = any(group.values for group in groups)
-        words = _words(paper, marked, x, tops, shades if by_value else [plain] * len(shades))
+        words = _words(axes, pixel, marked, x, tops, shades if by_value else [plain] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
         legend = {
             **_by_colour(key if groups else {}),
             **_by_style(styles, plain, plain if coloured else GREY),
         }
-        _legend(paper, legend | ({} if named else _by_marker(marked, plain)))
+        _legend(axes, legend | ({} if named else _by_marker(marked, plain)))
         if named:
             words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
-            paper.write((value_of(p, x), y, text, _styled(p, shade)) for p, y, text, shade in words)
+            place_words(
+                axes, ((value_of(p, x), y, text, _styled(p, shade)) for p, y, text, shade in words)
+            )
     return drawn
 
 
@@ -441,26 +444,31 @@ def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict
     }
 
 
-def _legend(paper: Labels, entries: dict[str, dict[str, Any]]) -> None:
+def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     """Inside the axes where it is small and covers no curve, else above them."""
     from matplotlib.lines import Line2D
 
     if not entries:
         return
     handles = [Line2D([], [], **look) for look in entries.values()]
-    look = {"frameon": False, "handlelength": 2.2, "fontsize": legend_size(paper.ax)}
-    legend = partial(paper.ax.legend, handles, list(entries), **look)
+    look = {"frameon": False, "handlelength": 2.2, "fontsize": legend_size(ax)}
+    legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
         inside = legend(loc="best")
-        paper.lay_out()
-        if not paper.covers(inside):
+        lay_out(ax)
+        box = inside.get_window_extent()
+        paths = (line.get_transform().transform_path(line.get_path()) for line in ax.lines)
+        if not any(
+            box.count_contains(path.vertices) or path.intersects_bbox(box, filled=False)
+            for path in paths
+        ):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    paper.lay_out()
 
 
 def _words(
-    labels: Labels,
+    ax: Axes,
+    pixel: float,
     marked: Sequence[Sequence[Point]],
     x: str,
     tops: Sequence[str],
@@ -469,7 +477,7 @@ def _words(
     """What to write beside which point, at which height, and its colour."""
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(marked) > 1 else ""
-    near, at = SAME * labels.pixel, labels.ax.transData.transform
+    near, at = SAME * pixel, ax.transData.transform
     words: list[Word] = []
     for colour in dict.fromkeys(colours):
         points = [

@@ -3,11 +3,9 @@ beside points, each where it covers neither a curve nor another word."""
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -15,7 +13,7 @@ from string import digits
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, number, one_of, whole
 from contbreather.errors import BadInput
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.legend import Legend
-    from matplotlib.text import Annotation, Text
 
 Array = NDArray[np.float64]
 
@@ -324,154 +320,85 @@ def size(kind: str) -> float:
 
 # --- words beside points --------------------------------------------------------------------------
 
-_RADII = (3.0, 6.0, 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0)  # points, from the point to the word
-_DIRECTIONS = 16
-_EDGE = 3.0  # points between a word and the axes, ticks included
-_LEADER = 12.0  # words farther off than that are tied to their point by a line
-_SPACING = 2.0  # points between two samples of a curve
+RADII = (3.0, 6.0, 10.0, 15.0, 22.0, 30.0)  # typographic points, from a point to its word
+DIRECTIONS = np.exp(1j * np.pi * (0.25 + np.arange(16) / 8.0))  # first: upper right
+FROM_EDGE = 3.0  # points between a word and the axes, ticks included
+SPACING = 2.0  # points between two samples of a curve
 
 
-@dataclass
-class Labels:
-    """The words of one pair of axes, placed one after the other; first come, first served."""
+def lay_out(ax: Axes) -> float:
+    """Let the layout come to rest, so that positions in pixels are final; pixels in a typographic
+    point."""
+    figure: Any = ax.get_figure(root=True)
+    figure.draw_without_rendering()
+    return float(figure.dpi) / 72.0
 
-    ax: Axes
-    taken: list[Array] = field(default_factory=list)  # boxes, (x0, y0, x1, y1) in pixels
-    curves: list[Array] = field(default_factory=list)  # samples of curves, (n, 2) in pixels
-    anchors: list[Array] = field(default_factory=list)  # points that have words of their own
 
-    def __post_init__(self) -> None:
-        self.lay_out()
-
-    def lay_out(self) -> None:
-        """Let the layout come to rest: positions in pixels are final from here on."""
-        self.figure.draw_without_rendering()
-
-    @property
-    def figure(self) -> Figure:
-        figure = self.ax.get_figure(root=True)
-        assert figure is not None  # axes that were removed from theirs cannot be drawn in
-        return figure
-
-    @property
-    def pixel(self) -> float:
-        """Pixels in a typographic point."""
-        return float(self.figure.dpi) / 72.0
-
-    def avoid(self, x: ArrayLike, y: ArrayLike) -> None:
-        """Keep words off a curve (or a point)."""
-        data = np.column_stack([np.atleast_1d(x), np.atleast_1d(y)]).astype(float)
-        nodes = self.ax.transData.transform(data[np.isfinite(data).all(axis=1)])
-        if len(nodes):
-            self.curves.append(_dense(nodes, _SPACING * self.pixel))
-
-    def keep_off(self, words: Iterable[Text | Legend | None]) -> None:
-        """Other texts, or a legend: their places are taken."""
-        for word in words:
-            if word is not None:
-                self.taken.append(np.asarray(word.get_window_extent().extents))
-
-    def covers(self, legend: Legend) -> bool:
-        """Whether a curve or a marker lies beneath it."""
-        box = legend.get_window_extent()
-        paths = (line.get_transform().transform_path(line.get_path()) for line in self.ax.lines)
-        return any(
-            box.count_contains(path.vertices) or path.intersects_bbox(box, filled=False)
-            for path in paths
+def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
+    """Write words beside points of finished axes, each in its style: where they cover least of
+    other words and the legend, of other points, of lines. Points outside of the axes get none."""
+    pixel, frame = lay_out(ax), np.asarray(ax.bbox.extents)
+    inner = frame + FROM_EDGE * pixel * np.array([1.0, 1.0, -1.0, -1.0])
+    outer = frame + 2.0 * pixel * np.array([-1.0, -1.0, 1.0, 1.0])
+    legend = ax.get_legend()
+    others = [*ax.texts, *([] if legend is None else [legend])]
+    taken = [np.asarray(other.get_window_extent().extents) for other in others]
+    curves = _samples(ax, pixel)
+    placed = [(ax.transData.transform(word[:2]), word) for word in words]
+    points = [point for point, _ in placed]
+    for point, (x, y, text, style) in placed:
+        if np.any(point < outer[:2]) or np.any(point > outer[2:]):
+            continue
+        look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
+        look["fontsize"] = type_size(ax, look["fontsize"])
+        word = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
+        extent = word.get_window_extent()
+        size = np.array([extent.width, extent.height])
+        rest = [other for other in points if not np.allclose(other, point)]
+        way, box = min(
+            _places(point, size, pixel),
+            key=lambda place: _covered(place[1], point, inner, taken, rest, curves),
         )
-
-    def announce(self, x: ArrayLike, y: ArrayLike) -> None:
-        """Points that will get words: no other word shall stand nearer to them."""
-        points = np.column_stack([np.atleast_1d(x), np.atleast_1d(y)]).astype(float)
-        self.anchors += list(self.ax.transData.transform(points))
-
-    def write(self, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
-        """Write words, each in its style, off all lines, texts and the legend. They come last, when
-        the limits of the axes are known."""
-        for line in self.ax.get_lines():
-            self.avoid(line.get_xdata(), line.get_ydata())
-        self.keep_off([*self.ax.texts, self.ax.get_legend()])
-        words = list(words)
-        for x, y, *_ in words:
-            self.announce(x, y)
-        for x, y, text, style in words:
-            self.place(x, y, text, **style)
-
-    def place(self, x: float, y: float, text: str, **style: Any) -> Annotation | None:
-        """Write `text` near (x, y); nothing if that is outside of the axes."""
-        anchor = self.ax.transData.transform((x, y))
-        frame = np.asarray(self.ax.bbox.extents)
-        inner = frame + _EDGE * self.pixel * np.array([1.0, 1.0, -1.0, -1.0])
-        slack = 2.0 * self.pixel
-        if np.any(anchor < frame[:2] - slack) or np.any(anchor > frame[2:] + slack):
-            return None
-        style["fontsize"] = type_size(self.ax, style.get("fontsize", "small"))
-        word = self.ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **style)
-        box = word.get_window_extent()
-        size = np.array([box.width, box.height])
-        _, radius, shift = min(self._options(anchor, size, inner), key=lambda option: option[0])
-        word.set(horizontalalignment="center", verticalalignment="center")
-        word.set_position(tuple(shift / self.pixel))
-        self.taken.append(_box(anchor + shift, size))
-        if radius > _LEADER:
-            self._tie(word, anchor, self.taken[-1])
-        return word
-
-    def _tie(self, word: Annotation, anchor: Array, box: Array) -> None:
-        """A thin line from the point to the nearest place of its word."""
-        end = (np.clip(anchor, box[:2], box[2:]) - anchor) / self.pixel
-        self.ax.annotate(
-            "", word.xy, tuple(end), textcoords="offset points",
-            arrowprops={"arrowstyle": "-", "linewidth": 0.4, "alpha": 0.7, "shrinkA": 0,
-                        "shrinkB": 2, "color": word.get_color()},
-        )  # fmt: skip
-
-    def _options(
-        self, anchor: Array, size: Array, frame: Array
-    ) -> list[tuple[float, float, Array]]:
-        """Cost, radius and shift of the places around the point, up to where the radius alone
-        costs more than the best of them."""
-        options: list[tuple[float, float, Array]] = []
-        curves = np.concatenate(self.curves) if self.curves else np.empty((0, 2))
-        others = [other for other in self.anchors if not np.allclose(other, anchor)]
-        for radius in _RADII:
-            if any(cost < radius for cost, *_ in options):
-                break
-            for i in range(_DIRECTIONS):
-                angle = math.pi / 4 + 2.0 * math.pi * i / _DIRECTIONS  # first: upper right
-                way = np.array([math.cos(angle), math.sin(angle)])
-                shift = way * radius * self.pixel + 0.5 * size * np.clip(1.5 * way, -1.0, 1.0)
-                box = _box(anchor + shift, size + 2.0 * self.pixel)
-                cost = radius + 0.01 * i
-                cost += 1e4 * sum(
-                    np.all(box[:2] < other[2:]) and np.all(other[:2] < box[2:])
-                    for other in self.taken
-                )
-                cost += 1e4 * (np.any(box[:2] < frame[:2]) or np.any(box[2:] > frame[2:]))
-                inside = np.all((curves >= box[:2]) & (curves <= box[2:]), axis=1)
-                cost += 25.0 * int(inside.sum())
-                cost += 200.0 * any(_gap(box, other) == 0.0 for other in others)
-                cost += 60.0 * self._misleads(anchor, box, others, tied=radius > _LEADER)
-                options.append((float(cost), radius, shift))
-        return options
-
-    def _misleads(self, anchor: Array, box: Array, others: list[Array], *, tied: bool) -> bool:
-        """Would a reader take the word for that of another point?"""
-        if not tied:
-            distance = _gap(box, anchor)
-            return any(_gap(box, other) < 1.5 * distance for other in others)
-        line = _dense(np.stack([anchor, np.clip(anchor, box[:2], box[2:])]), self.pixel)
-        close = 4.0 * self.pixel
-        return any(np.linalg.norm(line - other, axis=1).min() < close for other in others)
+        word.set_position(tuple(way / pixel))
+        taken.append(box)
 
 
-def place_words(ax: Axes, words: Iterable[tuple[float, float, str]], **style: Any) -> None:
-    """Write words beside points of finished axes: off all its lines, texts and the legend."""
-    Labels(ax).write((x, y, text, style) for x, y, text in words)
+def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Array]]:
+    """The way from a point to each place for a word of this size, and the box it takes there,
+    nearest first."""
+    for radius in RADII:
+        for direction in DIRECTIONS:
+            side = np.array([direction.real, direction.imag])
+            way = side * radius * pixel + 0.5 * size * np.clip(1.5 * side, -1.0, 1.0)
+            half = 0.5 * size + pixel
+            yield way, np.concatenate([point + way - half, point + way + half])
 
 
-def _box(centre: Array, size: Array) -> Array:
-    return np.concatenate([centre - 0.5 * size, centre + 0.5 * size])
+def _covered(
+    box: Array, point: Array, frame: Array, taken: list[Array], others: list[Array], curves: Array
+) -> tuple[int, int, int]:
+    """How many words a box would cover, or the edge of the axes; to how many other points it would
+    seem to belong; how much of the curves it would cover."""
+    outside = bool(np.any(box[:2] < frame[:2]) or np.any(box[2:] > frame[2:]))
+    words = sum(bool(np.all(box[:2] < o[2:]) and np.all(o[:2] < box[2:])) for o in taken)
+    own = 1.5 * _gap(box, point)
+    wrong = sum(_gap(box, other) <= own for other in others)
+    at, half = curves[:, :2], curves[:, 2:]
+    beneath = np.all((at + half >= box[:2]) & (at - half <= box[2:]), axis=1)
+    return words + outside, wrong, int(beneath.sum())
+
+
+def _samples(ax: Axes, pixel: float) -> Array:
+    """Points along all lines, or where these are dots alone, and half the width of each line: rows
+    of three, in pixels."""
+    samples = [np.empty((0, 3))]
+    for line in ax.get_lines():
+        nodes = line.get_transform().transform(line.get_xydata())
+        nodes = nodes[np.isfinite(nodes).all(axis=1)]
+        if line.get_linestyle() != "None":
+            nodes = _dense(nodes, SPACING * pixel)
+        samples.append(np.insert(nodes, 2, 0.5 * pixel * line.get_linewidth(), axis=1))
+    return np.concatenate(samples)
 
 
 def _gap(box: Array, point: Array) -> float:

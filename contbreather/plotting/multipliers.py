@@ -23,8 +23,9 @@ from contbreather.plotting.canvas import (
     SKY,
     VERMILLION,
     Drawn,
-    Labels,
     drawing,
+    lay_out,
+    place_words,
     symbol,
     text_colour,
 )
@@ -113,17 +114,15 @@ def plot_multipliers(
         name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
-        labels = Labels(axes)
-        labels.avoid(*_circle())
-        for multiplier in (*waves, *shown):
-            labels.avoid(multiplier.real, multiplier.imag)
-        for multiplier in shown[alone]:
-            labels.announce(multiplier.real, multiplier.imag)
-        space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
-        for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
-            colour = VERMILLION if abs(multiplier) > 1.0 else text_colour(axes)
-            text = _number(multiplier, digits, space)
-            labels.place(place.real, place.imag, text, color=colour)
+        space = "\n" if axes.bbox.width / lay_out(axes) < NARROW else " "
+        place_words(
+            axes,
+            (
+                (place.real, place.imag, _number(multiplier, digits, space),
+                 {"color": VERMILLION if abs(multiplier) > 1.0 else text_colour(axes)})
+                for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0))
+            ),
+        )  # fmt: skip
     return drawn
 
 

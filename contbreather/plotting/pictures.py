@@ -80,7 +80,7 @@ def plot(
         are refused.
     labels : bool, optional
         Whether special points are named beside them. Unless given they are as long as there are not
-        more than a dozen; otherwise a legend says what the markers stand for.
+        more than eight; otherwise a legend says what the markers stand for.
     kinds : iterable of str, optional
         The kinds of special points to mark, ``("PF", "NS")``; all unless given.
     colours : sequence of str, optional

@@ -128,7 +128,7 @@ def plot_zones(
         if flag("legend", legend):
             explain(panels, figure)
         for diagram, panel in zip(several, panels, strict=True):
-            place_words(panel, names_of_meetings(diagram), color=BLACK)
+            place_words(panel, ((*name, {"color": BLACK}) for name in names_of_meetings(diagram)))
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
