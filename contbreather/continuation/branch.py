@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +72,9 @@ class Points(Sequence[Point]):
             if more or not p.located or p.tangent is None or p.curve is not curve:
                 marked[i] = p
         numbers = np.array(arclength), np.array(residual)
-        return Points(curve, np.stack(z), tangent, *numbers, marked)
+        piece = Points(curve, np.stack(z), tangent, *numbers, marked)
+        piece._points.update(enumerate(points))
+        return piece
 
     @staticmethod
     def one(point: Point) -> Points:
@@ -86,12 +87,7 @@ class Points(Sequence[Point]):
     @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         """Several pieces as one."""
-        parts, marked, start = list[Points](), dict[int, Point](), 0
-        for kind, group in itertools.groupby(pieces, type):
-            if kind is list:  # points that came one by one are rows together
-                parts.append(Points.of(itertools.chain.from_iterable(group)))
-            else:
-                parts += map(Points.of, group)
+        parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
             marked.update((start + i, point) for i, point in part.made.items())
             start += len(part)

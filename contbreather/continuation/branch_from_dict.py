@@ -25,7 +25,6 @@ from .newton import Undefined
 from .point import Event, Point, UnstableDimension
 from .problem import Problem
 from .settings import Settings, Steps, active_events
-from .step_interpolant import value_of_test
 
 Array = NDArray[Any]
 Content = Mapping[str, Any]
@@ -335,7 +334,7 @@ def _event_at(point: Point, events: Sequence[Event]) -> Event | None:
     if not alike and point.kind not in ("", "EP", "MX"):
         alike = {id(event): event for event in events if event.examine is not None}
     if len(alike) > 1:
-        off = {key: abs(value_of_test(event, point)) for key, event in alike.items()}
+        off = {key: abs(event.value_or_nan(point)) for key, event in alike.items()}
         return alike[min(off, key=lambda key: off[key] if off[key] >= 0.0 else math.inf)]
     return next(iter(alike.values()), None)
 

@@ -30,11 +30,11 @@ from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach, newton
-from .point import Point
+from .point import MANY, Point
 from .problem import Problem
 from .settings import Within, windows
 from .sparse import is_sparse, scaled
-from .step_interpolant import MANY, closest_tangent
+from .step_interpolant import closest_tangent
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word

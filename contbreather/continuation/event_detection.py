@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .branch import Points
 from .branch_points import GAP, bordered_matrices, bordered_matrix
-from .defining_systems import Singular, regular_between
+from .defining_systems import regular_between
 from .event_location import (
     at_end,
     first_jump,
@@ -29,15 +29,13 @@ from .event_location import (
     special,
 )
 from .newton import Undefined
-from .point import Event, Point
+from .point import Event, Point, Value
 from .step_interpolant import (
     ASIDE,
     StepInterpolant,
     StepSamples,
-    Value,
     count_at,
     counts_apart,
-    value_of_test,
 )
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
@@ -166,9 +164,9 @@ def quiet_steps(
         elif event.count is not None:
             for j in np.flatnonzero(quiet[i]).tolist():
                 quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
-        if isinstance(event.test, Singular) and len(points) > 1:
+        if event.matrix and len(points) > 1:
             # matrices say more of what is between two points than values do
-            matrices = bordered_matrices(points) if event.test.matrix is bordered_matrix else None
+            matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
             if matrices is None:
                 return np.zeros_like(quiet)
             quiet[i] &= regular_between(bordered_matrix(first), matrices)
@@ -245,7 +243,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
             segment = samples.segment
             u = (point.arclength - segment.first.arclength) / segment.length
             if 0 < u < 1 and samples.event is not point.event:
-                samples.learn(u, value_of_test(samples.event, point))
+                samples.learn(u, samples.event.value_or_nan(point))
         for samples in tests:
             yield from _dipped(samples)
 
@@ -255,7 +253,7 @@ def _dipped(samples: StepSamples) -> Iterator[Point]:
         return
     if not has_double_zero(samples):
         yield from kinks(samples)
-    if isinstance(samples.event.test, Singular):
+    if samples.event.matrix:
         samples.beside(*(middle for _, middle in samples.changes()[:-1]))
 
 
@@ -268,7 +266,7 @@ def _closer(samples: StepSamples) -> Iterator[Point]:
             samples.done.append((0.0, 1.0))
             point = segment.provisional(0.5 * (left + right))
             at_ends = min(abs(samples.values[u]) for u in (0.0, 1.0))
-            if abs(value_of_test(samples.event, point)) >= at_ends:
+            if abs(samples.event.value_or_nan(point)) >= at_ends:
                 return  # what was seen is where the curve starts or ends
             yield special(samples, point, left, right, not_simple(samples.event.kind))
             return
@@ -300,7 +298,7 @@ def _between(
         middle = piece.provisional(0.5)
         at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
         for event, value in zip((samples.event for samples in tests), values, strict=True):
-            seen = {0.0: value, 0.5: value_of_test(event, middle), 1.0: value_of_test(event, end)}
+            seen = {0.0: value, 0.5: event.value_or_nan(middle), 1.0: event.value_or_nan(end)}
             parts.append(part := StepSamples(piece, event, seen))
             beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
@@ -340,7 +338,7 @@ def _explained(
     segment, more = count.segment, list[Point]()
     if jumps := _jumps(count, points):
         for other, u in itertools.product(others, itertools.chain(*jumps)):
-            other.learn(u, value_of_test(other.event, segment.provisional(u)))
+            other.learn(u, other.event.value_or_nan(segment.provisional(u)))
         more = [point for other in others for point in locate(other)]
         jumps = _jumps(count, [*points, *more])
     for low, high in jumps:

@@ -21,7 +21,7 @@ from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import DefiningSystem, Examined, Level, Point
-from .step_interpolant import ASIDE, StepSamples, count_at, counts_apart, value_of_test
+from .step_interpolant import ASIDE, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -135,7 +135,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     if place := _solved(samples, u, left, right):
         return place
     point, kind = samples.segment.at(u), samples.event.kind
-    left_over = abs(value_of_test(samples.event, point))
+    left_over = abs(samples.event.value_or_nan(point))
     # rounding of a test may be more than that where its values are small all around
     beside = (samples.look(v) for v in (u - _BESIDE * (u - left), u + _BESIDE * (right - u)))
     if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
@@ -151,13 +151,13 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     """The point at a zero, doubtful if the test is exactly zero beside it as well."""
     segment, event = samples.segment, samples.event
     point = segment.at(u)
-    if value_of_test(event, point) != 0:
+    if event.value_or_nan(point) != 0:
         return point
     aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
 
     def beside(aside: float) -> list[float]:
         return [
-            value_of_test(event, segment.at(v)) for v in (u - aside, u + aside) if left < v < right
+            event.value_or_nan(segment.at(v)) for v in (u - aside, u + aside) if left < v < right
         ]
 
     if all(value != 0 for value in beside(aside)):
@@ -178,7 +178,7 @@ def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
     place, point = segment.corrected(branch_point.solution, branch_point.tangents)
-    if abs(value_of_test(samples.event, point)) > 1e-6 * size:
+    if abs(samples.event.value_or_nan(point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
 
@@ -234,8 +234,8 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
         low, high = place - ASIDE, place + ASIDE
         if not event.crosses:
             before, after = (
-                value_of_test(event, segment.at(low)),
-                value_of_test(event, segment.at(high)),
+                event.value_or_nan(segment.at(low)),
+                event.value_or_nan(segment.at(high)),
             )
             if before == after if isinstance(before, int) else not before * after <= 0:
                 return None
@@ -287,7 +287,7 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             return
         try:
             point = samples.place(middle)
-            value, counts[middle] = value_of_test(event, point), event.count(point)
+            value, counts[middle] = event.value_or_nan(point), event.count(point)
         except OUT_OF_DOMAIN:  # nothing can be seen there
             continue
         if right - left > _ONE:
@@ -371,7 +371,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
 
 def _seen_at(samples: StepSamples, u: float) -> float:
     """The size of the test on the cubic, not kept."""
-    return abs(samples.deflated(u, value_of_test(samples.event, samples.segment.provisional(u))))
+    return abs(samples.deflated(u, samples.event.value_or_nan(samples.segment.provisional(u))))
 
 
 def _downhill(

@@ -6,7 +6,7 @@ Three types in one file, for each speaks of the others.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any, Literal, Self
 
@@ -18,7 +18,7 @@ from ..errors import BadInput
 from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .curve import Curve
-from .newton import Array
+from .newton import OUT_OF_DOMAIN, Array
 from .problem import Problem
 
 
@@ -267,6 +267,9 @@ class Always:
         return self.locus
 
 
+MANY = 8  # points from which on arrays take less time than a loop
+
+Value = float | int
 Examined = str | Mapping[str, Any]
 Many = tuple[Any, Any]  # arrays with a test and the count beside it, None without one
 
@@ -290,7 +293,8 @@ class Event:
         are seen by it where it changes by more than one.
     many : callable, optional
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
-        `Points`; or None where it cannot say these at once. It serves speed alone.
+        `Points`; or None where it cannot say these at once. It serves the speed of `values` alone,
+        which loops over the points otherwise.
     locus : callable, optional
         ``locus(point) -> DefiningSystem`` at a point close to the event, its curve with both
         parameters free where a boundary sets out. Needed to trace the event in two parameters, and
@@ -365,11 +369,62 @@ class Event:
         """The event as it is for one problem: itself, unless only its kind is known so far."""
         return self
 
-    def value(self, point: Point) -> float | int:
-        """What is looked at along the curve: the test, or the count where there is no test."""
+    @property
+    def matrix(self) -> Callable[[Point], Any] | None:
+        """The matrix that is singular at the event, of a `Singular` test."""
+        return getattr(self.test, "matrix", None)
+
+    def value(self, point: Point) -> Value:
+        """What is looked at along the curve, as it was given: the test, or the count where there
+        is no test."""
         look = self.test or self.count
         assert look is not None
         return look(point)
+
+    def number(self, value: Any) -> Value:
+        """Check a value: an int where the event counts, a float where it has zeros."""
+        if isinstance(value, int | np.integer | np.bool_):
+            return int(value)
+        try:
+            alone = isinstance(value, float) or np.ndim(value) == 0
+            return float(value if alone else "")  # older versions of numpy take arrays of one, too
+        except (TypeError, ValueError) as error:
+            raise BadInput(
+                f"the test of {self.kind} gave {value!r}; one real number was expected, or NaN "
+                "where it has no value"
+            ) from error
+
+    def value_or_nan(self, point: Point) -> Value:
+        """The value as a number, NaN where it has none."""
+        try:
+            value = self.value(point)
+        except OUT_OF_DOMAIN:
+            return math.nan
+        return self.number(value)
+
+    def values(self, points: Sequence[Point]) -> tuple[list[Value], Any]:
+        """Values at several points of a walk, and the array of counts where it comes with them."""
+        together = self.at_once(points) if len(points) >= MANY else None
+        if together is None:
+            return [self.value_or_nan(point) for point in points], None
+        return together[0].tolist(), together[1]
+
+    def at_once(self, points: Sequence[Point]) -> Many | None:
+        """Arrays of values and counts, as `many` gives them; None where each has to be asked."""
+        try:
+            answer = self.many and self.many(points)
+        except OUT_OF_DOMAIN:
+            answer = None
+        if not answer:
+            return None
+        shapes = [np.shape(column) for column in answer if column is not None]
+        wanted = [(len(points),)] * (2 if self.count else 1)
+        if shapes != wanted:
+            raise BadInput(
+                f"many of {self.kind} gave arrays of shapes {shapes}; {wanted} were expected, a "
+                f"test {'and a count ' if self.count else ''}for each point"
+            )
+        return answer
 
     def __repr__(self) -> str:
         return f"<Event {self.kind}{', terminal' if self.ends else ''}>"

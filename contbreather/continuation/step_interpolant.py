@@ -7,20 +7,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from ..errors import BadInput
-from .branch import Points
 from .curve import LEVEL, Curve
-from .defining_systems import Singular, singular_between
+from .defining_systems import singular_between
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
-from .point import Event, Many, Point
+from .point import Event, Point, Value
 
-Value = float | int
-
-MANY = 8  # points from which on to ask about all at once is quicker
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
 _NOTHING = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
@@ -129,57 +123,6 @@ def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:
 # --- a test along it -----------------------------------------------------------------------------
 
 
-def value_of_test(event: Event, point: Point) -> Value:
-    """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
-    no value."""
-    try:
-        value = event.value(point)
-    except OUT_OF_DOMAIN:
-        return math.nan
-    return counted(event, value)
-
-
-def counted(event: Event, value: Any) -> Value:
-    """What a test gave, as a number."""
-    if isinstance(value, int | np.integer | np.bool_):
-        return int(value)
-    try:
-        alone = isinstance(value, float) or np.ndim(value) == 0
-        return float(value if alone else "")  # older versions of numpy take arrays of one, too
-    except (TypeError, ValueError) as error:
-        raise BadInput(
-            f"the test of {event.kind} gave {value!r}; one real number was expected, or NaN where "
-            "it has no value"
-        ) from error
-
-
-def values_of_test(event: Event, points: Points) -> tuple[list[Value], Array | None]:
-    """The tests of an event on a piece of a walk; its counts as far as they are known with them."""
-    try:
-        answer = measure_many(event, points) if len(points) >= MANY else None
-    except OUT_OF_DOMAIN:
-        answer = None
-    if answer is None:
-        return [value_of_test(event, point) for point in points], None
-    return answer[0].tolist(), answer[1]
-
-
-def measure_many(event: Event, points: Points) -> Many | None:
-    """The tests and counts of an event at many points; None where each has to be asked."""
-    answer = event.many and event.many(points)
-    if not answer:
-        return None
-    test, count = answer
-    shapes = [np.shape(column) for column in (test, count) if column is not None]
-    wanted = [(len(points),)] * (2 if event.count else 1)
-    if shapes != wanted:
-        raise BadInput(
-            f"many of {event.kind} gave arrays of shapes {shapes}; {wanted} were expected, a test "
-            f"{'and a count ' if event.count else ''}for each point"
-        )
-    return test, count
-
-
 def count_at(event: Event, point: Point) -> int | float:
     """The number beside a test, asked once at each end of a step."""
     count: int | float = point.curve.cached(
@@ -227,7 +170,7 @@ class StepSamples:
 
     def look(self, u: float) -> Value:
         """The test on the curve."""
-        value = value_of_test(self.event, self.place(u))
+        value = self.event.value_or_nan(self.place(u))
         if math.isnan(value):
             raise Undefined("the test has no value between two points of the curve")
         return value
@@ -244,7 +187,7 @@ class StepSamples:
 
     def glance(self, u: float) -> Value:
         """The test on the cubic, close enough to see its sign."""
-        self.values[u] = value_of_test(self.event, self.segment.provisional(u))
+        self.values[u] = self.event.value_or_nan(self.segment.provisional(u))
         return self.values[u]
 
     def learn(self, u: float, value: Value) -> None:
@@ -320,12 +263,12 @@ class StepSamples:
         """Look between the places where a test should have its zeros, so that each leaves its
         change of sign; beside an event at the start, where the sign is not known; and towards an
         end without a value, as where an impact vanishes. Whether there are any."""
-        test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
-        if isinstance(test, Singular) and segment.last.tangent is not None:
+        matrix, segment, look, places = self.event.matrix, self.segment, list[float](), np.empty(0)
+        if matrix and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
             small = min(sizes) < _LOW * max(sizes)
             middle = (segment.provisional(0.5),) if small else ()
-            places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
+            places = singular_between(*map(matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):
                 look.append((low + high) / 2)
                 self.beside(*(look[-1:] if high - low < _CLOSE else ()))

@@ -20,14 +20,13 @@ from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
-from .defining_systems import Singular
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
 from .event_detection import Ends, StepEvents, find, quiet_steps
 from .newton import Array, Undefined
-from .point import Event, Point
+from .point import Event, Point, Value
 from .problem import Problem, problem_in
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .step_interpolant import StepInterpolant, Value, counted, values_of_test
+from .step_interpolant import StepInterpolant
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
@@ -247,7 +246,7 @@ class Ahead:
 
     @classmethod
     def of(cls, piece: BranchPiece, events: Sequence[Event]) -> Ahead:
-        asked = [values_of_test(event, piece.points) for event in events]
+        asked = [event.values(piece.points) for event in events]
         return cls(piece, [tests for tests, _ in asked], [counts for _, counts in asked])
 
     def beyond(self, n: int) -> Ahead | None:
@@ -267,7 +266,7 @@ class ContinuationIterator:
         self.curve, start = way.point.curve, way.point
         self.stepper = Stepper(way, steps)
         self.point, self.count = start, 0  # where it is, after how many steps
-        self.walked: list[Sequence[Point]] = []
+        self.walked: list[Points] = []
         self.doubtful: list[Point] = []
         self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
@@ -275,7 +274,7 @@ class ContinuationIterator:
         for event in events:
             # a test that fails here, as for a wrong name, is a mistake
             with np.errstate(**QUIET):
-                value = counted(event, event.value(start))
+                value = event.number(event.value(start))
             self.tests += (value,)
             if event.ends_domain and value < -1e-9:
                 raise BadInput(
@@ -299,7 +298,7 @@ class ContinuationIterator:
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
             if kept:
-                kept.look(isinstance(piece, list) and any(point.kind for point in piece), so_far)
+                kept.look(bool(piece.special), so_far)
             if not unresolved(piece[-1]):
                 continue
             finer = look(piece[-1])
@@ -323,7 +322,7 @@ class ContinuationIterator:
             yield from piece
         return self.end
 
-    def pieces(self) -> Iterator[Sequence[Point]]:
+    def pieces(self) -> Iterator[Points]:
         """Walk as `run` does, several points at a time."""
         stop: Stop | None = None
         reason, ahead = "", None
@@ -337,8 +336,9 @@ class ContinuationIterator:
                     if ahead is None:
                         ahead = Ahead.of(self.stepper.next(self.point, self.count), self.events)
                     # test      at the end of each: a change of sign, or what may hide two of them
-                    line, quiet = self._without_candidates(ahead)
-                    if not len(line):
+                    plain, quiet = self._without_candidates(ahead)
+                    line = passed = ahead.piece.points[: plain or 1]
+                    if not plain:
                         # locate    by the defining system of the event, where it has one
                         found = self._located(ahead, quiet) if self.events else _NOTHING
                         line, stop = self._line_up(ahead, found)
@@ -349,7 +349,6 @@ class ContinuationIterator:
                     reason = "; ".join(filter(None, (reason, advice)))
                 break
             # record
-            passed = line if isinstance(line, Points) else ahead.piece.points[:1]
             limit = self.growth.end(passed) if stop is None else None
             self.point, self.count = (line if stop else passed)[-1], self.count + len(passed)
             ahead = ahead.beyond(len(passed))
@@ -363,24 +362,24 @@ class ContinuationIterator:
         if self.count == 0:
             if self.way.directed and stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
-            yield [self.point]
+            yield Points.of([self.point])
         self.end = End(stop, reason, tuple(self.doubtful))
 
     # --- test ---
 
-    def _without_candidates(self, ahead: Ahead) -> tuple[Sequence[Point], Any]:
-        """The first of the steps ahead, as far as no event has anything to look for on them; and
-        for which events that is so on the next, None where it is not known."""
+    def _without_candidates(self, ahead: Ahead) -> tuple[int, Any]:
+        """On how many of the steps ahead no event has anything to look for; and for which events
+        that is so on the first, None where it is not known."""
         points, more = ahead.piece.points, ahead.piece.crossing or ahead.piece.stop
         if self.earlier is None:
             if self.events or not self.count:
-                return (), None
-            return points[: len(points) - 1] if more else points, None
+                return 0, None
+            return len(points) - bool(more), None
         places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
         rows = zip(self.earlier[1], self.tests, ahead.tests, strict=True)
         tests = [[past, now, *row] for past, now, row in rows]
         quiet = quiet_steps(self.events, places, tests, ahead.counts, self.point, points)
-        matrices = any(isinstance(event.test, Singular) for event in self.events)
+        matrices = any(event.matrix for event in self.events)
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not (more or (matrices and len(points) == 1))
         n = int(np.append(clear, False).argmin())
@@ -389,7 +388,7 @@ class ContinuationIterator:
             self.tests = tuple([row[n + 1] for row in tests])
             for z in points.z[max(n - PASSED, 0) : n]:
                 self.curve.passes(z)
-        return points[:n], quiet[:, 0]
+        return n, quiet[:, 0]
 
     # --- locate ---
 
@@ -406,7 +405,7 @@ class ContinuationIterator:
         except Undefined as error:
             raise StepFailed(Stop.DOMAIN, f"while locating an event: {error}") from error
 
-    def _line_up(self, ahead: Ahead, located: StepEvents) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, ahead: Ahead, located: StepEvents) -> tuple[Points, Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""
         point, begins, last = self.point, self.count == 0, ahead.piece.points[0]
         reach = 1e-8 * (last.arclength - point.arclength)
@@ -442,7 +441,7 @@ class ContinuationIterator:
         # its equations are those of a fold, too
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
         self.doubtful += [p for p in located.doubtful if p.arclength < end]
-        return line, stop
+        return Points.of(line), stop
 
     # --- end ---
 

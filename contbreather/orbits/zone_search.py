@@ -27,7 +27,6 @@ from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.resume import refined
 from contbreather.continuation.settings import Steps
-from contbreather.continuation.step_interpolant import measure_many
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.closed_form import symmetric_roots
@@ -370,7 +369,7 @@ class Row:
         """The breathers with these phases; None unless all tests say many at once."""
         z, none = _at(curve, phi), np.zeros(phi.size)
         points = Points(curve, z, np.zeros_like(z), none, none)
-        asked = [answer for event in events if (answer := measure_many(event, points))]
+        asked = [answer for event in events if (answer := event.at_once(points))]
         tests = np.array([test for test, _ in asked])
         if len(asked) < len(events) or not np.isfinite(tests).all():
             return None

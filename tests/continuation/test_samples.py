@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.step_interpolant import ASIDE, StepSamples, value_of_test
+from contbreather.continuation.step_interpolant import ASIDE, StepSamples
 
 EVENT = cb.user("mu", 0.0)
 
@@ -101,7 +100,7 @@ def test_a_value_is_learnt_once_and_not_within_a_bracket() -> None:
 
 def test_a_test_counts_measures_or_has_no_value() -> None:
     def given(value: Any) -> Any:
-        return value_of_test(SimpleNamespace(kind="X", value=lambda point: value), None)
+        return cb.Event("X", lambda point: value).value_or_nan(None)
 
     assert [type(given(one)) for one in (3, np.int64(3), True, np.bool_(True))] == [int] * 4
     assert [type(given(one)) for one in (3.0, np.float64(3.0), np.array(2.0))] == [float] * 3
@@ -109,7 +108,7 @@ def test_a_test_counts_measures_or_has_no_value() -> None:
     def outside(point: Any) -> float:
         raise ValueError("no value")
 
-    assert math.isnan(value_of_test(SimpleNamespace(kind="X", value=outside), None))
+    assert math.isnan(cb.Event("X", outside).value_or_nan(None))
 
 
 # --- sizes of steps -------------------------------------------------------------------------------

@@ -11,7 +11,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.step_interpolant import measure_many
 from contbreather.orbits.asymmetric_breather import symmetric_again
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
@@ -67,7 +66,7 @@ def test_tests_of_many_points_that_do_not_fit_are_refused() -> None:
     branch = cb.trace(cb.symmetric(0.5, 0.06, 0.6), "a", within={"a": (0.3, 0.8)})
     short = cb.Event("UZ", lambda p: p["a"], many=lambda points: (points.z[1:, 2], None))
     with pytest.raises(cb.BadInput, match=r"many of UZ gave arrays of shapes \[\(\d+,\)\]"):
-        measure_many(short, branch.points)
+        short.values(branch.points)
 
 
 def test_events_that_are_looked_for_change_no_point() -> None:
