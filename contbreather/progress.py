@@ -159,13 +159,12 @@ class Bar(_Progress):
 class Counter(_Progress):
     """A status line with the number of points of a walk and its free parameter."""
 
-    title, count = "", 0
+    title, remark, count = "", "", 0
     latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
         """Count points, and show the last of them."""
         self.count += count
         if self.wanted:
-            warning, free = point.curve.performance_warning, point.curve.free[0]
-            warning = warning and f"; {warning}"
-            self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{warning}")
+            free, remark = point.curve.free[0], self.remark and f"; {self.remark}"
+            self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{remark}")

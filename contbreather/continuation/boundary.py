@@ -21,6 +21,7 @@ from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
+from .derivative_checks import wrong_entry
 from .newton import Undefined
 from .point import (
     CodimensionTwo,
@@ -230,7 +231,7 @@ def _check_derivative(longer: Problem, locus: DefiningSystem, free: str) -> None
         return
     curve = Curve(longer, (free,))
     with contextlib.suppress(Undefined):
-        wrong = curve.wrong_entry(curve.start)
+        wrong = wrong_entry(curve, curve.start)
         if wrong:
             raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
 

@@ -18,6 +18,7 @@ from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
+from .derivative_checks import advice
 from .newton import Array
 from .point import Implied, Point, UnstableDimension
 from .problem import Problem
@@ -456,7 +457,7 @@ class Branch(Columns, HtmlRepr):
             end += f"; the other way: {_ended(self.began, self.began_reason)}"
         distance = self.start_correction
         moved = f"the start was moved by {distance:.2g}" if distance else ""
-        more = filter(None, (moved, self.curve.performance_warning))
+        more = filter(None, (moved, advice(self.curve)))
         return "; ".join([f"{head}: {len(self)} points", end, *more])
 
     def __rich__(self) -> Sheet:

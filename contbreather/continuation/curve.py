@@ -23,7 +23,6 @@ from .sparse import (
     Pattern,
     beside,
     canonical,
-    entry_columns,
     first_columns,
     is_large,
     is_sparse,
@@ -40,35 +39,7 @@ PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
 _FEW_LATEST = 64  # the same with few unknowns
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
-_MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
-
-
-def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
-    sparse = is_sparse(value)
-    if sparse and len(shape) == 1:
-        raise BadInput(
-            f"the {what} is sparse, a {type(value).__name__}; a dense array of shape {shape} was "
-            "expected: return its toarray()"
-        )
-    try:
-        if np.iscomplexobj(value):
-            raise TypeError
-        actual = value.shape if sparse else np.asarray(value, dtype=float).shape
-    except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(f"the {what} is {value!r}; an array of real numbers was expected") from error
-    if actual != shape:
-        kind = "is sparse and has" if sparse else "has"
-        raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
-    if not sparse:
-        return
-    matrix = canonical(value)
-    wrong = np.flatnonzero(~np.isfinite(matrix.data))
-    if wrong.size:
-        entry = (int(matrix.indices[wrong[0]]), int(entry_columns(matrix)[wrong[0]]))
-        raise BadInput(
-            f"entry {entry} of the sparse {what} is {matrix.data[wrong[0]]} at the start"
-        )
 
 
 class Curve:
@@ -87,8 +58,6 @@ class Curve:
         Weights W of the squared arclength: ``t^T W`` is the row whose product with z is the inner
         product with t. An array unknown counts as its mean square, so that a refined mesh keeps its
         steps.
-    performance_warning : str
-        What would make a large problem cheaper; empty if there is nothing to say.
     asked : tuple of Event or None
         What was looked for on it, None for the events of its problem: arms that set out have it.
     row_scales : ndarray
@@ -122,7 +91,6 @@ class Curve:
         self._passed: list[Array] = []
         self._places: dict[float, Pieces | None] = {}
         self.asked: tuple[Any, ...] | None = None
-        self.performance_warning = ""  # what would make all of this cheaper
         self._known = defaultdict[str, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -281,15 +249,6 @@ class Curve:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
         matrix: Matrix = self.cached("jacobian", z, self._derivatives)
-        if self.size < _MANY or self.performance_warning or is_sparse(matrix):
-            return matrix
-        of_user = self.problem.derivatives is None and self.problem.beneath is None
-        # a large derivative that is dense for want of a word
-        if of_user and np.count_nonzero(matrix) < _THIN * matrix.size:
-            self.performance_warning = (
-                f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
-                "Problem(..., jacobian=pattern), or a sparse jacobian, is faster"
-            )
         return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
@@ -440,87 +399,7 @@ class Curve:
             self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
-    def check(self) -> Array:
-        """The equations at the start; wrong shapes and wrong derivatives are refused before
-        anything is built on them."""
-        problem, z, n = self.problem, self.start, self.size
-        try:
-            value = self.equations(z)
-        except Undefined as error:
-            raise BadInput(
-                f"the equations have no value at the start {problem.start_text()}: {error}"
-            ) from error
-        if value.dtype == bool:
-            raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
-        try:
-            if callable(problem.jacobian):
-                derivative = problem.jacobian(z[:n].copy(), self.params(z))
-                _check_shape("Jacobian", derivative, (n, n))
-            for name in self.free if problem.sensitivity is not None else ():
-                derivative = problem.sensitivity(z[:n].copy(), self.params(z), name)
-                _check_shape("sensitivity", derivative, (n,))
-        except BadInput:
-            raise
-        except OUT_OF_DOMAIN as error:
-            raise BadInput(
-                f"the derivatives have no value at the start {problem.start_text()}: {error}"
-            ) from error
-        except KeyError as error:
-            problem.check_asked(error)
-            raise
-        wrong = self.misfit(z)
-        if wrong:
-            raise BadInput(wrong)
-        return value
-
-    def misfit(self, z: Array) -> str:
-        """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
-        problem = self.problem
-        if problem.beneath is not None:
-            curve, place = problem.beneath(z[: self.size], self.params(z), self.free)
-            return str(curve.misfit(place))
-        given = problem.jacobian, problem.sensitivity, problem.derivatives
-        if problem.tested or given == (None, None, None):
-            return ""
-        wrong = self.wrong_entry(z)
-        if isinstance(problem.jacobian, Pattern):
-            return wrong and f"the sparsity pattern does not fit the residual: {wrong}"
-        return wrong and f"the Jacobian that was given does not fit the residual: {wrong}"
-
-    def wrong_entry(self, z: Array) -> str:
-        """An entry of the derivative at z that differences contradict: empty if there is none."""
-        matrix = self.jacobian(z)
-        # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
-        # pattern by which several of them would cancel
-        direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
-        wanted, doubt, _ = derivatives.estimate(
-            lambda t: self.residual(z + t[0] * direction), np.zeros(1), np.ones(1)
-        )
-        wrong = derivatives.misfit((matrix @ direction)[:, None], wanted, doubt)
-        if wrong is None:
-            return ""
-        if is_sparse(matrix):
-            pattern = self.problem.jacobian
-            listed = isinstance(pattern, Pattern)
-            given = pattern.matrix[[wrong[0]]].indices if listed else None
-            return derivatives.wrong_in_row(self.residual, z, matrix, wrong[0], direction, given)
-        wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
-        entry = derivatives.misfit(matrix, wanted, doubt)
-        if entry is None:
-            return ""
-        return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
-
-    def reconsider(self, *places: Array) -> str:
-        """Choose anew how derivatives are taken, now for these places; what is wrong with given
-        ones there."""
+    def forget(self) -> None:
+        """Forget what is known of the latest places, and how derivatives were taken."""
         self._scheme = None
         self._known.clear()
-        for z in places:
-            try:
-                self.jacobian(z)
-                wrong = self.misfit(z)
-            except Undefined:
-                continue
-            if wrong:
-                return wrong
-        return ""

@@ -28,6 +28,7 @@ from ..errors import BadInput, NotConverged
 from .branch import Points
 from .branch_points import crossing
 from .curve import LEVEL, Curve
+from .derivative_checks import check_start, reconsider
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach, newton
 from .point import MANY, Point
@@ -110,7 +111,7 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     """
     curve = Curve(problem, (free,))
     domain = bounds_of(curve, None)  # outside of it there is nothing to solve
-    value = curve.check()
+    value = check_start(curve)
     if (
         abs(value) <= _ROUNDING * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
     ).all():
@@ -148,7 +149,7 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
 def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
     """The curve, the residual at its start, and the tangent there, both as they were given."""
     curve = Curve(problem, (free,))
-    curve.check()
+    check_start(curve)
     try:
         tangent = np.asarray(along, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
@@ -160,7 +161,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     # little further on
     ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
     with contextlib.suppress(Undefined):
-        curve.reconsider(ahead)
+        reconsider(curve, ahead)
         curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
     try:
         value, change = (

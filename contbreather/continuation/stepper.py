@@ -16,6 +16,7 @@ import numpy as np
 from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
+from .derivative_checks import reconsider
 from .ends import Bound, StartOnCurve
 from .newton import FEW, Array, Solution, Undefined, newton, newton_step
 from .point import Point
@@ -96,7 +97,7 @@ class Stepper:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
             # the scheme for derivatives was chosen, or those given were checked, at the start only
-            wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
+            wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
             if wrong:
                 raise StepFailed(failed.stop, wrong) from failed
             step = self._advance(point)

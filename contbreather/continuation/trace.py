@@ -20,6 +20,7 @@ from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
+from .derivative_checks import advice
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
 from .event_detection import Ends, StepEvents, find, quiet_steps
 from .newton import Array, Undefined
@@ -164,6 +165,7 @@ def walk_from(
             for way in ways:
                 way.point.curve.asked = settings.events
             walks[:] = [ContinuationIterator(way, wanted, settings.steps) for way in ways]
+            shown.remark = advice(walks[0].curve)
             for one_way in walks:
                 finer = one_way.follow(shown, kept, so_far, look)
                 if finer is not None or one_way.end.stop is Stop.CLOSED:

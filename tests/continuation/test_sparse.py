@@ -152,10 +152,10 @@ def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
         (full, False),
         (replace(thin, jacobian=np.eye(500)), False),
     ):
-        branch = cb.trace(problem, "mu", towards="up", events=(), steps=cb.Steps(most=1))
-        shown = Counter(None)
-        shown.wanted, shown.after, shown.line = True, 0.0, Words()
-        shown.advance(branch[1])
+        shown = Counter(True)
+        shown.after, shown.line = 0.0, Words()
+        once = cb.Steps(most=1)
+        branch = cb.trace(problem, "mu", towards="up", events=(), steps=once, progress=shown)
         assert (hint in repr(branch), hint in shown.line.said) == (wanted, wanted)
 
 

@@ -10,8 +10,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.continuation import Steps
-from contbreather.continuation.curve import Curve
+from contbreather.continuation import Steps, derivative_checks, ends
 from contbreather.continuation.step_interpolant import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
@@ -27,13 +26,13 @@ def branch(**more: Any) -> cb.Branch:
 
 
 def test_both_sides_of_a_branch_set_out_from_one_start(counted) -> None:
-    checks = counted(Curve, "check")
+    checks = counted(ends, "check_start")
     assert len(branch().special) == 3
     assert checks["calls"] == 1
 
 
 def test_derivatives_of_the_package_are_not_compared_with_differences(counted) -> None:
-    compared = counted(Curve, "wrong_entry")
+    compared = counted(derivative_checks, "wrong_entry")
     found = branch().first("PF")
     cb.boundary(found, ("gamma", "a"), within={"gamma": (0.03, 0.05), "a": (0, 1)})
     assert compared["calls"] == 0
