@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from ..one_thread import one_thread
 from .curve import Curve, Params, Residual
 from .newton import Array, Solution, Undefined, approach, newton
 from .sparse import Matrix, Pattern
+from .structure import Structure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem:
+class Problem(Structure):
     """Equations ``F(x, p) = 0`` with named unknowns and parameters: the one contract of the engine.
 
     Parameters
@@ -51,16 +52,12 @@ class Problem:
         and differences are measured in it.
     label : str, optional
         Shown in tables.
+
     Notes
     -----
     What else there may be to know of equations is said by methods of a class derived from this
-    one: ``interpret(point)``, what a point is to its user, as ``point.solution`` has it;
-    ``modulo(x, params)``, by which unknowns that are angles repeat;
-    ``sensitivity(x, params, name)``, the derivative in one parameter beside `jacobian`; `images`
-    and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
-    `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
-    `with_parameters`, those that are there when asked for, and ``serialised``, what files make the
-    problem of again.
+    one, listed in `Structure`: what a point is to its user, as ``point.solution`` has it, is
+    ``interpret(point)``, and angles repeat by ``modulo(x, params)``, for instance.
 
     Raises
     ------
@@ -87,93 +84,6 @@ class Problem:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
-
-    # --- what a derived class may know besides ---
-
-    # ``(point) -> object``: what a point is to its user, as ``point.solution`` has it
-    interpret: ClassVar[Callable[[Any], Any] | None] = None
-    # ``(x, params, name) -> (n,) array``: the derivative in one parameter. Used, and checked,
-    # together with `jacobian` only
-    sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
-    # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
-    derivatives: ClassVar[Callable[..., Matrix] | None] = None
-    # whether tests of the class hold its derivatives to differences: they are not compared here
-    tested: ClassVar[bool] = False
-    # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
-    # `walk_kernel.walker` and what they ask for
-    walker: ClassVar[Callable[..., Any] | None] = None
-    # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
-    # last point are tried first, the residual to the accuracy that such an iteration needs
-    roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
-    # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
-    # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
-    closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
-    # ``(point) -> (values, error)``: of maps and cycles the multipliers but for a trivial one, and
-    # what rounding may leave in each
-    multipliers: ClassVar[Any] = None
-    # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
-    perturbed: ClassVar[Any] = None
-    # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
-    # by a defining system, as on a boundary, and the point on it
-    beneath: ClassVar[Callable[..., tuple[Curve, Array]] | None] = None
-
-    @property
-    def internals(self) -> frozenset[str]:
-        """Unknowns that say nothing by themselves, as the collocation of a cycle, its mesh and null
-        vectors: tables are without them, and no sentence suggests them."""
-        return frozenset()
-
-    @property
-    def listed(self) -> list[str]:
-        """All names but the internal ones."""
-        return [name for name in self.names if name not in self.internals]
-
-    @property
-    def serialised(self) -> Mapping[str, Any] | None:
-        """What files make the equations of again: their ``kind``, entered by
-        `contbreather.storage.serialise.serialised`, and the values that its reader takes by name,
-        besides ``start`` and ``params``. None where that cannot be said."""
-        return None
-
-    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
-        """The solutions that a symmetry of the equations makes of one, its mirror image or the
-        other phases of a cycle."""
-        return ()
-
-    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
-        """Of unknowns that are angles what added to them at x changes nothing, of an array for each
-        entry, 0 for those that are none: curves close, and solutions are the same, modulo that."""
-        return {}
-
-    def simpler(self, point: Any) -> Problem | None:
-        """Where a solution is one of a smaller problem too, a fixed point among the cycles of
-        period 2, that problem with the solution as its start."""
-        return None
-
-    def lift(self, kind: str) -> Callable[[Any], Any] | None:
-        """Where other curves leave events of a kind, what makes the `SwitchingProblem` of such a
-        point, which has them. `switch` follows them."""
-        return None
-
-    def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
-        """At a point that is `unresolved` in these unknowns, the problem from its present start in
-        more of them, and a direction in these: its branch is walked anew."""
-        return None
-
-    def unresolved(self, point: Any) -> str:
-        """What these unknowns do not resolve of a solution, empty if they do: the first such point
-        of a walk that gets no finer problem is among the doubtful ones of its branch."""
-        return ""
-
-    def sized(self, sizes: Mapping[str, int]) -> Problem:
-        """The problem refined from its present start as `finer` does, to unknowns of these sizes as
-        far as that leads there: a file has points of a branch that was walked anew."""
-        return self
-
-    def with_parameters(self, names: tuple[str, ...]) -> Problem:
-        """The problem from its present start with parameters that it lacks, as far as it can have
-        them: `trace` and `boundary` ask for what is to be free."""
-        return self
 
     def __post_init__(self) -> None:
         for what in ("residual", "jacobian"):
@@ -246,6 +156,11 @@ class Problem:
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns, then of the parameters."""
         return (*self.start, *self.params)
+
+    @property
+    def listed(self) -> list[str]:
+        """All names but the internal ones."""
+        return [name for name in self.names if name not in self.internals]
 
     @cached_property
     def slots(self) -> dict[str, int | slice]:
