@@ -17,12 +17,13 @@ from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .derivative_checks import reconsider
-from .ends import Bound, StartOnCurve
 from .newton import FEW, Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
+from .starts import StartOnCurve
 from .step_interpolant import StepInterpolant
 from .walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
+from .window import Bound
 
 LOG = logging.getLogger(__name__)
 

@@ -20,13 +20,14 @@ from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
-from .derivative_checks import advice
-from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
+from .derivative_checks import advice, unlike_scales
 from .event_detection import Ends, StepEvents, find, quiet_steps
+from .infinity import Growth
 from .newton import Array, Undefined
 from .point import Event, Point, Value
 from .problem import Problem, problem_in
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .starts import QUIET, StartOnCurve, starts_on_curve
 from .step_interpolant import StepInterpolant
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
 

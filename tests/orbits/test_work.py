@@ -10,7 +10,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.continuation import Steps, derivative_checks, ends
+from contbreather.continuation import Steps, derivative_checks, starts
 from contbreather.continuation.step_interpolant import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
@@ -26,7 +26,7 @@ def branch(**more: Any) -> cb.Branch:
 
 
 def test_both_sides_of_a_branch_set_out_from_one_start(counted) -> None:
-    checks = counted(ends, "check_start")
+    checks = counted(starts, "check_start")
     assert len(branch().special) == 3
     assert checks["calls"] == 1
 
