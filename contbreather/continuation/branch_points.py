@@ -24,13 +24,13 @@ from .sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 
 Array = NDArray[np.float64]
 
-# Curves that come closer than this, relative to 1 + |z|, are taken to cross. The residual between
-# them is its square, 1e-12: as much as differences and long sums leave where curves do cross. Of
-# stiff equations more may be left, all that rounds in their terms.
+# Places closer than this, relative to 1 + |z|, are one, and curves that come as close are taken to
+# cross. The residual between these is its square, 1e-12: as much as differences and long sums leave
+# where curves do cross. Of stiff equations more may be left, all that rounds in their terms.
 GAP = 1e-6
 _ANGLE = 1e-8  # square of half the angle below which curves touch rather than cross
 CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
-_RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
+RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
 _PARTING = 1e-5  # and of a second derivative that vanishes along a curve of branch points
 # Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
 # left after Newton's iteration with differences, and what `crossing` takes for one.
@@ -209,7 +209,7 @@ def branches_cross(base: Point) -> bool:
 def _lost(matrix: Matrix, weak: LeastSingular) -> float:
     """Below which a singular value is zero. Large problems have fine meshes, where even the others
     are small."""
-    return _RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
+    return RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
 
 
 def crossed(base: Point) -> dict[str, str]:
@@ -301,7 +301,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     if abs(values[least]) > _PARTING * abs(values).max():
         raise Undefined(refusal)
     tangent = (axes[:, least] @ null * curve.scales)[-2:]
-    if not np.linalg.norm(tangent) > _RANK:
+    if not np.linalg.norm(tangent) > RANK:
         raise Undefined(f"the branch point does not move with {first} and {second}")
     # at a right angle to how the parameters change along the curve
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)

@@ -39,7 +39,7 @@ PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
 _FEW_LATEST = 64  # the same with few unknowns
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
-_ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
+AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
 
 
 class Curve:
@@ -122,7 +122,7 @@ class Curve:
             sizes = self._row_scales = self.row_sizes(self.start)
             if not (sizes.size > 1 and sizes.min() > _VANISHED * sizes.max()):
                 # where curves cross a whole row, or the only one, may vanish: it is seen aside
-                z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
+                z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
                 with suppress(Undefined):
                     self._row_scales = np.maximum(sizes, self.row_sizes(z))
         passed, self._passed = self._passed, []
@@ -227,11 +227,6 @@ class Curve:
             self._places[tolerance] = self.pieces(at_a_place(tolerance, self.metric))
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
-
-    @property
-    def finer(self) -> Any:
-        """What steps of differences are divided by."""
-        return getattr(self._scheme, "keywords", {}).get("finer", 1.0)
 
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
         """What was made of one of the latest z, or is made of it now: all events ask about the same

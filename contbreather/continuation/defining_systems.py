@@ -35,6 +35,9 @@ Values = NDArray[np.complex128]
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
+# Eigenvalues, and sums of two, this small against the derivative are rounding: twice what is left
+# by differences where they are zero all along, as in conservative systems, area preserving maps.
+ROUNDING = 2e-13
 _NONE = 1e-100  # the size of what has a sign only
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import NotConverged
 from .branch import Branch
+from .branch_points import GAP
 from .curve import Curve
 from .newton import OUT_OF_DOMAIN
 from .point import Point
@@ -19,8 +20,7 @@ from .step_interpolant import StepInterpolant
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-6  # relative distance of solutions that are the same
-_APART = 1e-3  # and of solutions near the place that both come from, relative to the way from it
+_APART = 1e-3  # relative to the way from the place that both come from: the same solution
 _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
 
 
@@ -45,14 +45,14 @@ def placed(point: Point, curve: Curve) -> Array | None:
     params = point.params
     for name, value in curve.fixed.items():
         scale = float(target.scales.get(name, 1.0))
-        if name not in curve.free and abs(params[name] - value) > _SAME * max(abs(value), scale):
+        if name not in curve.free and abs(params[name] - value) > GAP * max(abs(value), scale):
             return None
     return np.append(point.x, [params[name] for name in curve.free])
 
 
 def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool:
     z = curve.turned(z, other)
-    return curve.length(z - other) <= min(_SAME * (1 + curve.length(z)), _APART * reach)
+    return curve.length(z - other) <= min(GAP * (1 + curve.length(z)), _APART * reach)
 
 
 def _near(z: Array, branch: Branch) -> list[int]:
@@ -66,7 +66,7 @@ def _near(z: Array, branch: Branch) -> list[int]:
     # the nearest place of each chord; curves bulge from it by a fraction _OFF of its length at most
     u = np.clip((to * chords).sum(axis=1) / lengths, 0.0, 1.0)
     gaps = np.sqrt(((to - u[:, None] * chords) ** 2).sum(axis=1))
-    close = gaps <= _OFF * np.sqrt(lengths) + _SAME * (1 + curve.length(z))
+    close = gaps <= _OFF * np.sqrt(lengths) + GAP * (1 + curve.length(z))
     return [int(i) for i in np.flatnonzero(close)]
 
 
@@ -76,7 +76,7 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     z = curve.turned(z, first.z)
     if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
         return True
-    if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):
+    if last.arclength - first.arclength < GAP * (1 + curve.length(z)):
         return False
     segment = StepInterpolant(first, last, 1e-9)
     chord = curve.metric * (last.z - first.z)

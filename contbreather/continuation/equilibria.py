@@ -34,9 +34,6 @@ _EXACT = 1e-14  # relative rounding of singular values
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 _CLOSE = 1e-5  # and where two curves meet
 _FINE = 10.0  # the same where few are known, relative to what rounding makes of a double one
-# Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
-# where they are zero all along a branch, as in conservative systems.
-_ROUNDING = 2e-13
 
 
 def fold() -> Event:
@@ -221,7 +218,7 @@ def _hopf_tests(points: Points) -> Many | None:
         return None
     scales = curve.scales[: curve.size]
     flows = matrices[:, :, : curve.size] / scales[:, None] * scales
-    rounding = _ROUNDING * np.linalg.norm(flows, axis=(1, 2))
+    rounding = systems.ROUNDING * np.linalg.norm(flows, axis=(1, 2))
     counts = np.count_nonzero(values.real > rounding[:, None], axis=1) // 2
     first, second = systems.pairs(values.T)
     sums = (first + second).T
@@ -275,7 +272,7 @@ def _flow(point: Point) -> Matrix:
 
 def _rounding(point: Point) -> float:
     matrix = _flow(point)
-    return _ROUNDING * float(np.linalg.norm(matrix.data if is_sparse(matrix) else matrix))
+    return systems.ROUNDING * float(np.linalg.norm(matrix.data if is_sparse(matrix) else matrix))
 
 
 def _small(point: Point) -> float:

@@ -19,6 +19,7 @@ from .branch import Points
 from .branch_points import GAP, bordered_matrices, bordered_matrix
 from .defining_systems import regular_between
 from .event_location import (
+    BESIDE,
     at_end,
     first_jump,
     has_double_zero,
@@ -39,11 +40,8 @@ from .step_interpolant import (
 )
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
-_POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
-_SAME = 1e-6  # relative distance of places on a boundary that are the same
 _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
-_BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a count is looked at
 _TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
@@ -193,7 +191,7 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
         first = left.pop(0)
         curve, together = first.curve, [first]
         if first.event and first.event.examine:
-            reach = _SAME * (1 + curve.length(first.z))
+            reach = GAP * (1 + curve.length(first.z))
             around = [p for p in left if curve.length(p.z - first.z) <= reach]
             together += [point for point in around if point.event and point.event.examine]
         left = [point for point in left if point not in together]
@@ -262,7 +260,7 @@ def _closer(samples: StepSamples) -> Iterator[Point]:
     be further off than they are apart."""
     segment = samples.segment
     for left, right in samples.brackets():
-        if segment.length < _POINT * (1 + segment.curve.length(segment.first.z)):
+        if segment.length < GAP * (1 + segment.curve.length(segment.first.z)):
             samples.done.append((0.0, 1.0))
             point = segment.provisional(0.5 * (left + right))
             at_ends = min(abs(samples.values[u]) for u in (0.0, 1.0))
@@ -354,7 +352,7 @@ def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, flo
     first, length, jumps = count.segment.first.arclength, count.segment.length, []
     cuts = sorted((point.arclength - first) / length for point in points)
     for i, (low, high) in enumerate(itertools.pairwise([0.0, *cuts, 1.0])):
-        room = _BESIDE * (high - low)
+        room = BESIDE * (high - low)
         low, high = low + (room if i else 0.0), high - (room if i < len(cuts) else 0.0)
         if high - low > ASIDE:
             before, after = count.known(low), count.known(high)

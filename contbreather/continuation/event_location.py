@@ -21,7 +21,7 @@ from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import DefiningSystem, Examined, Level, Point
-from .step_interpolant import ASIDE, StepSamples, count_at, counts_apart
+from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -32,10 +32,9 @@ _LOCATED = 1e-9  # tolerance of a location, unless the walk asks for a closer on
 _APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
 _LOOKS = 400  # places looked at between several zeros of one step
-_LOW = 0.1  # a test this small within a step, relative to its ends, may vanish there
 _TOUCH = 1e-5  # and one this small does
 _STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
-_BESIDE = 1e-2  # of a bracket: so far off a zero a test is seen to go through it
+BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its sides are looked at
 _THROUGH = 0.1  # and at the zero, relative to there, it is no more than this
 
 
@@ -137,7 +136,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     point, kind = samples.segment.at(u), samples.event.kind
     left_over = abs(samples.event.value_or_nan(point))
     # rounding of a test may be more than that where its values are small all around
-    beside = (samples.look(v) for v in (u - _BESIDE * (u - left), u + _BESIDE * (right - u)))
+    beside = (samples.look(v) for v in (u - BESIDE * (u - left), u + BESIDE * (right - u)))
     if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
     if samples.event.may_jump:
@@ -354,7 +353,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
                 size[u] = _seen_at(samples, u)
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
-    if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or samples.changes():
+    if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
     around = (places[at - 1], places[at + 1])
     left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
@@ -363,7 +362,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
         least = _seen_at(samples, u)
         # where the test jumps it is small on one side alone
         if least < _TOUCH * highest and all(
-            _seen_at(samples, v) < _LOW * highest for v in (left, right)
+            _seen_at(samples, v) < LOW * highest for v in (left, right)
         ):
             reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
             yield _double(samples, left, right, samples.segment.provisional(u), reason)

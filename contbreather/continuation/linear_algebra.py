@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .newton import Undefined
-from .sparse import Factors, Matrix, any_vector, beside, factorised, is_large, is_sparse
+from .sparse import TURNS, Factors, Matrix, any_vector, beside, factorised, is_large, is_sparse
 
 Array = NDArray[np.float64]
 
-_TURNS = 4  # of inverse iteration
 _SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _FEW = 8  # sparse matrices of fewer rows are taken as dense ones
 _LEADS = 0.37  # no fraction of small numbers: entries of vectors are often those of each other
@@ -117,7 +116,7 @@ def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Arr
     left = right = any_vector(size)
     value = 0.0
     # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
-    for _ in range(_TURNS):
+    for _ in range(TURNS):
         right, before = factors.solve(left, **how), left
         value = 1 / math.sqrt(right @ right)
         right = value * right

@@ -34,7 +34,6 @@ Map = Callable[[Array, Params], Array]
 
 _SAME = 1e-7  # relative distance at which a cycle has closed
 _RANK = 1e-7  # a multiplier this close to 1 is there
-_ROUNDING = 2e-13  # relative error of a multiplier: area preserving maps have products of 1
 
 
 def FixedPoint(
@@ -265,7 +264,9 @@ class MapCycleProblem(Problem):
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
         """All of them, and what rounding may leave in each."""
         matrix = units(point)
-        return np.linalg.eigvals(matrix).astype(complex), _ROUNDING * float(np.linalg.norm(matrix))
+        return np.linalg.eigvals(matrix).astype(complex), systems.ROUNDING * float(
+            np.linalg.norm(matrix)
+        )
 
 
 # --- the events on a branch -------------------------------------------------------------------

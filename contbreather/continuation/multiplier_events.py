@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from . import defining_systems as systems
 from . import normal_forms
 from .boundary import codim_two
-from .branch_points import branches_cross, crossed
+from .branch_points import RANK, branches_cross, crossed
 from .curve import Curve
 from .linear_algebra import by_inverses, least_singular, solved
 from .newton import Array, Undefined
@@ -34,7 +34,6 @@ Events = Mapping[str, Event]  # LP, PD and NS of one family, each of which speak
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _DOUBLE = 1e-4  # and two of them, which a root splits
 _TOGETHER = 1e-3  # and one on the circle where two curves meet
-_RANK = 1e-7  # a singular value this small is that of a second eigenvector
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
@@ -141,7 +140,7 @@ def _eigenvectors(mu: float, point: Point) -> int:
     )
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
-    return 2 if weak.second < _RANK * max(1.0, weak.largest) else 1
+    return 2 if weak.second < RANK * max(1.0, weak.largest) else 1
 
 
 # --- on a branch ------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ _MANY = 120  # rows of an array from which on its factors are asked for all
 _STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
 _BAND = 8  # entries no farther off the diagonal fill no more than their band
-_TURNS = 4  # steps of inverse iteration next to a null vector
+TURNS = 4  # steps of inverse iteration next to a null vector
 _SHIFT = 1e-14  # relative size of what is added where a matrix is singular to the last digit
 
 
@@ -406,7 +406,7 @@ def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
     except RuntimeError:
         lu = factorised(_shifted(matrix))
     q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
-    for _ in range(_TURNS):
+    for _ in range(TURNS):
         # inverse iteration: the null vector grows by the inverse of what M has left of a zero
         q, p = lu.solve(q), lu.solve(p, "H")
         q, p = q / np.linalg.norm(q), p / np.linalg.norm(p)

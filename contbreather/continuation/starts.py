@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BadInput, NotConverged
-from .branch_points import crossing
-from .curve import LEVEL, Curve
+from .branch_points import GAP, crossing
+from .curve import AHEAD, LEVEL, Curve
 from .derivative_checks import check_start, reconsider
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach, newton
@@ -27,9 +27,7 @@ from .window import Bound, bounds_of
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
-_GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
-_AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
@@ -145,7 +143,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     tangent, z = curve.normalised(tangent), curve.start
     # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
     # little further on
-    ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
+    ahead = z + AHEAD * (1 + curve.length(z)) * tangent
     with contextlib.suppress(Undefined):
         reconsider(curve, ahead)
         curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
@@ -157,7 +155,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
-    if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
+    if off > GAP * (1 + curve.length(z)) or skew > _SKEW:
         raise BadInput(
             f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
             f"and {skew:.2g} is its change along the direction"
@@ -184,7 +182,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     if singular:
         try:
             branch_point = crossing(curve, z)
-            if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
+            if curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z)):
                 return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations

@@ -20,7 +20,7 @@ _NOTHING = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothin
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
 _TOWARDS = 6  # halvings of the way to where a test has no value
-_LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
+LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
 class StepInterpolant:
@@ -266,7 +266,7 @@ class StepSamples:
         matrix, segment, look, places = self.event.matrix, self.segment, list[float](), np.empty(0)
         if matrix and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
-            small = min(sizes) < _LOW * max(sizes)
+            small = min(sizes) < LOW * max(sizes)
             middle = (segment.provisional(0.5),) if small else ()
             places = singular_between(*map(matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .branch import Points, Stop
-from .branch_points import crossing
+from .branch_points import GAP, crossing
 from .curve import LEVEL, Curve
 from .derivative_checks import reconsider
 from .newton import FEW, Array, Solution, Undefined, newton, newton_step
@@ -29,13 +29,11 @@ LOG = logging.getLogger(__name__)
 
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
-EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
-_ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a curve goes along
+EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
-_GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 
 
 class StepFailed(Exception):
@@ -200,7 +198,7 @@ class Stepper:
             rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
             near = curve.chord(point.z, guess, row, tolerance) if rough else None
             solution = near or self.correct(guess, row)
-            along = _ALONG * (1 + curve.length(point.z))
+            along = EXACT * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
@@ -213,7 +211,7 @@ class Stepper:
             segment = StepInterpolant(point, last, self.steps.tolerance)
             branch_point = self._crossing_on(segment, sign)
             # without any the step ended on another curve, unless it is too short to tell
-            if branch_point is None and size > _GAP * (1 + curve.length(last.z)):
+            if branch_point is None and size > GAP * (1 + curve.length(last.z)):
                 raise StepFailed(Stop.NO_CONVERGENCE, "another curve is too close")
         if self._leaves(point, last, check.length):
             raise StepFailed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
