@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -64,6 +64,7 @@ class Point(HtmlRepr):
     located: bool = True
     parent: Point | None = None
     detail: Mapping[str, Any] = field(default_factory=dict)
+    _base: Point | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.z.flags.writeable = False
@@ -72,7 +73,7 @@ class Point(HtmlRepr):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # anew, for arrays come out of a pickle as ones that can be written to
-        return Point, tuple(getattr(self, entry.name) for entry in fields(self))
+        return Point, tuple(getattr(self, entry.name) for entry in fields(self) if entry.init)
 
     def __getitem__(self, name: str) -> Any:
         """An unknown, a parameter, what was found here, a recorded number, in this order.
@@ -156,17 +157,14 @@ class Point(HtmlRepr):
     @property
     def base_point(self) -> Point:
         """On a boundary: this point as one of the original problem, without tangent."""
-        longer, beneath = self.curve, self.curve.problem.beneath
+        beneath = self.curve.problem.beneath
         if beneath is None:
             return self
-
-        def under(z: Array) -> tuple[Curve, Array]:
-            return beneath(z[: longer.size], longer.params(z), longer.free)
-
-        # once: all events ask for it in turn
-        curve, z = longer.cached("base", self.z, under)
-        others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
-        return Point(curve, z, None, *others)
+        if self._base is None:  # once: all events ask for it in turn
+            curve, z = beneath(self.x, self.params, self.curve.free)
+            object.__setattr__(self, "_base", replace(self, curve=curve, z=z, tangent=None))
+        assert self._base is not None
+        return self._base
 
     @property
     def solution(self) -> Any:
@@ -211,9 +209,6 @@ class Point(HtmlRepr):
             return f"Point({self.title + ': ' if self.label else ''}{values})"
         reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
         return f"Point({self.label or self.kind}?: {values}; not located{reason})"
-
-
-_OTHERS = tuple(entry.name for entry in fields(Point))[3:]  # than its curve, place and tangent
 
 
 @dataclass(frozen=True)
