@@ -56,8 +56,9 @@ class Problem(Structure):
     Notes
     -----
     What else there may be to know of equations is said by methods of a class derived from this
-    one, listed in `Structure`: what a point is to its user, as ``point.solution`` has it, is
-    ``interpret(point)``, and angles repeat by ``modulo(x, params)``, for instance.
+    one, listed in `contbreather.continuation.structure.Structure`: what a point is to its user, as
+    ``point.solution`` has it, is ``interpret(point)``, and angles repeat by ``modulo(x, params)``,
+    for instance.
 
     Raises
     ------
