@@ -8,7 +8,6 @@ points and cycles of maps, and periodic orbits of flows.
 from __future__ import annotations
 
 import cmath
-import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -65,8 +64,9 @@ def _count(values: Values, wanted: float) -> int:
     their sum and their product by no more than itself: so with all symmetric functions of them."""
     size = max(1.0, abs(values).max(initial=0.0))
     off = (values - wanted)[abs(values - wanted).argsort()] / size
-    parts = (abs(np.poly(off[:k])[1:]).max() for k in range(1, off.size + 1))
-    return sum(1 for _ in itertools.takewhile(lambda most: most < _DOUBLE, parts))
+    # the most of which all are small: of two that a root splits neither one is there alone
+    counts = range(off.size, 0, -1)
+    return next((k for k in counts if abs(np.poly(off[:k])[1:]).max() < _NEAR), 0)
 
 
 def _all(point: Point) -> tuple[Values, float]:

@@ -337,6 +337,38 @@ def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does
     assert not (*tori.doubtful, *folds.doubtful)
 
 
+def turning(t, u, p):
+    """A Bogdanov-Takens point of x^2 + y^2 and z, turned about the axis of z, with its coordinates
+    bent: the cycles are z = 0, q^2 = -b1 with q = x^2 + y^2 - 1."""
+    y = u[1]
+    x = u[0] - 0.3 * y**2
+    z = u[2] - 0.2 * x * y
+    q = x**2 + y**2 - 1
+    w = 2.9 + 0.4 * z + 0.2 * q + 0.5 * x
+    dx, dy = z * x - w * y, z * y + w * x
+    dz = p["b1"] + p["b2"] * z + q**2 + q * z
+    return [dx + 0.6 * y * dy, dy, dz + 0.2 * (dx * y + x * dy)]
+
+
+@pytest.mark.parametrize("intervals", [6, 10])
+def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double(intervals) -> None:
+    few = Collocation(intervals=intervals, points=5)
+    start, params = {"x": np.sqrt(0.8), "y": 0.0, "z": 0.0}, {"b1": -0.04, "b2": 0.15}
+    cycle = cb.cycle(turning, start, params, settle=200, collocation=few)
+    point = cb.trace(cycle, "b2", within={"b2": (0.1, 0.3)}).first("NS")
+    assert point["b2"] == pytest.approx(0.2, abs=1e-7)  # b2 = -q
+    window = {"b1": (-0.05, 0.02), "b2": (-0.1, 0.3)}
+    tori = cb.boundary(point, ("b1", "b2"), within=window)
+    assert [place.kind for place in tori.special if place.kind != "R4"] == ["EP", "R1"]
+    assert abs(tori["b2"] - np.sqrt(np.maximum(-tori["b1"], 0))).max() < 1e-3
+    fold = cb.trace(cycle, "b1", within={"b1": (-0.05, 0.02)}).first("LP")
+    folds = cb.boundary(fold, ("b2", "b1"), within=window)
+    for line in (tori, folds):
+        resonance = line.first("R1")
+        assert [resonance["b1"], resonance["b2"]] == pytest.approx([0, 0], abs=1e-6)
+        assert not line.doubtful
+
+
 # --- hybrid ----------------------------------------------------------------------------------
 
 
