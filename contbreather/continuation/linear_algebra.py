@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -48,14 +48,19 @@ class LeastSingular:
     right: Array
     null: Array
     size: float
-    second: float
     largest: float
+    following: Callable[[], float]
     rest: Callable[[Array], Array]
     orientation: Callable[[], float]
 
     @cached_property
     def sign(self) -> int:
         return round(self.orientation())
+
+    @cached_property
+    def second(self) -> float:
+        """The second least singular value: it tells how well the least stands out."""
+        return self.following()
 
     @property
     def plane(self) -> Array:
@@ -102,8 +107,8 @@ def _dense(matrix: Array) -> LeastSingular:
         side * right[n],
         right[n + 1 :],
         float(sizes[-1]),
-        float(sizes[-2]) if n else math.inf,
         float(sizes[0]),
+        lambda: float(sizes[-2]) if n else math.inf,
         lambda value: right[:n].T @ (left[:, :n].T @ value / sizes[:n]),
         lambda: float(np.linalg.det(left) * np.linalg.det(right)),
     )
@@ -128,22 +133,18 @@ def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Arr
 
 
 def _sparse(factors: Factors) -> LeastSingular:
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+    from scipy.sparse.linalg import ArpackError
 
-    matrix, n = factors.matrix, factors.matrix.shape[0]
+    matrix, (n, width) = factors.matrix, factors.matrix.shape
 
     # 1 / size^2 is the largest eigenvalue of (A A^T)^-1, applied by two triangular solves
     def both(vector: Array) -> Array:
         return factors.transposed(factors.least(vector, refined=False))
 
-    inverse = LinearOperator((n, n), matvec=both, dtype=float)
-    # the second tells how well the least stands out, `second`
     try:
-        values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
+        left = _leading(both, n)[1]
     except ArpackError as error:
         raise Undefined("the derivative is singular to the last digit: no null vectors") from error
-    least = int(values.argmax())
-    left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
     # one more step from left gives right: A right = size left to rounding, not to ARPACK's 1e-9
     right = factors.least(left)
     size = float(left @ (matrix @ right))
@@ -159,22 +160,46 @@ def _sparse(factors: Factors) -> LeastSingular:
     # |A|_2^2 <= |A|_1 |A|_inf
     largest = abs(matrix).sum(axis=0).max() * abs(matrix).sum(axis=1).max()
 
-    def orientation() -> float:
+    @cache
+    def bordered() -> Factors:
         # | A      left |  is far from singular where A nearly is; its determinant is minus the sign
         # | right^T  0  |  that is asked for, times the product of all other singular values
-        wider = Factors(beside(matrix, left[:, None]))
-        return -wider.sign(np.append(right, 0.0)[None, :])
+        return Factors(beside(matrix, left[:, None]))
+
+    def orientation() -> float:
+        return -bordered().sign(np.append(right, 0.0)[None, :])
+
+    def following() -> float:
+        # with the null vectors below its inverse is that of A on all but `left` and `right`; of the
+        # inverse of A, where the least vanishes, the second largest value is rounding
+        wider = bordered()
+        below = np.column_stack([np.vstack([right, factors.basis.T]), np.zeros(width - n + 1)])
+
+        def others(vector: Array) -> Array:
+            x = wider.solve(np.append(vector, np.zeros(len(below))), below, refined=False)
+            return wider.transposed(np.append(x[:-1], 0.0), below)[:n]
+
+        return 1 / math.sqrt(_leading(others, n)[0])
 
     return LeastSingular(
         left,
         right,
         factors.basis.T,
         size,
-        float(sizes[1 - least]),
         math.sqrt(largest),
+        following,
         rest,
         orientation,
     )
+
+
+def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
+    """The largest eigenvalue of a symmetric operator that is not negative, and its vector."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    operator = LinearOperator((n, n), matvec=apply, dtype=float)
+    values, vectors = eigsh(operator, k=1, which="LM", v0=any_vector(n), tol=1e-9)
+    return float(values[0]), vectors[:, 0]
 
 
 # --- bordered matrices along a curve -------------------------------------------------------------

@@ -219,6 +219,19 @@ def test_factors_answer_what_numpy_does(seed: int, lead: float, more: int) -> No
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("more", [0, 1])
+def test_one_that_is_singular_to_the_last_digit_loses_one_rank(seed: int, more: int) -> None:
+    """Its inverse is rounding in all directions but one: nothing else may be read off it."""
+    n = 14
+    dense = scattered(seed, n, n + more, 2.0)
+    left, sizes, right = np.linalg.svd(dense)
+    dense = dense - sizes[-1] * np.outer(left[:, -1], right[n - 1])
+    found = algebra.least_singular(csc_array(dense))
+    assert found.size < 1e-14
+    assert found.second == pytest.approx(sizes[-2], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("more", [0, 1])
 def test_the_weak_end_of_a_large_matrix_is_that_of_a_dense_one(seed: int, more: int) -> None:
     n = 14
     dense = scattered(seed, n, n + more, 2.0)
