@@ -267,27 +267,23 @@ def _others_last(j: int, point: Point) -> float:
 # --- two impacts that become one ----------------------------------------------------------------
 
 
-def _closest(orbit: Orbit) -> tuple[float, int, int]:
-    """How far apart the closest impacts of one site at one wall are, and which these are."""
-    times = orbit.times.tolist()
-    return min((times[j] - times[i], i, j) for i, j in orbit.section.repeats)
-
-
 def _apart(point: Point) -> float:
-    return _closest(point.solution)[0] - ONE
-
-
-def _which(point: Point) -> dict[str, str]:
+    """The time between the closest impacts of one site at one wall, over the least that is told."""
     orbit = point.solution
-    _, i, j = _closest(orbit)
-    site, wall = orbit.section.impacts[i]
-    return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
+    return min(float(orbit.times[j] - orbit.times[i]) for i, j in orbit.section.repeats) - ONE
 
 
-def _together(point: Point) -> DefiningSystem:
-    _, *pair = _closest(point.solution)
-    names = [f"t{j + 1}" for j in pair]
-    return DefiningSystem({}, partial(_gap, names, ONE), partial(_gap_slope, names))
+# VI where two impacts of one site at one wall become one, whether walls are lifted or not: with
+# them come to an end the equations, too
+MERGING = Event("VI", _apart, ends="branch")
+
+
+# --- an impact that is caught up by one of the next section ---------------------------------------
+
+# Within a section impacts of different sites may overtake each other, and equations go on with a
+# kink. The first impact of the next section cannot come before the last one of this: the state
+# between the two, from which a section sets out, is lost. Of impacts at once the order makes no
+# difference beyond rounding, and a branch ends where they have ceased to be.
 
 
 def _gap(names: Sequence[str], wanted: float, curve: Curve, z: Array, extra: Array) -> Array:
@@ -301,26 +297,13 @@ def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Ar
     return row
 
 
-# VI where two impacts of one site at one wall become one, whether walls are lifted or not: with
-# them come to an end the equations, too
-MERGING = Event("VI", _apart, ends="branch", locus=_together, examine=_which)
-
-
-# --- an impact that is caught up by one of the next section ---------------------------------------
-
-# Within a section impacts of different sites may overtake each other, and equations go on with a
-# kink. The first impact of the next section cannot come before the last one of this: the state
-# between the two, from which a section sets out, is lost. Of impacts at once the order makes no
-# difference beyond rounding, and a branch ends where they have ceased to be.
-
-
 def _ends_of(point: Point) -> tuple[int, int]:
     times = point.solution.times
     return int(times.argmin()), int(times.argmax())
 
 
-def _room(point: Point) -> float:
-    orbit = point.solution
+def _time_left(point: Point) -> float:
+    orbit: Orbit = point.solution
     return float(orbit.section.length + AT_ONCE - np.ptp(orbit.times))
 
 
@@ -336,4 +319,4 @@ def _which_sites(point: Point) -> dict[str, str]:
 
 
 # CC, corner collision: the corner of configurations in which both sites are at their walls
-CATCHING = Event("CC", _room, ends="domain", locus=_caught, examine=_which_sites)
+CATCHING = Event("CC", _time_left, ends="domain", locus=_caught, examine=_which_sites)
