@@ -45,7 +45,7 @@ from contbreather.orbits.closure import (
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ChainMotion, SiteMotion
+from contbreather.orbits.site_motion import ChainMotion
 from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
@@ -189,11 +189,6 @@ class ClosedForm:
         return half_map(self.gamma, self.k, self.b, self.lattice)
 
     # ------------------------------------------------------------ what continues it, and is like it
-
-    def weakly(self, gamma: float) -> SiteMotion:
-        # without coupling all idle sites move alike: a little of it tells which one climbs highest
-        motion: SiteMotion = replace(self, gamma=gamma).motion
-        return motion
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
         from contbreather.orbits.closed_problem import defining_system

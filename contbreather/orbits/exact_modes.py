@@ -112,9 +112,6 @@ class ExactModes(SectionTrajectory):
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
         return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
-    def weakly(self, gamma: float) -> None:
-        """Where there is no coupling, the closest site is meant."""
-
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:

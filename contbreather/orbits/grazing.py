@@ -23,7 +23,6 @@ from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Even
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
-    closest_idle,
     least_margin,
     measured_margins,
     of_flights,
@@ -38,9 +37,8 @@ from contbreather.orbits.site_motion import SiteMotion, Terms
 
 Array = NDArray[np.float64]
 
-TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
+TELLING = 1e-12  # motions that differ by less touch their walls together but for rounding
 MIRRORED = 1e-13  # the margin of a maximum that by symmetry touches the other wall, too
-ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 SAME = 1e-9  # displacements that differ by less are mirror images
 ONE = 1e-4  # impacts of a site at a wall less apart than this are one
 AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
@@ -95,11 +93,6 @@ def _locus(point: Point) -> DefiningSystem:
     if orbit.vanishing is not None:  # with it may be others, that move alike
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
-    # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    alike = worst.flight < 0 and orbit.conditions.gamma < ALIKE
-    weakly = orbit.representation.weakly(ALIKE) if alike else None
-    if weakly is not None:
-        worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)
 
 
@@ -198,18 +191,14 @@ def other_contacts(
     so it is never highest by more than rounding.
 
     Without coupling, or without an impact, all sites that do not hit follow the forcing alike, and
-    margins vanish together, like the answer of the nearer of two sites to an impact. What is
-    returned is ``m/(|m| + that)``, between -1 and 1, of the sign of each margin m and no zero that
-    says nothing; 1 where rounding decides that sign. On a finite lattice sites may be as near and
-    still differ by a higher power of the coupling: by what is found that many bonds away.
+    margins vanish together, like the difference d of the motions. What is returned is
+    ``m/(|m| + d)``, between -1 and 1, of the sign of each margin m and no zero that says nothing; 1
+    where rounding decides that sign.
     """
-    idle, near = [*orbit.idle], set(orbit.beside)
-    if site not in orbit.hit:
-        idle += [] if site in idle else [site]
-        # margins are told apart by the larger of two influences: of those that feel the impacts
-        # less the least is enough
-        size, *sizes = orbit.influences((site, *idle))
-        near |= {site, *(n for n, influence in zip(idle, sizes, strict=True) if influence > size)}
+    idle = [*orbit.idle]
+    if site not in orbit.hit and site not in idle:
+        idle.append(site)
+    near = {site, *orbit.beside}
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
@@ -220,12 +209,11 @@ def other_contacts(
         period = orbit.period
         own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
         gaps = own + gaps
-    sizes = orbit.influences((gap.site for gap in gaps), site)
-    told = []
-    for gap, size in zip(gaps, sizes, strict=True):
-        margin = 1.0 if size < TELLING else gap.margin / (abs(gap.margin) + size)
-        told.append(gap._replace(margin=margin))
-    return told
+    apart = orbit.differences([gap.site for gap in gaps], site)
+    return [
+        gap._replace(margin=1.0 if d < TELLING else gap.margin / (abs(gap.margin) + d))
+        for gap, d in zip(gaps, apart.tolist(), strict=True)
+    ]
 
 
 # --- an impact that vanishes ----------------------------------------------------------------------

@@ -192,9 +192,6 @@ class GreensFunction:
     def motion(self) -> ChainMotion:
         return ChainMotion(self)
 
-    def weakly(self, gamma: float) -> None:
-        """Where there is no coupling, the closest site is meant."""
-
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:

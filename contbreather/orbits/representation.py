@@ -76,9 +76,6 @@ class Representation(Protocol):
     def motion(self) -> SiteMotion:
         """How its sites move."""
 
-    def weakly(self, gamma: float) -> SiteMotion | None:
-        """The same with so little coupling, if that is at hand: it tells idle sites apart."""
-
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
         """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
 

@@ -14,7 +14,7 @@ of that amplitude, so the first two such sites and the far field bound all the o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.finite import Finite, mode_solutions, stiffness_of
+from contbreather.lattice.finite import mode_solutions
 from contbreather.lattice.forcing import Forcing, harmonic
 from contbreather.lattice.periodic_green import (
     LATE,
@@ -44,8 +44,6 @@ FINE = 64  # points to half a period of the forcing, sixteen to that of its high
 NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
 USUAL = (-1.0, 1.0)
 NO_WALLS = (-math.inf, math.inf)
-_ORDERS = 12  # of the coupling by which sites may be told apart; beyond them all is rounding
-_ALIKE = 1e-9  # relative: sites that differ by less are told alike
 NEARLY = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
@@ -230,18 +228,19 @@ class SiteMotion:
         """When it is closest to a wall."""
         return self.start
 
-    def influences(self, sites: Iterable[int], other: int | None = None) -> list[float]:
-        """How strongly sites feel the impacts, or how much they move otherwise than another does,
-        to first order in the coupling."""
-        strongest = 0.5 * max(abs(impact.impulse) for impact in self.impacts)
-        # |xi| of (A3) is gamma to first order
-        orders = self._orders(tuple(sites), other)
-        return [strongest * float(self.on.gamma**order) for order in orders]
+    def differences(self, sites: Sequence[int], other: int) -> FloatArray:
+        """How far the motions of sites are from that of another, and that from its forced motion:
+        root mean squares over a period."""
+        times: FloatArray = self.start + math.pi / 8.0 * np.arange(16.0 * self.section.turns)
+        paths = self.states(np.array([other, *sites])[:, None], times)[0]
+        forced = self.on.a * self.driven(other, times)
+        same = np.array(sites) == other
+        apart = np.where(same[:, None], paths[0] - forced, paths[1:] - paths[0])
+        return np.sqrt(np.mean(apart**2, axis=1))
 
-    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
-        """The power of the coupling in which each site first moves otherwise than another, or,
-        without one, than without impacts."""
-        raise NotImplementedError
+    def driven(self, site: int, times: FloatArray) -> FloatArray:
+        """The forced motion of a site at unit amplitude."""
+        return np.asarray(self.forcing.f(times))
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
         """Displacements, velocities and accelerations, one after the other, of sites at times,
@@ -390,26 +389,6 @@ class ChainMotion(SiteMotion):
             return self.start
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
-    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
-        return _bonds(self.lattice, self.hit, sites, other)
-
-
-@lru_cache(maxsize=256)
-def _bonds(
-    lattice: UniformLattice, hit: tuple[int, ...], sites: tuple[int, ...], other: int | None
-) -> list[float]:
-    """How far away the impacts are that one of two sites feels before the other, or that the one
-    site feels first."""
-
-    def order(site: int) -> float:
-        own = [lattice.distance(site - busy) for busy in hit]
-        if other is None or other == site:
-            return min(own)
-        pairs = zip(own, (lattice.distance(other - busy) for busy in hit), strict=True)
-        return min((min(pair) for pair in pairs if len({*pair}) == 2), default=math.inf)
-
-    return [order(site) for site in sites]
-
 
 @lru_cache(maxsize=64)
 def _around(lattice: UniformLattice, hit: tuple[int, ...], everywhere: bool) -> Sequence[int]:
@@ -439,18 +418,6 @@ class ModalMotion(SiteMotion):
         sites = self.lattice.idle(self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
-    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
-        walks = _walks(self.lattice, self.hit)
-
-        def order(site: int) -> float:
-            if other is not None and self.walls(site) != self.walls(other):
-                return 0.0
-            alone = other is None or site == other
-            unlike = abs(walks[:, site, 1:] if alone else walks[:, site] - walks[:, other]) > _ALIKE
-            return float(unlike.any(axis=1).argmax()) if unlike.any() else math.inf
-
-        return [order(site) for site in sites]
-
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
         n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
         sites, i = np.unique(n.ravel(), return_inverse=True)
@@ -464,6 +431,9 @@ class ModalMotion(SiteMotion):
             forced = self.on.a * flight.forced.everywhere(times, order)
             paths[order] += forced if forced.shape[-1] == 1 else forced[:, sites]
         return np.asarray(paths[:, j, i]).reshape(3, *t.shape)
+
+    def driven(self, site: int, times: FloatArray) -> FloatArray:
+        return np.array([self.representation.forced.at(site, t)[0] for t in times.tolist()])
 
     def displacements(self, times: FloatArray) -> FloatArray:
         """Of all sites at many times, shape (times, sites)."""
@@ -504,18 +474,6 @@ class ModalMotion(SiteMotion):
         series = np.array([forced.harmonics(site) for site in sites], dtype=float)
         m, A, B = (np.ascontiguousarray(part) for part in np.moveaxis(series, 2, 0))
         return Forced(m[0], A, B, math.inf)
-
-
-@lru_cache(maxsize=64)
-def _walks(lattice: Finite, hit: tuple[int, ...]) -> FloatArray:
-    """What each power of the coupling matrix makes of the drive and of each impact at each site,
-    the largest being 1."""
-    coupling = stiffness_of(lattice) / lattice.masses[:, None]
-    walks = [np.column_stack([lattice.drive, *np.eye(lattice.sites)[list(hit)]])]
-    for _ in range(_ORDERS):
-        there = coupling @ walks[-1]
-        walks.append(there / (abs(there).max() or 1.0))
-    return np.array(walks)
 
 
 @lru_cache(maxsize=64)

@@ -19,7 +19,7 @@ from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import codim_two as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
-from contbreather.orbits import pitchfork
+from contbreather.orbits import neighbour_peak, pitchfork
 from contbreather.orbits.closed_problem import Closure
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.grazing import other_contacts
@@ -211,6 +211,20 @@ def test_neighbours_told_apart_by_a_high_power_of_the_coupling_do_not_seem_to_to
     assert not line.doubtful
 
 
+@pytest.mark.parametrize("spring", [0.0, 0.02])
+@pytest.mark.parametrize("k", [0.5, 0.8])
+def test_of_sites_alike_without_coupling_the_nearest_is_followed(k: float, spring: float) -> None:
+    """All touch their walls at once there, at a = |1 - spring|."""
+    breather = cb.symmetric(0.7, 0.0, k, spring=spring)
+    grazing = cb.trace(breather, "a", within={"a": (0.05, 1.2)}).first("GR")
+    assert grazing["a"] == pytest.approx(1.0 - spring, abs=1e-12)
+    for other in ("a", "k"):
+        line = cb.boundary(grazing, (other, "gamma"), within={"a": (0.5, 1.2), "k": (0.4, 1.0)})
+        assert not line.stop.failed
+        assert not line.doubtful
+        assert max(abs(1.0 - neighbour_peak(p.solution, 1)[1]) for p in line) < 1e-9
+
+
 def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
     """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
     first = next(p for p in traced("arm").special[::-1] if p.kind == "GR")
@@ -227,10 +241,14 @@ def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
         grazing = max(height for _, height in crests(orbit, 1))
         assert grazing == pytest.approx(1.0, abs=1e-6)
         own, *others = other_contacts(orbit.motion, 1, point["t"])
-        (size,) = orbit.motion.influences(
-            [1]
-        )  # a margin m of those that vanish together is m/(m + size)
-        margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
+        # of those that vanish together a margin m is m/(m + d), d the difference of both motions
+        times = orbit.times[0] + math.pi / 8 * np.arange(16)
+        moves = [orbit.displacement(n, times) for n in range(14)]
+        mean = [float(np.sqrt(np.mean((path - moves[1]) ** 2))) for path in moves]
+        mean[1] = float(np.sqrt(np.mean((moves[1] - orbit.a * orbit.forcing.f(times)) ** 2)))
+        margins = [
+            mean[gap.site] * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0
+        ]
         assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
         least = min(gap.margin for gap in (own, *others))
         assert event.test(point) == pytest.approx(least / abs(orbit.asymmetry), rel=1e-12)
