@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import networkx as nx
@@ -357,35 +356,43 @@ def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather
 def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int, ...], int]]:
     """Choices of sites up to the symmetries of the lattice and its walls, with the size of each
     class."""
-    alike_by = nx.algorithms.isomorphism
-    same = partial(
-        nx.is_isomorphic,
-        node_match=alike_by.categorical_node_match("colour", ""),
-        edge_match=alike_by.categorical_edge_match("weight", ""),
-    )
-    classes: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
-    for sites in itertools.combinations(range(lattice.sites), count):
-        graph = _coloured(lattice, sites, walls)
-        # graphs of different hashes are different; isomorphism, which is dear, tells the others
-        mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
-        alike = classes.setdefault(mark, [])
-        for i, (first, other, copies) in enumerate(alike):
-            if same(graph, other):
-                alike[i] = (first, other, copies + 1)
-                break
-        else:
-            alike.append((sites, graph, 1))
-    return [(sites, copies) for alike in classes.values() for sites, _, copies in alike]
+    alike = nx.Graph()
+    alike.add_nodes_from(itertools.combinations(range(lattice.sites), count))
+    for places in _symmetries(_coloured(lattice, walls)):
+        images = [(sites, tuple(sorted(places[n] for n in sites))) for sites in alike]
+        alike.add_edges_from(images)
+    return [(min(images), len(images)) for images in nx.connected_components(alike)]
 
 
-def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph:
+def _symmetries(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
+    """Exchanges of sites that together generate all symmetries: with the first n sites held, those
+    that take the next one to all places it can be taken to."""
+    far = nx.floyd_warshall_numpy(graph, weight=None)
+    same = [
+        nx.isomorphism.categorical_node_match(["colour", "held"], ["", -1]),
+        nx.isomorphism.categorical_edge_match("weight", ""),
+    ]
+    for n in graph:
+        held, reached = [*range(n)], nx.empty_graph(len(graph))
+        for to in range(n + 1, len(graph)):
+            if (far[n, held] != far[to, held]).any() or nx.has_path(reached, n, to):
+                continue
+            before, after = graph.copy(), graph.copy()
+            nx.set_node_attributes(before, {i: i for i in [*held, n]}, "held")
+            nx.set_node_attributes(after, {**{i: i for i in held}, to: n}, "held")
+            matcher = nx.isomorphism.GraphMatcher(before, after, *same)
+            if matcher.is_isomorphic():
+                reached.add_edges_from(matcher.mapping.items())
+                yield matcher.mapping
+
+
+def _coloured(lattice: Finite, walls: Walls) -> nx.Graph:
     """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
     matrix = stiffness_of(lattice).toarray()
-    drive = lattice.drive
     graph = nx.Graph()
     for n in range(lattice.sites):
-        traits = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits) + f" {n in sites}")
+        traits = (matrix[n, n], lattice.masses[n], lattice.drive[n], *walls.at(n))
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))
     # the stiffness is symmetric: each bond once
     for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
         graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
