@@ -1,4 +1,4 @@
-"""What the linear lattice answers between impacts: its band, and means over its modes.
+"""Response of the linear lattice between impacts: its band, and means over its modes.
 
 Every mean we need is a function of ``w^2`` with simple poles at whole numbers, for example
 ``tan(pi w/2)/w = (4/pi) sum over odd s of 1/(s^2 - w^2)``. The pole next to the band is kept

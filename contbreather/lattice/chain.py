@@ -49,7 +49,7 @@ class InfiniteChain(UniformLattice):
         object.__setattr__(self, "_expansions", band_averages(None, spring))
 
     def with_spring(self, spring: float) -> InfiniteChain:
-        """The same chain with springs to the ground."""
+        """Add springs to the ground."""
         return self if spring == self.spring else _with_spring(spring)
 
     def __repr__(self) -> str:

@@ -47,7 +47,7 @@ NEAREST, FARTHEST = 1e-6, 1e4
 
 @dataclass(frozen=True)
 class Walls:
-    """Where each site has its walls: `of_all` sites, but for those with `own` ones.
+    """Walls of each site: `of_all` sites, but for those with `own` ones.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Walls:
         return cls(_pair(walls, "walls"))
 
     def placed(self, lattice: Any) -> Walls:
-        """With their sites looked up on a lattice, negative ones counted from its end."""
+        """Look their sites up on a lattice, negative ones counted from its end."""
         sites, own = lattice.sites, dict[int, Pair]()
         for site, pair in self.own if sites is not None else ():
             if not -sites < site < sites:
@@ -95,7 +95,7 @@ class Walls:
         return self._by_site.get(int(site), self.of_all)
 
     def position(self, site: int, wall: int) -> float:
-        """Where its wall +1 or -1 is."""
+        """Position of its wall +1 or -1."""
         return self.at(site)[wall > 0]  # of (low, high)
 
     @property
@@ -168,7 +168,7 @@ class Conditions:
         return {**{name: getattr(self, name) for name in NAMES}, **self.forcing.params}
 
     def at(self, params: Mapping[str, float]) -> Conditions:
-        """The same with other values of its parameters."""
+        """Replace values of its parameters."""
         values = tuple(float(params.get(name, value)) for name, value in self.params.items())
         # lattices of the same numbers are equal, and each keeps its name
         name = getattr(self.lattice, "name", "")

@@ -35,7 +35,7 @@ UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 
 
 class Finite(Protocol):
-    """What flights and impacts ask of a lattice with finitely many sites."""
+    """Lattice with finitely many sites, as flights and impacts ask about it."""
 
     def __hash__(self) -> int: ...
     @property

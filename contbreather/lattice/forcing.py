@@ -1,4 +1,4 @@
-"""What drives every site alike: ``F(t) = a * shape(t)``, 2 pi periodic and antisymmetric.
+"""Forcings of every site alike: ``F(t) = a * shape(t)``, 2 pi periodic and antisymmetric.
 
 A forcing answers for ``f`` with ``f'' = F``, ``f(t + pi) = -f(t)`` (eq. (5)), always at unit
 amplitude: the amplitude ``a`` belongs to the breather. Antisymmetry leaves odd harmonics only,
@@ -163,7 +163,7 @@ class Periodic:
         return {}
 
     def at(self, /, **params: float) -> Any:
-        """The same forcing with some parameters changed."""
+        """Change some parameters of the forcing."""
         have = self.params
         if unknown := [name for name in params if name not in have]:
             raise self._unknown(unknown)
@@ -284,7 +284,7 @@ class Fourier(Periodic):
     def from_response(
         cls, cos: Mapping[int, float] | None = None, sin: Mapping[int, float] | None = None
     ) -> Fourier:
-        """The same from the coefficients of f instead of F: F's are ``-m^2`` times those."""
+        """Make it from the coefficients of f instead of F: F's are ``-m^2`` times those."""
         return cls(
             {m: -(m**2) * c for m, c in _coefficients("cos", cos)},
             {m: -(m**2) * c for m, c in _coefficients("sin", sin)},

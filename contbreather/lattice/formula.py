@@ -138,7 +138,7 @@ def _terms(node: ast.expr, sign: float = 1.0) -> Iterator[Value]:
 
 
 def _value(node: ast.expr) -> Value:
-    """What a part of a formula comes to where its names have values; no other is let in."""
+    """Evaluate a part of a formula where its names have values; no other is let in."""
     match node:
         case ast.Constant(value=number) if type(number) in (int, float):
             constant = np.float64(real(number))

@@ -36,7 +36,7 @@ def lattice_by(typed: str | None, sites: int | None = None, option: str = "--lat
 
 
 def _call(typed: str) -> tuple[Callable[..., Any], list[int], dict[str, Any]] | None:
-    """What makes a ring, an open chain or a grid, its sizes and its options."""
+    """Constructor of a ring, an open chain or a grid, its sizes and its options."""
     name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
     # what is no size counts as 0, which no lattice has
     sizes = [int(word) if word.isdecimal() and len(word) < 10 else 0 for word in size.split("x")]

@@ -138,14 +138,14 @@ def response_since(
 
 
 def responses_at(responses: Responses, since: Vector, rows: Counts, out: Matrix) -> None:
-    """Of each row at its time, in columns."""
+    """Responses of each row at its time, in columns."""
     for i in range(since.size):
         h, dh, d2h, d3h = response_since(responses, rows[i], since[i])
         out[0, i], out[1, i], out[2, i], out[3, i] = h, dh, d2h, d3h
 
 
 def interactions(responses: Responses, times: Vector, out: Cube) -> None:
-    """What impacts do to each other: ``h_ij`` and its first three derivatives at ``t_i - t_j``.
+    """Responses of impacts to each other: ``h_ij`` and three derivatives at ``t_i - t_j``.
 
     On the diagonal the first derivative is left out: its jump is in the reset law.
     """
@@ -275,7 +275,7 @@ def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -
 
 @lru_cache(maxsize=2)
 def _basis(size: int, half: bool) -> FloatArray:
-    """What each coefficient of a table adds to a response over half the time between impacts."""
+    """Share of each coefficient of a table in a response over half the time between impacts."""
     which, none = np.empty((0, 0), dtype=int), np.empty((size, 0))
     each = Responses(which, np.eye(size), none[0], none, none, none[0], 1.0, half)
     times = np.linspace(0.0, 0.5 * math.pi if half else math.pi, 65)

@@ -1,4 +1,4 @@
-"""The same orbit where its symmetry or its period can break: what leaves a pitchfork or a doubling.
+"""Arms that leave an orbit at a pitchfork or a doubling, where its symmetry or its period breaks.
 
 At its pitchfork a symmetric orbit is a singular point of the problem of its whole period, at its
 period doubling any orbit is one of the problem of twice the period: one section and the next as
@@ -47,7 +47,7 @@ class OrbitSwitching(SwitchingProblem):
     along: FloatArray | None = None
 
     def seeds(self) -> tuple[Seed, ...]:
-        """Where the arms set out, each in its own order of impacts."""
+        """Starts of the arms, each in its own order of impacts."""
         seeds, along = super().seeds(), self.along
         if along is None:
             return seeds

@@ -38,7 +38,7 @@ LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok
 
 @dataclass(frozen=True, repr=False)
 class Admissibility(HtmlRepr):
-    """What keeps a solution from being an orbit of the lattice, or by how much it is one.
+    """Verdict on a solution: what keeps it from being an orbit, or by how much it is one.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Clearance(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What `margins` finds of the flights, of sites without impacts, and of one that touches."""
+    """Margins of the flights, of sites without impacts, and of one that touches."""
 
     rows: FloatArray
     sites: Sequence[int]
@@ -183,7 +183,7 @@ def clearance(orbit: SiteMotion) -> Admissibility:
 
 
 def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
-    """Of each flight of a site from one impact to its next."""
+    """Clearances of each flight of a site from one impact to its next."""
     impacts, gaps = orbit.impacts, []
     for i in range(orbit.section.count):
         row = measured.rows[i].tolist()
@@ -199,7 +199,7 @@ def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
 
 
 def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
-    """Of those sites that never hit a wall that were looked at."""
+    """Clearances of the sites that never hit a wall, of those that were looked at."""
     # the last two are of a site that touches its wall, for `other_contacts`
     rows = measured.rows[orbit.section.count : -2, : WHEN + 1].tolist()
     named = zip(measured.sites, rows, strict=True)
@@ -233,7 +233,7 @@ def least_margin(orbit: SiteMotion) -> float:
 
 
 def closest(orbit: SiteMotion) -> Clearance:
-    """What is closest to a wall, or beyond it, the far field aside."""
+    """Find the site closest to a wall, or farthest beyond it, the far field aside."""
     measured = measured_margins(orbit, orbit.idle)
     return smallest_margins([*of_flights(orbit, measured), *of_idle(orbit, measured)])
 

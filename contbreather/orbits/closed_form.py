@@ -119,7 +119,7 @@ class ClosedForm:
     def of(
         cls, forcing: Forcing, lattice: UniformLattice, x: Any, params: Mapping[str, float]
     ) -> ClosedForm:
-        """With these roots p and phi."""
+        """Make the closed form of the roots p and phi."""
         p, phi = map(float, x)
         drive = forcing_at(forcing, params)
         return cls(params["a"], params["gamma"], params["k"], p, phi, drive, lattice)

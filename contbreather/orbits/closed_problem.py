@@ -71,7 +71,7 @@ DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.in
 
 
 class ClosurePoint(NamedTuple):
-    """Where (11) is asked: what a `ClosedForm` has, of any numbers."""
+    """Numbers at which (11) is asked: what a `ClosedForm` has, of any."""
 
     p: float
     phi: float
@@ -279,7 +279,7 @@ def defining_system(
 
 
 class Scalar(NamedTuple):
-    """What vanishes where a multiplier is 1 or -1, a formula over the terms of (11)."""
+    """Quantity that vanishes where a multiplier is 1 or -1, a formula over the terms of (11)."""
 
     value: Callable[[ClosureTerms], Any]
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
@@ -395,7 +395,7 @@ def _contact_walker(
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
-    """Of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
+    """Slopes of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
     slopes = orbit.motion.slopes(site, t, curve.free)
     slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
     return np.array([slopes[name] for name in (*curve.slots, "t")]).T

@@ -32,7 +32,7 @@ EPS = float(np.finfo(float).eps)
 
 
 class ClosureTerms(NamedTuple):
-    """What the equations of a breather are made of; or how that changes in some direction."""
+    """Terms of the equations of a breather; or their derivatives in some direction."""
 
     p: Any = 0.0
     k: Any = 0.0
@@ -89,7 +89,7 @@ def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
 
 
 def terms_at(at: Any, mean: str) -> ClosureTerms:
-    """Of a place or a breather, with one of the means of its lattice."""
+    """Terms at a place or of a breather, with one of the means of its lattice."""
     drive = [at.a * value for value in at.forcing.motion(at.phi)]
     return ClosureTerms(at.p, at.k, at.lattice.mean(at.gamma, mean), *drive)
 
@@ -237,7 +237,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
 
 
 def level_crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
-    """Where a series passes a level between two of its neighbouring extrema."""
+    """Root of a series minus a level, between two of its neighbouring extrema."""
     rises = series.at(right, 0) > series.at(left, 0)
     # by bisection, as scipy.optimize is dear to import
     while right - left > 1e-14 * (1.0 + abs(right)):

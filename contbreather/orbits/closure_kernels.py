@@ -238,7 +238,7 @@ def pair_slopes(z: Any, on: PairData, out: Any) -> int:
 
 @inlined
 def find_responses(on: ContactData) -> None:
-    """Of the site to impacts, and their slopes in gamma: the coefficients of `periodic_green`."""
+    """Responses of the site to impacts, and slopes in gamma: coefficients of `periodic_green`."""
     x, n, table = 4.0 * on.closure.params[GAMMA], on.distance, on.responses.table
     for i in range(POWERS):
         value, slope = polynomial(on.expansions[i], x)

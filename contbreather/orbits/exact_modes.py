@@ -76,14 +76,14 @@ class ExactModes(SectionTrajectory):
 
     @classmethod
     def of(cls, on: Conditions, section: Section, x: FloatArray, params: Params) -> ExactModes:
-        """With these unknowns."""
+        """Make the section flown from these unknowns."""
         m = section.count
         q, r = np.split(x[m:], 2)  # x = (t_1 .. t_m, q, r)
         return cls(section, x[:m], q, r, on.at(params))
 
     @classmethod
     def from_times(cls, on: Conditions, section: Section, times: Any) -> ExactModes:
-        """With the state that comes closest to all equations, which are linear in it."""
+        """Fit the state that comes closest to all equations, which are linear in it."""
         check_order(section, times)
         still = np.zeros(on.lattice.basis(section.hit).lam.size)
         rest = cls(section, np.array(times, dtype=float), still, still, on)
@@ -250,7 +250,7 @@ class _Shooting(OrbitProblem):
 
 
 def _columns(section: Section, threshold: float, params: Params) -> dict[str, Any]:
-    """What is recorded besides the unknowns."""
+    """Columns recorded besides the unknowns."""
     count = section.count
     names = {"p": 0}
     if count > 1:

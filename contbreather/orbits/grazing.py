@@ -33,13 +33,12 @@ from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.orbits.section import AT_ONCE
-from contbreather.orbits.site_motion import SiteMotion, Terms
+from contbreather.orbits.site_motion import IMAGE, SiteMotion, Terms
 
 Array = NDArray[np.float64]
 
 TELLING = 1e-12  # motions that differ by less touch their walls together but for rounding
 MIRRORED = 1e-13  # the margin of a maximum that by symmetry touches the other wall, too
-SAME = 1e-9  # displacements that differ by less are mirror images
 ONE = 1e-4  # impacts of a site at a wall less apart than this are one
 AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
 
@@ -55,13 +54,13 @@ class GrazingSite:
     slopes: Callable[[Curve, Orbit, float], Any]
     """Derivatives of displacement and velocity in all unknowns, free parameters and the time."""
     motion: Callable[[Orbit, float], Terms] | None = None
-    """Of the site, unless it is that of the orbit."""
+    """Motion of the site, unless it is that of the orbit."""
     walker: Callable[..., Any] | None = None
-    """With a wall first, as `DefiningSystem` has it."""
+    """Steps in machine code, with a wall first, as `DefiningSystem` has them."""
     further: tuple[Event, ...] = ()
-    """What else ends its curve besides another contact."""
+    """Events that end its curve besides another contact."""
     scale: Callable[[Point], float] | None = None
-    """What margins of other contacts are divided by, where they vanish at such an end."""
+    """Divisor of the margins of other contacts, where they vanish at such an end."""
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
     def locus(self, wall: float, t: float, **more: Any) -> DefiningSystem:
@@ -97,7 +96,7 @@ def _locus(point: Point) -> DefiningSystem:
 
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
-    """Of a site that touches a wall at a time."""
+    """Defining system of a site that touches a wall at a time."""
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
     motion = orbit.motion
@@ -122,7 +121,7 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     if section.symmetric or section.turns % 2 == 0:
         return False
     displacements = [motion.at(site, time)[0] for time in (t, t + 0.5 * section.period)]
-    return abs(sum(displacements)) < SAME
+    return abs(sum(displacements)) < IMAGE
 
 
 def _examine(point: Point) -> dict[str, Any]:
@@ -245,7 +244,7 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
 
 
 def _others_last(j: int, point: Point) -> float:
-    """Where one impact vanishes, the least velocity of another."""
+    """Least velocity of another impact where one vanishes."""
     orbit: Orbit = point.solution
     walls = [wall for _, wall in orbit.section.impacts]
     # positive towards the wall

@@ -112,7 +112,7 @@ class OrbitEquations:
         return out
 
     def _responses(self, gamma: float, by: str = "") -> Responses:
-        """Of the sites of all impacts to each of them."""
+        """Responses of the sites of all impacts to each of them."""
         sites = tuple(site for site, _ in self.section.impacts)
         return periodic_green(self.lattice, gamma, sites, sites, self.section.turns, by)
 

@@ -166,7 +166,7 @@ class GreensFunction:
 
     @classmethod
     def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
-        """With these times, impulses and offsets."""
+        """Make the orbit of these times, impulses and offsets."""
         m, values = section.count, np.asarray(x, dtype=float).tolist()
         named = zip(section.impacts, values[:m], values[m : 2 * m], strict=True)
         impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
@@ -174,7 +174,7 @@ class GreensFunction:
 
     @classmethod
     def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
-        """With ``p, t1, t2, c`` of two impacts."""
+        """Make the orbit of ``p, t1, t2, c`` of two impacts."""
         p, t1, t2, c = x
         # (4): -2p on the wall +1, 2p on the wall -1
         return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
@@ -262,7 +262,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
 
 
 def _domain(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
-    """Where the parameters mean something, and each impulse pushes away from its wall."""
+    """Domain: parameters mean something, and each impulse pushes away from its wall."""
     # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
     domain = {name: NUMBERS[name].domain for name in NEEDED}
     if equations.lattice.sites is None:
@@ -331,7 +331,7 @@ def _offset_share(orbit: Orbit, site: int) -> FloatArray:
 def _motion_slopes(
     site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
 ) -> FloatArray:
-    """Of displacement and velocity, in the time at last."""
+    """Slopes of displacement and velocity, in the time at last."""
     slopes = orbit.representation.motion.slopes(site, t, curve.free)
     # of two impacts J = -2p and 2p
     slopes["p"] = 2.0 * sum(np.sign(J) * slopes[f"J{i}"] for i, J in enumerate(orbit.impulses, 1))

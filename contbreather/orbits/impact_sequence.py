@@ -110,7 +110,7 @@ class ImpactSequence:
 
     @cached_property
     def times(self) -> FloatArray:
-        """Of the impacts of a section."""
+        """Times of the impacts of a section."""
         return np.array([impact.time for impact in self.impacts])
 
     @cached_property

@@ -248,7 +248,7 @@ def from_orbit(
 
 
 def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactModes:
-    """With another impact first; or with the same times at other sites."""
+    """Begin a seed with another impact; or put the same times at other sites."""
     section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
     m = orbit.section.count
     if section.count != m:

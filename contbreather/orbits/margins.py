@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
 from contbreather.lattice.periodic_green import response_since
+from contbreather.orbits.section import SHORT
 from contbreather.orbits.site_motion import (
     HIGH,
     IMAGE,
@@ -38,7 +39,6 @@ TIE = 1e-13  # of margins that differ by less, mirror images mostly, the first i
 FLAT = 1e-8  # times this close to a minimum are it
 CONTACT = 1e-4  # times this close to a contact, or phases to half of it, belong to it
 STEEP = 12  # points that lie closer together at the start of a flight: for small k it is flat there
-SHORT = 1e-2  # a flight this short, from a wall back to it, is a cubic: rounding would be all else
 NONE = -1.0  # no contact
 
 # rows of the workspace: places and quotients on a grid, displacements of two sites and of the
@@ -117,7 +117,7 @@ def largest_displacement(motion: Motion, site: int) -> float:
 
 
 class Quotient(NamedTuple):
-    """Of one site, in the time since its origin."""
+    """Margin of one site, in the time since its origin."""
 
     site: int
     origin: float

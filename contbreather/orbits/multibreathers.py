@@ -182,7 +182,7 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
 
 
 def _under(on: Conditions, site: int) -> FloatArray:
-    """What a site without coupling moves under: its losses, its spring, its drive over a period."""
+    """Conditions of a site without coupling: its losses, its spring, its drive over a period."""
     drive = on.a if on.lattice.sites is None else on.a * on.lattice.drive[site]
     # drives of different kinds are the same if their values are
     times = np.linspace(0.0, 2.0 * math.pi, 16)

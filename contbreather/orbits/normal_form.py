@@ -121,7 +121,7 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
 
 
 def bends(point: Point) -> Mapping[str, Any]:
-    """What a pitchfork knows besides where it is, on a branch in one parameter."""
+    """Normal form of a pitchfork as its detail, on a branch in one parameter."""
     if len(point.curve.varied) > 1:
         return {}
     try:
@@ -134,7 +134,7 @@ def bends(point: Point) -> Mapping[str, Any]:
 
 
 def _form(point: Point) -> PitchforkForm:
-    """Of a point that knows the direction of its branch."""
+    """Normal form at a point that knows the direction of its branch."""
     orbit: Orbit = point.solution
     if not orbit.section.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
@@ -159,13 +159,13 @@ def _form(point: Point) -> PitchforkForm:
 
 
 def _slope(curve: Curve, point: Point, v: FloatArray) -> float:
-    """Of the parameter along the arms where they leave with a kink."""
+    """Slope of the parameter along the arms where they leave with a kink."""
     along = tangent_in(curve, point, lambda orbit: orbit.unfolded().problem)
     return float(leaving(curve, curve.start, np.append(v, 0.0), along / along[-1])[-1])
 
 
 def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
-    """Of the parameter along the arms."""
+    """Curvature of the parameter along the arms."""
     n = v.size
     change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)

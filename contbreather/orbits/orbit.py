@@ -73,7 +73,7 @@ class Orbit(ImpactSequence, HtmlRepr):
     # --------------------------------------------------------------------------------- motion
 
     def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """Where site ``n`` is at time ``t``.
+        """Displacement of site ``n`` at time ``t``.
 
         Parameters
         ----------
@@ -190,12 +190,12 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     @property
     def motion(self) -> SiteMotion:
-        """What that is measured on."""
+        """Motion of the sites."""
         return self.representation.motion
 
     @property
     def map(self) -> Any:
-        """What small perturbations become over a section."""
+        """Map of small perturbations over a section."""
         return self.representation.map
 
     def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:

@@ -305,7 +305,7 @@ class OnCircle:
         return self.real_parts(map.on_circle(self.angle(extra), self.radius))
 
     def beside(self, curve: Curve, z: FloatArray, extra: FloatArray) -> Equations:
-        """The same next to a place, cheaper and exact to first order where they vanish."""
+        """Linearise them next to a place: cheaper, and exact to first order where they vanish."""
         value = Point(curve, z).solution.map.beside(self.angle(extra), self.radius)
         return lambda curve, z, extra: self.real_parts(
             value(Point(curve, z).solution.map, self.angle(extra))

@@ -66,7 +66,7 @@ class Region:
         return words.pop() if len(words) == 1 else ""
 
     def describe(self) -> str:
-        """What is said of it: which breathers there are, and whether they are stable."""
+        """Label of a region: which breathers there are, and whether they are stable."""
         if self.verdict:
             return f"{'stable' if self.verdict == 'S' else 'unstable'} breathers"
         if any(count is not None for count in self.counts):

@@ -77,7 +77,7 @@ class Representation(Protocol):
         """How its sites move."""
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
-        """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
+        """Defining system of a multiplier on a circle, `OnCircle`; complex from an angle on."""
 
     def grazing_site(self, site: int) -> Any:
         """How the motion of a site is followed, `grazing.GrazingSite`."""
@@ -92,7 +92,7 @@ class Representation(Protocol):
     def rewritten(
         self, section: Section, impacts: Impacts, offsets: Offsets
     ) -> Representation | None:
-        """The same motion from the same start in other words; None if that cannot be."""
+        """Rewrite the motion with other impacts from the same start; None if that cannot be."""
 
     def on(self, lattice: Any) -> Any:
         """The `Orbit` of another lattice by means of its own; None where that needs another."""

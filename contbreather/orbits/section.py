@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
 
 AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
-SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
+SHORT = 1e-2  # a flight this short, from a wall back to it, is a cubic: rounding would be all else
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
 WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
@@ -155,7 +155,7 @@ class Section:
         return Section(self.impacts + mirrored, self.turns)
 
     def doubled(self) -> Section:
-        """The same impacts twice, over twice the period."""
+        """Repeat the impacts, over twice the period."""
         if self.symmetric:
             raise BadInput(
                 "a symmetric orbit does not double its period; break its symmetry first, unfolded()"
@@ -174,7 +174,7 @@ class Section:
         )
 
     def placed(self, lattice: Any) -> Section:
-        """With its sites looked up on a lattice, negative ones counted from its end."""
+        """Look its sites up on a lattice, negative ones counted from its end."""
         sites = lattice.sites
         if sites is None:
             return self
@@ -188,7 +188,7 @@ class Section:
         return self.around(sites)
 
     def around(self, sites: int) -> Section:
-        """With its sites counted modulo the size of a lattice."""
+        """Count its sites modulo the size of a lattice."""
         impacts = tuple((site % sites, wall) for site, wall in self.impacts)
         if len({site for site, _ in impacts}) < len(self.hit):
             raise BadInput(

@@ -131,7 +131,7 @@ class SectionTrajectory:
 
     @cached_property
     def kicks(self) -> FloatArray:
-        """What a unit change of velocity at the sites of the impacts does to the modes, (m, K)."""
+        """Kicks of the modes by a unit change of velocity at the sites of the impacts, (m, K)."""
         masses = self.conditions.lattice.masses
         return self.shapes * masses[[n for n, _ in self.section.impacts], None]
 
@@ -372,7 +372,7 @@ class SectionTrajectory:
 
     @cached_property
     def map(self) -> ModalMap:
-        """What small perturbations become over a section."""
+        """Map of small perturbations over a section."""
         on, saltations = self.conditions, []
         for hit in self.arrivals:
             # velocity and acceleration change sign with the side; braked less after the impact

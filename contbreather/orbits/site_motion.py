@@ -48,7 +48,7 @@ NEARLY = 0.1  # sites whose lowest distance on the grid is this close to the lea
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
-IMAGE = 1e-9  # sites whose motions differ by less are images of each other
+IMAGE = 1e-9  # displacements that differ by less are images of each other
 MANY = 4096  # sites whose responses are written down at once
 
 
@@ -76,7 +76,7 @@ class FreeModes(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Of sites that impact, and behind them of sites that do not."""
+    """Motion of the sites that impact, and behind them of sites that do not."""
 
     a: float
     k: float
@@ -118,7 +118,7 @@ def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float
 
 
 def state(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
-    """The same, for whoever asks once: `site_state` is written out in loops."""
+    """Displacement, velocity and acceleration, asked once: `site_state` is written out in loops."""
     return site_state(motion, site, t)
 
 
@@ -173,7 +173,7 @@ MODES, STATES = Kernel(modes_at), Kernel(states)
 
 
 def points_of(fine: int, length: float) -> int:
-    """Of a grid over a time."""
+    """Number of points of a grid over a time."""
     return math.ceil(fine * max(1.0, length / math.pi) - 1e-9)
 
 
@@ -221,7 +221,7 @@ class SiteMotion:
         return float(self.far_of(self.on.a))
 
     def far_of(self, a: Any) -> Any:
-        """The same of other amplitudes."""
+        """Margin of the far field at other amplitudes."""
         return 1.0
 
     def far_time(self) -> float:
@@ -248,7 +248,7 @@ class SiteMotion:
         raise NotImplementedError
 
     def at(self, site: int, t: float) -> Terms:
-        """The same of one site at one time."""
+        """Displacement, velocity and acceleration of one site at one time."""
         u, v, w = self.states(site, t).tolist()
         return u, v, w
 
@@ -278,7 +278,7 @@ class SiteMotion:
 
 @lru_cache(maxsize=64)
 def _alike(forcing: Forcing) -> Forced:
-    """What all sites follow where nothing but the walls holds them."""
+    """Forced motion of all sites where nothing but the walls holds them."""
     m, A, B = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T.copy()
     return Forced(m, A[None], B[None], float(forcing.peak()))
 
@@ -316,7 +316,7 @@ class ChainMotion(SiteMotion):
         return self._motion(sites, _alike(self.forcing), self._responses(sites), _NO_MODES)
 
     def _responses(self, sites: tuple[int, ...], by: str = "") -> Responses:
-        """Of sites to the impacts of a section, or their derivatives in a parameter."""
+        """Responses of sites to the impacts of a section, or their derivatives in a parameter."""
         if self.section.symmetric:
             return half_period_green(self.lattice, self.on.gamma, sites, by)
         hits = tuple(impact.site for impact in self.impacts)
@@ -436,7 +436,7 @@ class ModalMotion(SiteMotion):
         return np.array([self.representation.forced.at(site, t)[0] for t in times.tolist()])
 
     def displacements(self, times: FloatArray) -> FloatArray:
-        """Of all sites at many times, shape (times, sites)."""
+        """Displacements of all sites at many times, shape (times, sites)."""
         flight = self.representation
         free = flight.basis.to_sites(flight.modes(times)[0])
         return np.asarray(free + self.on.a * flight.forced.everywhere(times, 0))

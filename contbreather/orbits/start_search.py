@@ -98,7 +98,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
 
 
 def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
-    """What is given, with another value of a parameter, be it one of the forcing."""
+    """Change the value of a parameter, be it one of the forcing."""
     forcing = forcing_of(conditions.get("forcing"))
     if name in forcing.params:
         return {**conditions, "forcing": forcing.at(**{name: value})}
@@ -107,7 +107,7 @@ def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, A
 
 
 def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterator[float]:
-    """Where to look for a breather in a window: first next to the fold, then evenly spread."""
+    """Values to look at for a breather in a window: first next to the fold, then evenly spread."""
     low, high = within
     first = conditions.get(free, 0.0 if free in OPTIONAL else None)
     near = [] if first is None else [first]

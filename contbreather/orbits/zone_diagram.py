@@ -87,7 +87,7 @@ class Zones(Columns, HtmlRepr):
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR.
+        """Points where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR.
 
         The pieces of the paper's rule on a ring are one curve.
         """
@@ -101,7 +101,7 @@ class Zones(Columns, HtmlRepr):
         return tuple(points)
 
     def table(self) -> Sheet:
-        """Where curves meet: the two kinds, stability first, and the breather there."""
+        """Points where curves meet: the two kinds, stability first, and the breather there."""
         places = [point.solution for point in self.special]
         columns = [Column("k", [b.k for b in places]), Column("meeting", self.meetings())]
         names = ("gamma", "a", "p", "phi")
@@ -135,7 +135,7 @@ class Zones(Columns, HtmlRepr):
         return regions(lines, box, self.unstable, lower) if cut else ()
 
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
-        """What the curves span in both parameters, and on to a window where breathers go on."""
+        """Range of the curves in both parameters, and on to a window where breathers go on."""
         if not any(self.curves.values()):
             raise BadInput(
                 "these zones have no curves, so there is nothing to draw; widen the window"
@@ -222,7 +222,7 @@ class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
     __slots__ = ()
 
     def table(self) -> Sheet:
-        """Where curves meet in each, one diagram after the other."""
+        """Points where curves meet in each, one diagram after the other."""
         first, *others = (diagram.table() for diagram in self)
         return first.further(*(row for sheet in others for row in sheet.rows))
 

@@ -1,4 +1,4 @@
-"""Where the curves of a zone diagram are found, without a seed.
+"""Search for the curves of a zone diagram, without a seed.
 
 All admissible breathers at a comb of values of one parameter are looked through, in closed form or
 along branches in the other; each event among them that lies on no curve known so far is traced as a
@@ -251,7 +251,7 @@ class ZoneSearch:
 
 
 def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
-    """Where a walk from each start in turn comes to a piece of a row, the largest p first."""
+    """Rank of a piece: the first start whose walk comes to it, then the largest p."""
     reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
     first = next(reached, len(starts) - 1)
     return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
@@ -325,7 +325,7 @@ ROUNDED = 1e-12  # phases that differ by less are one
 
 
 class Zero(NamedTuple):
-    """Where a test changes sign."""
+    """Place where a test changes sign."""
 
     event: Event
     z: Array
