@@ -164,7 +164,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     looks = enumerate(("line", "dashed", "circles", "trace"))
     curves = tuple(SampledCurve(look, n, t, np.cos(t) + 2.2 * n, look) for n, look in looks)
     panels = Panel("against", curves[:3]), Panel("traces", curves[3:], lost=1.0)
-    series = TimeSeries(6, panels, "", ()).draw().axes
+    series = TimeSeries(6, panels, "").draw().axes
     made = {
         "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
         "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,

@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from contbreather.paper.figures234 import (
-    Figure2,
-    MultiplierFigure,
-    chain_lengths,
-    figure2,
-    figure3,
-    figure4,
-)
+from contbreather.paper.figures234 import Figure2, MultiplierFigure, figure2, figure3, figure4
+from contbreather.paper.figures234 import chain_lengths as chain_lengths
 from contbreather.paper.time_series import TimeSeries, figure5, figure6, figure7, figure8
 
-_ALL = (figure2, figure3, figure4, figure5, figure6, figure7, figure8)
-FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure | TimeSeries]] = dict(enumerate(_ALL, 2))
-
+FIGURES = dict(enumerate((figure2, figure3, figure4, figure5, figure6, figure7, figure8), 2))
 __all__ = [
-    "FIGURES",
-    "Figure2",
-    "MultiplierFigure",
-    "TimeSeries",
-    "chain_lengths",
-    "figure2",
-    "figure3",
-    "figure4",
-    "figure5",
-    "figure6",
-    "figure7",
-    "figure8",
-]
+    "FIGURES", "Figure2", "MultiplierFigure", "TimeSeries", "chain_lengths", "figure2", "figure3",
+    "figure4", "figure5", "figure6", "figure7", "figure8",
+]  # fmt: skip

@@ -28,14 +28,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RESTITUTIONS = (0.8, 0.4)
 # Between the parameters of the two panels of a figure: name, gamma from, gamma to, a.
 TRANSITIONS = (("Fig. 3", 0.09, 0.11, 0.2), ("Fig. 4", 0.05, 0.045, 0.8))
 
 
 @dataclass(frozen=True, eq=False)
 class Figure2:
-    """What Fig. 2 shows: for each k the exact zones and the lines of the paper's rule."""
+    """Content of Fig. 2: for each k the exact zones and the lines of the paper's rule."""
 
     zones: tuple[Zones, ...]
     lines: tuple[ThresholdLine, ...]
@@ -55,22 +54,14 @@ class Figure2:
     def rows(self) -> Iterator[dict[str, Any]]:
         """Points of the dotted lines, in order: k, curve, gamma, a, and the rule."""
         for line in self.lines:
-            for gamma, a, angle in zip(line.gamma, line.a, line.angle, strict=True):
-                yield {
-                    "k": line.k,
-                    "curve": f"{line.kind}-rule",
-                    "gamma": float(gamma),
-                    "a": float(a),
-                    "nu": float(angle),
-                    "sites": line.sites,
-                    "threshold": line.threshold,
-                }
+            for gamma, a, angle in np.array((line.gamma, line.a, line.angle)).T.tolist():
+                yield {"k": line.k, "curve": f"{line.kind}-rule", "gamma": gamma, "a": a,
+                       "nu": angle, "sites": line.sites, "threshold": line.threshold}  # fmt: skip
 
     def draw(self) -> Figure:
         """The figure, one panel for each k."""
         with style():
-            height = 1.6 + 5.8 * len(self.zones)
-            figure, panels = new_figure(len(self.zones), height=height)
+            figure, panels = new_figure(len(self.zones), height=1.6 + 5.8 * len(self.zones))
             draw_panels(self.zones, panels)
             for diagram, panel in zip(self.zones, panels, strict=True):
                 for line in self.lines:  # the rule's pitchfork line lies under the exact one
@@ -81,31 +72,26 @@ class Figure2:
             explain(panels, figure)
             for diagram, panel in zip(self.zones, panels, strict=True):
                 words = names_of_meetings(diagram)
-                if diagram.fixed == ("k", 0.8):
-                    words += [_arrow(panel, *transition) for transition in TRANSITIONS]
+                for name, start, end, a in TRANSITIONS if diagram.fixed == ("k", 0.8) else ():
+                    look = {"color": "black", "markersize": 3, "zorder": 5}
+                    panel.plot(start, a, ".", **look)
+                    panel.plot([start, end], [a, a], linewidth=0.8, **look)
+                    panel.plot(end, a, "<" if end < start else ">", **look)
+                    words.append((max(start, end), a, name))
                 place_words(panel, ((*word, {}) for word in words))
         return figure
 
 
-def _arrow(ax: Axes, name: str, start: float, end: float, a: float) -> tuple[float, float, str]:
-    """From one panel of a figure to the other; its name is still to be placed."""
-    ax.plot(start, a, ".", color="black", markersize=3, zorder=5)
-    ax.plot([start, end], [a, a], color="black", linewidth=0.8, zorder=5)
-    head = "<" if end < start else ">"
-    ax.plot(end, a, head, color="black", markersize=3, zorder=5)
-    return max(start, end), a, name
-
-
 @partial_result()
 def figure2(
-    restitutions: Sequence[float] = RESTITUTIONS,
+    restitutions: Sequence[float] = (0.8, 0.4),
     *,
-    sites: int = rule.SITES,
+    sites: int = SITES,
     threshold: float = THRESHOLD,
     points: int = 100,
     progress: bool | None = None,
 ) -> Figure2:
-    """Fig. 2 of the paper: (a) k = 0.8, (b) k = 0.4.
+    """Fig. 2 of the paper: (a) k = 0.8, (b) k = 0.4; ``.draw()`` gives the matplotlib figure.
 
     Parameters
     ----------
@@ -118,11 +104,6 @@ def figure2(
     progress : bool, optional
         As for `trace`.
 
-    Returns
-    -------
-    Figure2
-        ``.draw()`` gives the matplotlib figure.
-
     Examples
     --------
     >>> [(line.kind, line.sites) for line in figure2((0.4,), points=5).lines]
@@ -130,13 +111,13 @@ def figure2(
     """
     restitutions = row("restitutions", restitutions, "restitution coefficients").tolist()
     exact = tuple(zones(k=k, progress=progress) for k in restitutions)
+    on: Any = {"sites": sites, "threshold": threshold}
     lines = []
-    for diagram in exact:
-        k = diagram.fixed[1]
-        lines.append(rule.neimark_sacker_line(k, sites=sites, threshold=threshold, points=points))
+    for diagram, k in zip(exact, restitutions, strict=True):
+        lines.append(rule.neimark_sacker_line(k, points=points, **on))
         for branch in diagram.curves["PF"]:
             gamma = branch["gamma"][branch["gamma"] > 0.0]
-            lines.append(rule.pitchfork_line(k, gamma, sites=sites, threshold=threshold))
+            lines.append(rule.pitchfork_line(k, gamma, **on))
     return Figure2(exact, tuple(lines))
 
 
@@ -150,28 +131,24 @@ def chain_lengths(
 ) -> dict[str, float]:
     """The Neimark-Sacker coupling by the paper's rule for several rings, and the exact one.
 
-    Returns
-    -------
-    dict
-        ``{"200": gamma, ..., "rule, N to infinity": gamma, "exact": gamma}``. The rule's own limit
-        is the point at which the isolated pair of the infinite chain passes the threshold, not the
-        point at which it comes out.
+    The rule's own limit is the point at which the isolated pair of the infinite chain passes the
+    threshold, not the point at which it comes out.
 
     Examples
     --------
     >>> {name: round(gamma, 5) for name, gamma in chain_lengths(sites=(200, 400)).items()}
     {'200': 0.08241, '400': 0.09155, 'rule, N to infinity': 0.09761, 'exact': 0.09697}
     """
+    names: dict[str, int | None] = {str(n): n for n in sites} | {"rule, N to infinity": None}
     gammas = {
-        str(n): rule.neimark_sacker_point(a, k, sites=n, threshold=threshold).gamma for n in sites
+        name: rule.neimark_sacker_point(a, k, sites=n, threshold=threshold).gamma
+        for name, n in names.items()
     }
-    limit = rule.neimark_sacker_point(a, k, sites=None, threshold=threshold).gamma
-    start = symmetric(a, 0.5 * min(gammas.values(), default=limit), k)
     branch = trace(
-        start, "gamma", within={"gamma": (0.0, 0.24)}, towards="up",
-        events=[exact_event()], progress=False,
+        symmetric(a, 0.5 * min(gammas.values()), k), "gamma", within={"gamma": (0.0, 0.24)},
+        towards="up", events=[exact_event()], progress=False,
     )  # fmt: skip
-    return {**gammas, "rule, N to infinity": limit, "exact": branch.first("NS")["gamma"]}
+    return {**gammas, "exact": branch.first("NS")["gamma"]}
 
 
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------
@@ -192,7 +169,9 @@ class MultiplierFigure:
     def caption(self) -> str:
         before, after = self.breathers
         beyond = " and ".join(
-            f"({letter})" for letter, b in zip("ab", self.breathers, strict=True) if self._beyond(b)
+            f"({letter})"
+            for letter, breather in zip("ab", self.breathers, strict=True)
+            if any(abs(mu) ** 2 - 1.0 >= self._top for mu in breather.stability().multipliers)
         )
         return (
             f"Multipliers around the {self.bifurcation}: a = {before.a:g}, k = {before.k:g}, "
@@ -201,104 +180,71 @@ class MultiplierFigure:
             f"{self.sites} sites; bars: band of the infinite chain. Below: by how much their "
             "moduli exceed 1, against the angle of mu, the eigenvalues of QS. Dashed: the paper's "
             f"threshold {self.threshold:g}"
-            + (
-                f"; arrow in {beyond}: the isolated multiplier of the infinite chain (exact), "
-                "which is beyond the axis."
-                if beyond
-                else "."
-            )
+            + f"; arrow in {beyond}: the isolated multiplier of the infinite chain (exact), "
+            "which is beyond the axis" * bool(beyond) + "."
         )
 
     @property
     def _top(self) -> float:
-        """Where the axis of the moduli ends, above 1."""
+        """Upper end of the axis of the moduli, above 1."""
         return 2.4 * (self.threshold - 1.0)
-
-    def _beyond(self, breather: Orbit) -> bool:
-        """Whether an isolated multiplier is an arrow, not a cross."""
-        return any(abs(mu) ** 2 - 1.0 >= self._top for mu in breather.stability().multipliers)
-
-    def verdicts(self) -> tuple[str, str]:
-        """For each panel: the paper's rule on the ring, then the exact verdict."""
-        return tuple(  # type: ignore[return-value]
-            f"{b.stability(sites=self.sites, threshold=self.threshold).describe()}; "
-            f"{b.stability().describe()}"
-            for b in self.breathers
-        )
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """All multipliers of QS, and their squares, largest first."""
         for panel, breather in zip("ab", self.breathers, strict=True):
+            on = {"panel": panel, "a": breather.a, "gamma": breather.gamma, "k": breather.k}
             half = np.asarray(breather.multipliers(sites=self.sites, half=True), dtype=complex)
             for mu in half[np.argsort(-np.abs(half), kind="stable")].tolist():
                 full = mu * mu
-                yield {
-                    "panel": panel,
-                    "a": breather.a,
-                    "gamma": breather.gamma,
-                    "k": breather.k,
-                    "half_re": mu.real,
-                    "half_im": mu.imag,
-                    "full_re": full.real,
-                    "full_im": full.imag,
-                    "modulus": abs(full),
-                }
+                yield on | {"half_re": mu.real, "half_im": mu.imag, "full_re": full.real,
+                            "full_im": full.imag, "modulus": abs(full)}  # fmt: skip
 
     def draw(self) -> Figure:
         """The figure: panels (a) and (b) side by side, multipliers above, moduli below."""
         with style():
             figure, axes = new_figure(2, 2, height=8.6)
             for i, (letter, breather) in enumerate(zip("ab", self.breathers, strict=True)):
-                upper, lower = axes[i], axes[2 + i]
-                plot_multipliers(breather, sites=self.sites, digits=self.digits, ax=upper)
-                upper.set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
-                _moduli(lower, breather, self.sites, self.threshold, self._top)
-                word = "stable" if breather.stability().stable else "unstable"
-                lower.set_title(f"infinite chain: {word}", loc="left", pad=3, fontsize="small")
+                plot_multipliers(breather, sites=self.sites, digits=self.digits, ax=axes[i])
+                axes[i].set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
+                self._moduli(axes[2 + i], breather)
             for right in (axes[1], axes[3]):
                 right.set_ylabel("")
                 right.tick_params(labelleft=False)
         return figure
 
-
-def _moduli(ax: Axes, breather: Orbit, sites: int, threshold: float, top: float) -> None:
-    """Excess of the moduli over one, against the angle in the half map: the band's ripple shows."""
-    mu = np.asarray(breather.multipliers(sites=sites, half=True))
-    mu = mu[mu.imag >= 0.0]
-    excess = 1e3 * (np.abs(mu) ** 2 - 1.0)
-    limit, top = 1e3 * (threshold - 1.0), 1e3 * top
-    ax.set_ylim(-0.4 * top, top)
-    ax.set_xlim(-0.03, 1.03)
-    ax.set_xticks([0.0, 0.5, 1.0], ["0", "0.5", "1"])  # short, for the panels stand close
-    ax.axvspan(0.0, 2.0 * math.sqrt(breather.gamma), color=SKY, alpha=0.25, linewidth=0)
-    ax.axhline(0.0, color=GREY, linewidth=0.5)
-    ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
-    for which, colour in ((excess <= limit, BLUE), (excess > limit, VERMILLION)):
-        ax.plot(np.angle(mu[which]) / math.pi, excess[which], "o", color=colour, markersize=1.6)
-    ax.set_xlabel(r"angle of $\mu$ over $\pi$")
-    ax.set_ylabel(r"$10^3\,(|\mu^2| - 1)$")
-    alone = breather.stability().multipliers
-    for multiplier in alone[alone.imag >= 0.0]:
-        _isolated(
-            ax, float(np.angle(multiplier) / math.pi), 1e3 * (abs(multiplier) ** 2 - 1.0), top
-        )
-
-
-def _isolated(ax: Axes, angle: float, excess: float, top: float) -> None:
-    """A cross; beyond the axes an arrow, with the number it points to."""
-    if excess < top:
-        ax.plot(angle, excess, "x", color="black", markersize=4)
-        return
-    right = angle < 0.5
-    ax.annotate(
-        f"{excess:.1f}", (angle, top), (6 if right else -6, -9), textcoords="offset points",
-        ha="left" if right else "right", va="center", fontsize="small",
-    )  # fmt: skip
-    ax.annotate(
-        "", (angle, 0.99 * top), (angle, 0.8 * top),
-        arrowprops={"arrowstyle": "-|>", "color": VERMILLION, "linewidth": 1.0,
-                    "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7},
-    )  # fmt: skip
+    def _moduli(self, ax: Axes, breather: Orbit) -> None:
+        """Excess of the moduli over one, against the angle in the half map: the band's ripple."""
+        mu = np.asarray(breather.multipliers(sites=self.sites, half=True))
+        mu, verdict = mu[mu.imag >= 0.0], breather.stability()
+        excess = 1e3 * (np.abs(mu) ** 2 - 1.0)
+        limit, top = 1e3 * (self.threshold - 1.0), 1e3 * self._top
+        ax.set_ylim(-0.4 * top, top)
+        ax.set_xlim(-0.03, 1.03)
+        ax.set_xticks([0.0, 0.5, 1.0], ["0", "0.5", "1"])  # short, for the panels stand close
+        ax.axvspan(0.0, 2.0 * math.sqrt(breather.gamma), color=SKY, alpha=0.25, linewidth=0)
+        ax.axhline(0.0, color=GREY, linewidth=0.5)
+        ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
+        for which, colour in ((excess <= limit, BLUE), (excess > limit, VERMILLION)):
+            ax.plot(np.angle(mu[which]) / math.pi, excess[which], "o", color=colour, markersize=1.6)
+        ax.set_xlabel(r"angle of $\mu$ over $\pi$")
+        ax.set_ylabel(r"$10^3\,(|\mu^2| - 1)$")
+        word = "stable" if verdict.stable else "unstable"
+        ax.set_title(f"infinite chain: {word}", loc="left", pad=3, fontsize="small")
+        for isolated in verdict.multipliers[verdict.multipliers.imag >= 0.0]:
+            angle, height = np.angle(isolated) / math.pi, 1e3 * (abs(isolated) ** 2 - 1.0)
+            if height < top:
+                ax.plot(angle, height, "x", color="black", markersize=4)
+                continue
+            side, aligned = (6, "left") if angle < 0.5 else (-6, "right")
+            ax.annotate(  # the number that an arrow beyond the axes points to
+                f"{height:.1f}", (angle, top), (side, -9), textcoords="offset points",
+                ha=aligned, va="center", fontsize="small",
+            )  # fmt: skip
+            ax.annotate(
+                "", (angle, 0.99 * top), (angle, 0.8 * top),
+                arrowprops={"arrowstyle": "-|>", "color": VERMILLION, "linewidth": 1.0,
+                            "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7},
+            )  # fmt: skip
 
 
 def figure3() -> MultiplierFigure:

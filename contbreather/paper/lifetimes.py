@@ -1,4 +1,4 @@
-"""What becomes of a breather on a ring: how long it lives, at which rate it goes, what it needs."""
+"""Lives of breathers on rings: periods until they are lost, growth rates, what would keep them."""
 
 from __future__ import annotations
 
@@ -23,17 +23,13 @@ from contbreather.simulation.simulate import (
     completed,
     let_go,
     simulate,
-)
+)  # fmt: skip
 from contbreather.simulation.states import State
-
-Array = NDArray[Any]
 
 MISSED = 0.6  # |u| that site 0 exceeds on both sides in every period of a breather
 REACHED = 0.93  # |u| that no other site comes to
 SMALL = 1e-6  # of a perturbation: what follows is linear
 TOGETHER = 10  # periods between two times at which it is made small again
-HARD = 30  # hardness of a wall at which the breather is close to the impacting one
-MOST = 0.06  # damping that is enough for every breather of the figures
 
 
 def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
@@ -48,17 +44,16 @@ def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
         assert run.record is not None
         u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
         here = run.record.sites.index(site)
-        centre, rest = u[:, :, here], np.delete(u, here, 2)
+        centre, others = u[:, :, here], np.delete(u, here, 2)
         missed = (centre.max(axis=1) < MISSED) | (centre.min(axis=1) > -MISSED)
-        broken = missed | (np.abs(rest).max(axis=(1, 2)) > REACHED)
-    gone = np.flatnonzero(broken)
-    return int(gone[0]) if gone.size else None
+        broken = missed | (np.abs(others).max(axis=(1, 2)) > REACHED)
+    return int(broken.argmax()) if broken.any() else None
 
 
 def unlike_a_breather(
     impacts: NDArray[np.void], periods: int, first: int = 0, wall: int = 0, site: int = 0
 ) -> NDArray[np.bool_]:
-    """For each whole period: does `site` rest, or miss a wall, or does any other hit one?
+    """Find the whole periods in which `site` rests or misses a wall, or any other hits one.
 
     `wall` is the one of the last impact before, if there was any. Impacts are not counted: where
     their phases move, as on a torus, one may slip over the end of a period.
@@ -66,21 +61,21 @@ def unlike_a_breather(
     period, at_site = impacts["period"] - first, impacts["site"] == site
     walls = np.concatenate([[wall], impacts["wall"][at_site]])
     missed = period[at_site][walls[1:] == walls[:-1]]
-    none = np.bincount(period[at_site], minlength=periods)[:periods] == 0
-    wrong = [
-        np.bincount(hits, minlength=periods)[:periods] > 0 for hits in (missed, period[~at_site])
-    ]
-    return np.asarray(none | wrong[0] | wrong[1])
+    own, twice, others = (
+        np.bincount(hits, minlength=periods)[:periods] > 0
+        for hits in (period[at_site], missed, period[~at_site])
+    )
+    return np.asarray(~own | twice | others)
 
 
 def delocalised(run: SmoothRun) -> bool:
     """Whether the energy is all over the ring at the end."""
-    seen = localised(run.strobe.u[-1], run.strobe.v[-1], run.times[-1], run.conditions)
-    return float(seen.participation) > BROAD
+    end = localised(run.strobe.u[-1], run.strobe.v[-1], run.times[-1], run.conditions)
+    return float(end.participation) > BROAD
 
 
 def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
-    """By which factor a small perturbation of a periodic motion grows in a period: simulated.
+    """Growth of a small perturbation of a periodic motion in a period, simulated.
 
     Every few periods it is made small again; the first third of them is left to the largest
     multiplier to win, over one that may be only four thousandths smaller (Fig. 6 (a), m = 6).
@@ -118,31 +113,23 @@ def _conditions(breather: Orbit, damping: float) -> dict[str, Any]:
     return {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
 
 
-def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> PeriodicMotion | None:
-    """The smooth ring's own breather next to the exact one; None if there is none."""
-    on = _conditions(breather, damping)
-    try:
-        return periodic(breather.state(sites), m=m, symmetric=True, **on)
-    except NotConverged:
-        return None
-
-
 @partial_result()
 def softest(breather: Orbit, damping: float, sites: int) -> float:
-    """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
-    reaches m = 5."""
+    """Hardness m at which the smooth ring's breather, followed from hard walls, ends in a fold; NaN
+    if it reaches m = 5."""
     check_kind(breather, Orbit, "a breather")
+    hard = 30  # walls close to the impacting ones
     on = _conditions(breather, damping)
-    start = periodic(breather.state(sites), m=HARD, symmetric=True, **on)
     branch = trace(
-        start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
+        periodic(breather.state(sites), m=hard, symmetric=True, **on), "m",
+        within={"m": (5.0, hard + 1.0)}, towards="down",
         events=(replace(fold(), ends="branch"),), progress=False,
     )  # fmt: skip
     return float(branch.first("LP")["m"]) if "LP" in {p.kind for p in branch.special} else math.nan
 
 
 def enough_damping(breather: Orbit, sites: int) -> float:
-    """The damping at which the breather of the ring with rigid walls becomes an attractor."""
+    """Damping at which the breather of the ring with rigid walls becomes an attractor."""
     from scipy.optimize import brentq
 
     check_kind(breather, Orbit, "a breather")
@@ -152,7 +139,7 @@ def enough_damping(breather: Orbit, sites: int) -> float:
         return periodic(start, symmetric=True, **_conditions(breather, damping)).largest - 1.0
 
     high = 0.01
-    while high < MOST and excess(high) > 0.0:
+    while high < 0.06 and excess(high) > 0.0:  # enough for every breather of the figures
         high += 0.01
     return float(brentq(excess, high - 0.01, high, xtol=1e-10))
 
@@ -167,12 +154,16 @@ def lives(
     on, start = _conditions(breather, damping), breather.state(sites)
     rigid = periodic(start, symmetric=True, **on)
     rigid_lost = life(completed(simulate(start, periods=600, **on)))
-    soft = smooth_breather(breather, m, damping, sites)
+    rates = {"growth": math.nan, "multiplier": math.nan, "softest": math.nan}
+    try:
+        smooth = periodic(start, m=m, symmetric=True, **on)
+    except NotConverged:
+        rates["softest"] = softest(breather, damping, sites)
+    else:
+        rates |= {"growth": growth(smooth), "multiplier": smooth.largest}
     return {
         "lost": math.nan if lost is None else float(lost),
-        "growth": math.nan if soft is None else growth(soft),
-        "multiplier": math.nan if soft is None else soft.largest,
-        "softest": softest(breather, damping, sites) if soft is None else math.nan,
+        **rates,
         "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
         "rigid_growth": growth(rigid),
         "rigid_multiplier": rigid.largest,
@@ -182,7 +173,7 @@ def lives(
 
 
 def lives_in_words(stats: dict[str, float], m: int, long: int) -> str:
-    """The same as a sentence."""
+    """A sentence of the numbers of `lives`."""
     if math.isnan(stats["multiplier"]):
         why = f"there is no breather at m = {m}, it ends in a fold at m = {stats['softest']:.2f}"
     else:

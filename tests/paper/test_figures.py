@@ -251,12 +251,6 @@ def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:
     assert gap > figure.dpi / 72 * 7  # the height of a letter
 
 
-def test_verdicts_of_a_figure_name_both_chains() -> None:
-    for sentence in MADE[3].verdicts():
-        assert "ring of 400:" in sentence
-        assert "infinite chain" in sentence
-
-
 def test_isolated_multipliers_within_the_axis_are_crosses() -> None:
     figure = replace(MADE[4], threshold=2.0)
     for ax, breather in zip(figure.draw().axes[2:], figure.breathers, strict=True):
@@ -273,7 +267,7 @@ def test_isolated_multipliers_within_the_axis_are_crosses() -> None:
 
 
 def series(*panels: Panel) -> TimeSeries:
-    return TimeSeries(5, panels, "What is drawn.", ("What was found.",), {})
+    return TimeSeries(5, panels, "What is drawn.")
 
 
 LINES = (
@@ -346,4 +340,4 @@ def test_rows_of_a_figure_name_panel_curve_and_site() -> None:
     assert len(rows) == 2 * T.size
     assert rows[3] == {"panel": "a", "curve": "exact", "site": 0, "t": T[3], "u": math.cos(T[3])}
     assert rows[-1] == {"panel": "b", "curve": "exact", "site": 10, "t": 2.0, "u": math.sin(2.0)}
-    assert series(Panel("", LINES)).caption == "What is drawn. What was found."
+    assert series(Panel("", LINES)).caption == "What is drawn."

@@ -33,7 +33,7 @@ def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
 
 @pytest.mark.slow
 def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier_to_three_digits():
-    own = lifetimes.smooth_breather(breather(0.2), 6, 0.005, 10)  # its pair grows by itself soon
+    own = zoo.breather(10, a=0.2, m=6, damping=0.005, **SET)  # its pair grows by itself soon
     rate = math.log(lifetimes.growth(own, periods=300))
     assert rate == pytest.approx(math.log(own.largest), rel=5e-4)
 

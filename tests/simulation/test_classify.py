@@ -9,7 +9,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.orbits import symmetric
-from contbreather.paper.lifetimes import smooth_breather
 from contbreather.simulation import (
     Explicit,
     Kind,
@@ -265,7 +264,7 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map():
 
 def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
     shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
-    orbit = smooth_breather(symmetric(0.2, 0.104, 0.8), 6, 0.005, 20)
+    orbit = breather(20, a=0.2, gamma=0.104, k=0.8, m=6, damping=0.005)
     found = judge(simulate_smooth(orbit.state, periods=50, **shared))
     assert found.kind is Kind.UNDECIDED
     assert "it repels" in found.reason
