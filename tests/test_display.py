@@ -146,7 +146,7 @@ NO_RESULTS = {
     "Tile", "DefiningSystem", "Event", "Problem", "Steps", "SwitchingProblem", "Collocation",
     "Filippov", "Flow", "GuardCrossing", "Piece", "InfiniteChain", "Ring", "Fourier", "Harmonic",
     "Samples", "Symbolic", "Closure", "Region", "Figure2", "MultiplierFigure", "TimeSeries", "Axis",
-    "Sample", "Explicit", "Implicit", "Switching", "SmoothConditions",
+    "Sample", "SmoothConditions",
 }  # fmt: skip
 
 

@@ -254,7 +254,7 @@ CASES += [
     (lambda: InfiniteChain().chi("x"), "^gamma = 'x': the coupling must be a number"),
     (lambda: judge(3), "^a run of simulate was expected, got an int"),  # type: ignore[arg-type]
     (lambda: periodic(alone().state(4), **HERE, m=6, walls=(-1, 2)), "^smooth walls are at -1"),
-    (lambda: simulate_smooth(alone().state(4), **HERE, m=6, periods=1, solver=3), "^a solver, Exp"),
+    (lambda: simulate_smooth(alone().state(4), **HERE, m=6, periods=1, tolerance=3), "^tolerance"),
     (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
     (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
     (

@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     from .simulate import SmoothRun as SmoothRun
     from .simulate import simulate as simulate
     from .simulate import simulate_smooth as simulate_smooth
-    from .smooth import Explicit as Explicit
-    from .smooth import Implicit as Implicit
-    from .smooth import Switching as Switching
     from .states import SmoothConditions as SmoothConditions
     from .states import State as State
     from .sweep import Sweep as Sweep

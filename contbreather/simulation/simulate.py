@@ -35,7 +35,7 @@ from contbreather.simulation.integrator import (
     in_chunks,
     joined_chunks,
 )
-from contbreather.simulation.smooth import Explicit, SmoothIntegrator, Solver
+from contbreather.simulation.smooth import TOLERANCE, SmoothIntegrator
 from contbreather.simulation.states import (
     LONGEST,
     PERIOD,
@@ -310,7 +310,7 @@ def simulate_smooth(
     periods: float,
     t0: float = 0.0,
     sample: Sample | None = None,
-    solver: Solver | None = None,
+    tolerance: float = TOLERANCE,
     progress: bool | Bar | None = None,
     **on: Unpack[SmoothModelParameters],
 ) -> SmoothRun:
@@ -326,8 +326,8 @@ def simulate_smooth(
         |u|.
     k, lam : float
         Among `on`: restitution of the impacting limit, or lambda of (21), one of the two.
-    solver : Solver, optional
-        `Explicit` unless given; `Switching` and `Implicit` are there to compare.
+    tolerance : float
+        Relative and absolute, of the solver: Dormand and Prince's method of order 8.
 
     Raises
     ------
@@ -345,7 +345,7 @@ def simulate_smooth(
     True
     """
     start, conditions = start_of(state, parameter("m", m), t0, **on)
-    settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
+    settings: dict[str, Any] = {"sample": sample, "tolerance": tolerance, "progress": progress}
     run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
     return run
 
@@ -358,7 +358,7 @@ def let_go(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    solver: Solver | None = None,
+    tolerance: float = TOLERANCE,
     noise: float = 0.0,
     seed: int = 0,
 ) -> Any:
@@ -366,8 +366,8 @@ def let_go(
     check_sample(sample, state.u.size)
     shared: Any = {"periods": periods, "t0": t0, "progress": progress}
     if isinstance(on, SmoothConditions):
-        how = Explicit() if solver is None else solver
-        left = gathered(SmoothIntegrator(state, on, within_period(t0), sample, how), **shared)
+        number("tolerance", tolerance, 1e-16, 0.01, "that of the solver, from 1e-16 to 0.01")
+        left = gathered(SmoothIntegrator(state, on, within_period(t0), sample, tolerance), **shared)
         return SmoothRun(**{name: x for name, x in left.items() if name not in EVENTS})
     start = within(state, on.walls), on, within_period(t0), sample
     if noise and sample is not None:

@@ -5,10 +5,10 @@
 forcing is -a cos t. For m -> infinity this is the impacting ring with the k of (22). For real m,
 u^(2m) is |u|^(2m).
 
-Which solver: measured at m = 6, 20, 50 and N = 20 (``python -m tests.benchmarks --only
-simulation``) the chain is not stiff. Explicit order 8 with a compiled right-hand side is the
-fastest at every accuracy; implicit methods take 20 to 60 times as long at equal error. Whatever the
-solver, u^(2m) is invisible to its step control in mid flight, so its step is capped at 0.2.
+Measured at m = 6, 20, 50 and N = 20 (``python -m tests.benchmarks --only simulation``) the chain is
+not stiff: Dormand and Prince's method of order 8 with a compiled right-hand side is the fastest at
+every accuracy; implicit methods take 20 to 60 times as long at equal error. u^(2m) is invisible to
+its step control in mid flight, so its step is capped at 0.2.
 """
 
 from __future__ import annotations
@@ -16,13 +16,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Any, ClassVar, Protocol
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number
 from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.finite import stiffness_of
 from contbreather.simulation.integrator import Chunk, Sample, forced_motion
@@ -31,19 +30,15 @@ from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State
 
 Array = NDArray[Any]
 
+TOLERANCE = 1e-10  # of a run, unless one is given
 FINE = 1e-12  # tolerance where derivatives are asked for
-CAP = 0.2  # largest step of any solver
+CAP = 0.2  # largest step
 MOST = 1_000_000  # steps between two outputs
-
-
-# --- solvers --------------------------------------------------------------------------------------
-
-Rhs = Callable[[float, Array], Array]
 
 
 @lru_cache(maxsize=16)
 def smooth_parameters(on: SmoothConditions) -> SmoothParameters:
-    """What the kernels take."""
+    """Conditions as the kernels take them."""
     table = stiffness_of(on.lattice).tocoo()
     weight = table.data / np.asarray(on.lattice.masses)[table.row]
     # (site, other, value)
@@ -53,8 +48,8 @@ def smooth_parameters(on: SmoothConditions) -> SmoothParameters:
     return SmoothParameters(a, gamma, lam, m, mu, spring, force, entries, on.lattice.drive)
 
 
-def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:
-    """What a state, with variations of it, changes by; see `smooth_flow`."""
+def right_side(on: SmoothConditions, size: int, params: int = 0) -> Callable[[float, Array], Array]:
+    """Rates of change of a state, with variations of it; see `smooth_flow`."""
     # to copy both costs less than to look up where they are
     state, out = np.empty(size), np.empty(size)
     fill = RATES.following(state, smooth_parameters(on), params, out)
@@ -67,105 +62,36 @@ def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:
     return at
 
 
-def jacobian(on: SmoothConditions, t: float, y: Array) -> Array:
-    """The derivative of the right-hand side in y: the rates of variations that are unit vectors."""
-    start = np.concatenate([y, np.eye(y.size).ravel()])
-    return right_side(on, start.size)(t, start)[y.size :].reshape(y.size, -1)
+def integrated(
+    on: SmoothConditions, t0: float, y: Array, times: Array, tolerance: float, params: int = 0
+) -> Array:
+    """A state, with variations of it, carried to each of the times.
 
-
-class Solver(Protocol):
-    """Carries y from t0 to each of the times; raises `NotConverged` where it cannot."""
-
-    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array: ...
-
-
-@dataclass(frozen=True)
-class Explicit:
-    """Dormand and Prince's method of order 8 (scipy's ``dop853``): the fastest here.
-
-    Examples
-    --------
-    >>> Explicit(tolerance=1e-12)
-    Explicit(tolerance=1e-12)
+    Raises
+    ------
+    NotConverged
+        Where the solver cannot go on.
     """
+    with deferred():
+        from scipy.integrate import ode
 
-    tolerance: float = 1e-10
-
-    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        with deferred():
-            from scipy.integrate import ode
-
-        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance}
-        # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
-        # a wall half as many steps are rejected, which saves a sixth of all calls
-        settings |= {"max_step": CAP, "first_step": CAP, "nsteps": MOST, "beta": 0.04}
-        solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
-        out = np.empty((len(times), len(y)))
-        with warnings.catch_warnings(), deferred():
-            warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-            for i, t in enumerate(times):
-                out[i] = solver.integrate(t)
-                if not solver.successful():
-                    raise _stuck("dop853", t)
-        return out
-
-
-class _OfScipy:
-    """A method of `solve_ivp`, with the exact Jacobian."""
-
-    method: ClassVar[str]
-    tolerance: float
-
-    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        with deferred():
-            from scipy.integrate import solve_ivp
-
-        # scipy raises a relative tolerance below 100 eps = 2.2e-14 by itself, with a warning
-        settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
-        if jac is not None:
-            settings["jac"] = jac
-        solve: Any = solve_ivp  # its stubs know every method by name and shape
-        with deferred():
-            solution = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
-        if not solution.success:
-            raise _stuck(self.method, solution.t[-1] if len(solution.t) else t0)
-        return np.ascontiguousarray(solution.y.T)
-
-
-@dataclass(frozen=True)
-class Switching(_OfScipy):
-    """LSODA, which changes between Adams and BDF as it sees fit, with the exact Jacobian.
-
-    Examples
-    --------
-    >>> from contbreather.simulation import simulate_smooth
-    >>> rest = [0.1], [0.0]
-    >>> run = simulate_smooth(rest, a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Switching())
-    >>> round(float(run.final.u[0]), 6)  # u = 0.1 cos t
-    0.1
-    """
-
-    method = "LSODA"
-    tolerance: float = 1e-10
-
-
-@dataclass(frozen=True)
-class Implicit(_OfScipy):
-    """Radau's method of order 5 with the exact Jacobian: to compare, or if walls ever get stiff.
-    Used as `Switching` is."""
-
-    method = "Radau"
-    tolerance: float = 1e-8
-
-
-def _stuck(method: str, t: float) -> NotConverged:
-    return NotConverged(
-        f"{method} cannot go on at t = {t:.6g}: its step has become too small; check the state, "
-        "or take another solver (Explicit, Switching, Implicit) or tolerance"
-    )
-
-
-# --- as an integrator -----------------------------------------------------------------------------
+    rhs = right_side(on, y.size, params)
+    settings: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
+    # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
+    # a wall half as many steps are rejected, which saves a sixth of all calls
+    settings |= {"max_step": CAP, "first_step": CAP, "nsteps": MOST, "beta": 0.04}
+    solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
+    out = np.empty((len(times), y.size))
+    with warnings.catch_warnings(), deferred():
+        warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
+        for i, t in enumerate(times):
+            out[i] = solver.integrate(t)
+            if not solver.successful():
+                raise NotConverged(
+                    f"dop853 cannot go on at t = {t:.6g}: its step has become too small; check the "
+                    "state, or take another tolerance"
+                )
+    return out
 
 
 def state_after(
@@ -177,8 +103,8 @@ def state_after(
     slopes: bool = False,
     columns: Array | None = None,
 ) -> tuple[Array, Array | None, Array | None]:
-    """Where a state gets to in some periods, as one row; with `slopes` also its derivatives in the
-    state, times some columns if they are given, else also in the numbers `OWN`.
+    """A state some periods later, as one row; with `slopes` also its derivatives in the state,
+    times some columns if they are given, else also in the numbers `OWN`.
 
     Raises
     ------
@@ -191,9 +117,8 @@ def state_after(
     params = len(OWN) if columns is None else 0
     varied = np.hstack([first, np.zeros((x.size, params))]) if slopes else np.empty(0)
     start = np.concatenate([x, varied.ravel()])
-    rhs = right_side(on, start.size, params)
     try:
-        end = Explicit(FINE).states(rhs, None, t0, start, times)[0]
+        end = integrated(on, t0, start, times, FINE, params)[0]
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     if not slopes:
@@ -205,20 +130,16 @@ def state_after(
 
 @dataclass
 class SmoothIntegrator:
-    """The integrator of smooth walls: a solver, period by period."""
+    """The integrator of smooth walls, period by period."""
 
     state: State
     conditions: SmoothConditions
     t0: float
     sample: Sample | None
-    solver: Solver
+    tolerance: float
     most_periods = 1
 
     def __post_init__(self) -> None:
-        if isinstance(self.solver, type) or not hasattr(self.solver, "states"):
-            raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
-        tolerance = getattr(self.solver, "tolerance", FINE)  # a solver of a user's may have none
-        number("tolerance", tolerance, 1e-16, 0.01, "that of a solver, from 1e-16 to 0.01")
         self.check(self.state, 0)
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
@@ -236,9 +157,8 @@ class SmoothIntegrator:
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
-        y, on = np.concatenate(self.state), self.conditions
-        rhs = right_side(on, y.size)
-        states = self.solver.states(rhs, partial(jacobian, on), self.t0, y, times)
+        y = np.concatenate(self.state)
+        states = integrated(self.conditions, self.t0, y, times, self.tolerance)
         return np.reshape(states, (len(times), 2, -1))
 
     def check(self, state: State, j: int) -> None:
@@ -254,5 +174,5 @@ class SmoothIntegrator:
             )
         raise NotConverged(
             f"the energy blows up in period {j}: u[{n}] = {u[n]:.6g} is far behind the walls; the "
-            "forcing pumps the ring, or the solver's tolerance is too large"
+            "forcing pumps the ring, or the tolerance is too large"
         )

@@ -10,7 +10,6 @@ import pytest
 import contbreather as cb
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
-    Explicit,
     Kind,
     classify,
     judge,
@@ -253,7 +252,7 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map():
     assert found.kind is Kind.LOCKED, found.reason
     assert found.evidence["periods"] == periods
     first = np.array(run.final).ravel()
-    exactly = {**shared, "periods": periods, "solver": Explicit(1e-13)}
+    exactly = {**shared, "periods": periods, "tolerance": 1e-13}
     columns = []
     for push in 1e-5 * np.eye(2):  # the period map by central differences
         ends = [simulate_smooth((first + s * push)[:, None], **exactly).final for s in (1, -1)]

@@ -15,7 +15,6 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation import (
     Axis,
-    Explicit,
     Sample,
     attraction,
     classify,
@@ -98,10 +97,9 @@ TABLES = "rows of states, or tables with a column for each site"
         ("smooth", {"state": ([0.0, 1.0], [0.0])}, "rows of equal length"),
         ("smooth", {"sample": (0, 1)}, "a Sample was expected"),
         *(
-            ("smooth", {"solver": Explicit(bad)}, rf"^tolerance = {bad!r}: that of a solver")
+            ("smooth", {"tolerance": bad}, rf"^tolerance = {bad!r}: that of the solver")
             for bad in (-1.0, math.nan, 0.5, "x")
         ),
-        ("smooth", {"solver": Explicit}, r"^a solver, Explicit\(\) for instance, was expected"),
         ("lattice", {"state": REST}, "the state has 4 sites, the lattice .* has 5"),
         ("lattice", {"state": ([0, 0, 0.9, 0, 0], [0.0] * 5)},
          r"u\[2\] = 0.9 lies outside the walls at -0.5 and"),
