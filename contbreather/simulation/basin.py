@@ -39,7 +39,7 @@ Array = NDArray[Any]
 
 
 class Outcome(enum.IntEnum):
-    """Where a start ended: the values are those of `Basin.outcome`, with what pictures and tables
+    """End of a start: the values are those of `Basin.outcome`, with what pictures and tables
     call them."""
 
     words: str
@@ -253,7 +253,7 @@ def _outcome(
     reference: State, conditions: Conditions, settings: Any, site: int, tolerance: float,
     *places: tuple[Axis, float],
 ) -> tuple[int, float]:  # fmt: skip
-    """Where a start ended, and how far from the reference."""
+    """End of a start, and how far from the reference."""
     start = State(reference.u.copy(), reference.v.copy())
     for axis, value in places:
         getattr(start, axis.name)[axis.site % start.u.size] = value

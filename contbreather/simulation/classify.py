@@ -1,4 +1,4 @@
-"""What a motion is in the end, on rigid and smooth walls: verdicts, with their evidence."""
+"""Kinds of motion in the end, on rigid and smooth walls: verdicts, with their evidence."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SEEN = 200  # periods over which an exponent is averaged there
 
 
 class Kind(enum.Enum):
-    """What a motion is in the end; the value is the sentence a user reads."""
+    """Kind of motion in the end; the value is the sentence a user reads."""
 
     PERIODIC = "periodic: repeats with the forcing"
     LOCKED = "locked: periodic after several periods of the forcing"
@@ -56,7 +56,7 @@ class Kind(enum.Enum):
 
 @dataclass(frozen=True, repr=False)
 class Classification(HtmlRepr):
-    """What a motion is, and the numbers that say so.
+    """Verdict on a motion, and the numbers it rests on.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ WORDS = {
 
 
 def in_words(evidence: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """What a verdict rests on, for people: names and numbers."""
+    """Evidence of a verdict, for people: names and numbers."""
     if "return" in evidence:
         count = int(evidence["periods"])
         after = "a period" if count == 1 else f"{count} periods"

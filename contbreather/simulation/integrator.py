@@ -139,7 +139,7 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
 
 
 def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
-    """What there is of successive chunks, joined."""
+    """Join the arrays of successive chunks."""
     names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
     return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
 
@@ -189,7 +189,7 @@ CHUNK = 2**21  # numbers a chunk may hold: 16 MB
 
 @lru_cache(maxsize=64)
 def parameters_of(conditions: Conditions) -> Parameters:
-    """What does not change during a run under these conditions."""
+    """Parameters of the kernels under these conditions, for a whole run."""
     c = conditions
     lattice, k, mu = c.lattice, float(c.k), float(c.damping)
     motion, force = forced_motion(c.forcing, float(c.a), mu)
@@ -258,7 +258,7 @@ def event_log(size: int) -> EventLog:
 
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
-    """Where the samples of so many periods are written."""
+    """Room for the samples of so many periods."""
     chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
     count = sample.per_period if sample else 0
     u, v = np.full((2, periods, count, chosen.size), np.nan)

@@ -1,4 +1,4 @@
-"""What a motion is measured by: where its energy is, its rotation number, its Lyapunov exponents.
+"""Measures of a motion: the place of its energy, its rotation number, its Lyapunov exponents.
 
 The forced motion ``a g_n(t)`` carries energy however localised the rest is. So energies are those
 of the motion ``x_n = u_n - a g_n`` relative to it; on a ring
@@ -51,7 +51,7 @@ NOISE = 1e-26  # energies below this, relative to the largest, are rounding: of 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Localisation(HtmlRepr):
-    """Where the energy of a state is.
+    """Distribution of the energy of a state over its sites.
 
     Attributes
     ----------

@@ -98,7 +98,7 @@ Asked = tuple[Conditions | SmoothConditions, bytes, float, float]
 def _flight(
     on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
 ) -> tuple[Array, SimulationRun | None]:
-    """Where a state gets to, and on rigid walls its run."""
+    """State after a span of time, and on rigid walls its run."""
     state = State(*np.frombuffer(x).reshape(2, -1))
     if isinstance(on, SmoothConditions):
         return state_after(on, state, t0, span)[0], None
@@ -155,7 +155,7 @@ class PeriodicMotion(HtmlRepr):
 
     @property
     def half(self) -> Array | None:
-        """Of symmetric motions the multipliers of the half map: +1 at PF, -1 at a fold."""
+        """Multipliers, of symmetric motions those of the half map: +1 at PF, -1 at a fold."""
         # the sign of u(t + pi) = -u(t) is in the matrix, and not in the half flow
         return -_by_size(self.matrix) if self.symmetric else None
 
@@ -367,7 +367,7 @@ class MotionProblem(maps.MapCycleProblem):
 
     @property
     def periods(self) -> int:
-        """Of the forcing, in one of the motion."""
+        """Periods of the forcing in one of the motion."""
         return self.period // (2 if self.back.half and not self.symmetric else 1)
 
     @property

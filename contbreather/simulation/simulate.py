@@ -71,7 +71,7 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class States(Columns, HtmlRepr):
-    """What runs between walls of either kind leave behind; attributes as in `SimulationRun`."""
+    """Run between walls of either kind; attributes as in `SimulationRun`."""
 
     times: Array
     strobe: State
@@ -144,7 +144,7 @@ class States(Columns, HtmlRepr):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SimulationRun(States):
-    """What `simulate` leaves behind.
+    """Run between rigid walls, from `simulate`.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class SimulationRun(States):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SmoothRun(States):
-    """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
+    """Run between smooth walls, from `simulate_smooth`: attributes of `Run` but for impacts."""
 
     def __repr__(self) -> str:
         return (
@@ -445,7 +445,7 @@ S = TypeVar("S", bound=Any)  # a run or a sweep
 
 
 def completed(run: S) -> S:
-    """What an inner call gave; where Ctrl-C cut that short, the call around it ends, too."""
+    """Hand over an inner run; where Ctrl-C cut it short, the call around it ends, too."""
     if run.stop is RunStop.INTERRUPTED:
         raise KeyboardInterrupt
     return run
@@ -475,7 +475,7 @@ def to_content(run: States) -> dict[str, Any]:
 
 
 def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
-    """What both kinds of runs have."""
+    """Fields that both kinds of runs have."""
     record = None
     check_lengths(columns, ("time", "u", "v"), "states")
     check_lengths({**columns, "u": columns["u"].T}, ("final_u", "final_v", "u"), "sites")

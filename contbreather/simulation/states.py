@@ -1,4 +1,4 @@
-"""What a run starts from: a state, and the conditions of a finite lattice it moves under."""
+"""Starts of runs: a state, and the conditions of a finite lattice it moves under."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def restitution_of(lam: float) -> float:
 
 @dataclass(frozen=True)
 class SmoothConditions:
-    """What a lattice with smooth walls moves under; lam and m are those of (21)."""
+    """Parameters of a lattice with smooth walls; lam and m are those of (21)."""
 
     a: float
     gamma: float
@@ -101,7 +101,7 @@ class SmoothConditions:
         return {**numbers, "forcing": to_dict(self.forcing), "lattice": to_dict(self.lattice)}
 
     def at(self, params: Mapping[str, float]) -> SmoothConditions:
-        """The same with other values of its parameters, or with the lam of another k."""
+        """Replace some values of its parameters, or with the lam of another k."""
         values = {name: float(params.get(name, value)) for name, value in self.params.items()}
         if "k" in params:
             values["lam"] = damping_of(params["k"])
@@ -206,7 +206,7 @@ def orbit_given(state: Any) -> Orbit | None:
 
 
 def ranged(on: C) -> C:
-    """The same conditions, with numbers that a simulation can have."""
+    """Conditions, checked to have numbers that a simulation can have."""
     # a lattice may be at rest, or ring freely: without forcing, too
     ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
     if not isinstance(on.lattice, Ring):
@@ -237,7 +237,7 @@ def check_state(state: Any) -> State:
 
 
 def within(state: State, walls: Walls) -> State:
-    """The same state, with what is beyond a wall by rounding put onto it; more is refused."""
+    """A state, with sites beyond a wall by rounding put onto it; more is refused."""
     low, high = wall_rows(walls, state.u.size)
     beyond = np.maximum(state.u - high, low - state.u)
     n = int(beyond.argmax())

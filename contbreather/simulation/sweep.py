@@ -36,7 +36,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Sweep(Columns, HtmlRepr):
-    """What a sweep saw, one row for each value of the parameter, in the order of time.
+    """Record of a sweep, one row for each value of the parameter, in the order of time.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ def sweep(
 
 
 def _seen(run: Any) -> tuple[Any, ...]:
-    """What a row says of the run at its value."""
+    """Row of a run at its value."""
     late = run.since(run.periods // 2)
     u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
     energies = localised(u, v, late.times[1:], run.conditions)

@@ -1,4 +1,4 @@
-"""What becomes of small perturbations along a run: the variational flow with its saltations.
+"""Growth of small perturbations along a run: the variational flow with its saltations.
 
 Between impacts perturbations obey the unforced lattice, whatever the orbit does. At an impact of
 site n only that site's pair changes, by the block of (19), with damping
