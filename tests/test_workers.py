@@ -158,19 +158,26 @@ def test_short_items_are_sent_together() -> None:
 
 
 SCRIPT = """
-import time
+import os, time
+from pathlib import Path
 import contbreather as cb
 from contbreather.workers import Bar, each
 
+FOLDER = Path({folder!r})
+
 
 def slow(number):
+    # the signal is for workers that work: one that has yet to begin has nothing to keep
+    (FOLDER / f"{{os.getpid()}}.worker").touch()
+    while len(list(FOLDER.glob("*.worker"))) < 2:
+        time.sleep(0.01)
     time.sleep(0 if number < 30 else 600)
     return number
 
 
 if __name__ == "__main__":
     # One text with its end: Ctrl-C between a number and its newline would leave them apart.
-    Bar.advance = lambda _, done: print(f"{done}\\n", end="", flush=True)
+    Bar.advance = lambda _, done: print(f"{{done}}\\n", end="", flush=True)
     try:
         # interrupted within, never beside it
         list(each(slow, range(60), unit="naps", executor=2, together=1))
@@ -181,7 +188,7 @@ if __name__ == "__main__":
 
 def test_ctrl_c_ends_workers_in_the_middle_and_keeps_what_is_done(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
+    script.write_text(SCRIPT.format(folder=str(tmp_path)))
     with begun(script) as child:
         assert child.stdout is not None
         while int(child.stdout.readline()) < 30:  # in whatever order they came
