@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -158,3 +159,29 @@ def test_an_arm_of_doubled_cycles_on_a_coarse_mesh_leaves_the_branch() -> None:
     assert orbit.period == pytest.approx(11.531, abs=1e-3)
     assert abs(orbit.states(orbit.period / 2) - orbit.states(0.0)).max() > 0.1
     assert [point.kind for point in double.special] == ["EP", "EP"]
+
+
+def peroxidase_oxidase(t: float, x: Any, p: Any) -> list[Any]:
+    """C. G. Steinmetz and R. Larter, J. Chem. Phys. 94, 1388 (1991)."""
+    A, B, X, Y = x
+    first, third = 0.1631021 * A * B * X, 0.046875 * A * B * Y
+    return [
+        -first - third + p["k7"] - 0.1175 * A,
+        -first - third + p["k8"],
+        first - 2500.0 * X**2 + 2.0 * third - 20.0 * X + 0.001,
+        -third + 2500.0 * X**2 - 1.104 * Y,
+    ]
+
+
+@pytest.mark.slow
+def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
+    """There the pair, the fold's multiplier and the trivial one are all 1: beyond it the curve ran
+    on along the folds."""
+    start = {"A": 6.0, "B": 25.0, "X": 0.01, "Y": 0.09}
+    cycle = cb.cycle(peroxidase_oxidase, start, {"k7": 1.5, "k8": 0.75}, settle=500)
+    torus = cb.trace(cycle, "k8", within={"k8": (0.7, 0.95)}).first("NS")
+    line = cb.boundary(torus, ("k7", "k8"), within={"k7": (1.0, 2.0)}, towards="up")
+    assert [point.kind for point in line.special] == ["EP", "CH", "R1"]
+    assert (line.stop.name, line.doubtful) == ("EVENT", ())
+    end = line.special[-1]
+    assert (end["k7"], end["k8"]) == pytest.approx((1.857675, 0.930422), abs=2e-6)
