@@ -84,7 +84,8 @@ class Kernel:
         if self.code is None:
             self.as_it_is(*values)
         else:
-            self.code(_begin(self.framed(values)))
+            frame = self.framed(values)  # has a name: without one it is gone before the call
+            self.code(_begin(frame))
 
     def as_it_is(self, *values: Any) -> None:
         with np.errstate(all="ignore"):  # machine code goes on with an infinity

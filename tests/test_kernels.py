@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
@@ -86,6 +87,24 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
             np.testing.assert_allclose(json.loads(ours), json.loads(theirs), rtol=0, atol=1e-12)
         else:
             assert ours == theirs
+
+
+def test_what_a_kernel_is_given_stays_until_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its words were given back before the call, and what another thread made stood there."""
+
+    def total(left: float, right: float) -> None:
+        """No kernel of the package: it is not called."""
+
+    kernel, seen = Kernel(total), list[float]()
+    kernels.KERNELS.remove(kernel)
+
+    def code(at: int) -> None:
+        others = [np.full(2, -1.0) for _ in range(99)]
+        seen.extend((ctypes.c_double * len(others[0])).from_address(at))
+
+    monkeypatch.setattr(kernel, "code", code)
+    kernel(3.0, 4.0)
+    assert seen == [3.0, 4.0]
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
