@@ -196,3 +196,14 @@ def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() 
     symmetric = cb.trace(once, "om", within={"om": (0.71, 0.76)})
     for arm in cb.switch(symmetric.first("BP"), within={"om": (0.703, 0.73)}):
         assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
+
+
+def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doubles() -> None:
+    start = {"x": 2.0, "v": 5.0}
+    once = cb.cycle(BANG, start, {"om": 1.03}, period=driven, settle=300)
+    asymmetric = cb.trace(once, "om", within={"om": (0.95, 1.04)}, towards="down")
+    twice = cb.cycle(BANG, start, {"om": 0.985}, period=driven, settle=300)
+    assert twice.start["durations"].size == 2 * once.start["durations"].size
+    back = cb.trace(twice, "om", within={"om": (0.95, 1.0)}, towards="up")
+    assert [point.kind for point in back.special if point.kind != "EP"] == ["LP", "BP", "LP", "PD"]
+    assert back.first("BP")["om"] == pytest.approx(asymmetric.first("PD")["om"], abs=1e-8)
