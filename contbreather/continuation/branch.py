@@ -19,6 +19,7 @@ from ..one_thread import one_thread
 from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
 from .derivative_checks import advice
+from .kinds import look_of
 from .newton import Array
 from .point import Implied, Point, UnstableDimension
 from .problem import Problem
@@ -26,7 +27,6 @@ from .settings import Settings
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
 _ROW = attrgetter("z", "tangent", "arclength", "residual")
-_ASKED = {"LP": "cb.fold()", "BP": "cb.branch_point()", "HB": "cb.hopf()"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -350,10 +350,11 @@ class Branch(Columns, HtmlRepr):
         asked = self.settings.events if self.settings else None
         looked = {event.kind for event in (self.problem.events if asked is None else asked)}
         wanted = str(kind).rstrip("0123456789")
+        constructor = look_of(wanted).constructor
         # breathers, maps and cycles come with their events, a problem of one's own without
         own = type(self.problem) is Problem or not self.problem.events
-        if wanted in _ASKED and wanted not in looked and own:
-            there += f"; it is looked for with events=[{_ASKED[wanted]}]"
+        if constructor and wanted not in looked and own:
+            there += f"; it is looked for with events=[{constructor}]"
         raise BadInput(there)
 
     def join(self, other: Branch) -> Branch:

@@ -18,6 +18,7 @@ from ..errors import BadInput
 from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .curve import Curve
+from .kinds import Look, look_of
 from .newton import OUT_OF_DOMAIN, Array
 from .problem import Problem
 
@@ -339,6 +340,11 @@ class Event:
         """What files make it of again where its kind alone does not say that, as of a `Problem`;
         for classes derived from this one."""
         return None
+
+    @property
+    def look(self) -> Look:
+        """Name, marker and colour of its kind, and what can start from it."""
+        return look_of(self.kind)
 
     @property
     def crosses(self) -> bool:

@@ -23,6 +23,7 @@ from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
 from .duplicates import images, lies_on
+from .kinds import look_of
 from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN, Array, Undefined, newton
 from .point import Event, Point
@@ -313,10 +314,8 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     why, lift = _nothing(point), lift_of(point)
     if not why and lift is None:
         why = f": no other branch is known to leave points of kind {point.kind}"
-        why += {
-            "HB": "; the cycles that leave it need the flow: begin with cb.equilibrium",
-            "NS": "; a torus does, which no fixed number of equations describes",
-        }.get(point.kind, "")
+        reason = look_of(point.kind).nothing_leaves
+        why += f"; {reason}" if reason else ""
     if why or lift is None:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:

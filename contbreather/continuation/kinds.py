@@ -1,0 +1,70 @@
+"""Kinds of special points: name, marker, colour, and what can start from one.
+
+An event carries its entry as `Event.look`; `look_of` finds it for a point of a file, of which the
+kind alone is known. A kind without an entry, as codimension-two points, has the marker of all such.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Look:
+    """Entry of one kind.
+
+    Attributes
+    ----------
+    name : str
+        In words, ``"fold"``.
+    marker : str
+        Letter of matplotlib.
+    colour, line : str
+        Of its curve in two parameters: a name of `plotting.canvas`, and solid, dashed or dashdot.
+    starts : tuple of str
+        Whether other branches leave the point ("arms"), and whether it is followed in two
+        parameters ("boundary").
+    nothing_leaves : str
+        Reason why no branch can be followed from it.
+    constructor : str
+        Call that makes the event for anybody's equations.
+    """
+
+    name: str = ""
+    marker: str = "d"
+    colour: Literal["black", "vermillion", "blue"] = "black"
+    line: Literal["solid", "dashed", "dashdot"] = "solid"
+    starts: tuple[str, ...] = ()
+    nothing_leaves: str = ""
+    constructor: str = ""
+
+
+MEETING = Look("meeting of two kinds", "p")  # as PF-GR
+_BOTH, _BOUNDARY = ("arms", "boundary"), ("boundary",)
+LOOKS = {
+    "LP": Look("fold", "s", starts=_BOUNDARY, constructor="cb.fold()"),
+    "BP": Look("branch point", "D", starts=_BOTH, constructor="cb.branch_point()"),
+    "PF": Look("pitchfork", "^", "vermillion", "dashdot", starts=_BOTH),
+    "PD": Look("period doubling", "v", starts=_BOTH),
+    "NS": Look(
+        "Neimark\N{EN DASH}Sacker", "o", "blue", starts=_BOUNDARY,
+        nothing_leaves="a torus does, which no fixed number of equations describes",
+    ),
+    "GR": Look("grazing", "X", line="dashed", starts=_BOUNDARY),
+    "HB": Look(
+        "Hopf point", "*", starts=_BOUNDARY, constructor="cb.hopf()",
+        nothing_leaves="the cycles that leave it need the flow: begin with cb.equilibrium",
+    ),
+    "UZ": Look("level", "P", starts=_BOUNDARY),
+    "EP": Look("end", "."),
+    "MX": Look("failure", "x"),
+    "CP": Look("cusp", "h"),
+    "VI": Look("vanishing impact", "<", starts=_BOUNDARY),
+    "SL": Look("sliding", ">"),
+}  # fmt: skip
+
+
+def look_of(kind: str) -> Look:
+    """Entry of a kind, by its label."""
+    return MEETING if "-" in kind else LOOKS.get(kind, Look())
