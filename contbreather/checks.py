@@ -205,6 +205,6 @@ def check_kind(
 
 
 def kind_of(value: object) -> str:
-    """What kind of thing was given, with its article."""
+    """Name the kind of a value, with its article."""
     kind = type(value).__name__
     return "None" if value is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -115,8 +115,8 @@ def jitted(kernel: Kernel) -> Any:
 
 
 def _object(text: str, entry: str, name: str) -> bytes:
-    """With nothing that others see but its entry, by this name: all objects are loaded into one
-    place, and processes that compile number what they make alike."""
+    """Emit object code that shows nothing but its entry, by this name: all objects are loaded into
+    one place, and processes that compile number what they make alike."""
     import llvmlite.binding as llvm
 
     module = llvm.parse_assembly(text)
@@ -186,7 +186,7 @@ def _pointer_to(kind: Any) -> Any:
 
 
 def _argument(shape: Shape, words: Iterator[int], scope: dict[str, Any]) -> str:
-    """What an argument is made of, from the next words on, as text."""
+    """Write out as text an argument made of the next words."""
     if shape.made_by:
         scope[shape.made_by.__name__] = shape.made_by
         parts = ", ".join(_argument(part, words, scope) for part in shape.parts)

@@ -20,7 +20,7 @@ ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody look
 
 
 def in_notebook() -> bool:
-    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
+    """Tell whether this runs in a kernel, whose output is a page rather than a terminal."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
@@ -52,7 +52,7 @@ class _Terminal:
 
 
 class _Page:
-    """The same below a cell of a notebook, in plain HTML: no widgets are needed."""
+    """Bar below a cell of a notebook, in plain HTML: no widgets are needed."""
 
     def __init__(self, total: int | None) -> None:
         self.display = import_module("IPython.display")  # a notebook has it
@@ -82,7 +82,7 @@ class _Log:
 
 
 class _Progress:
-    """What both kinds share: `shown` True or False forces it on or off, None asks where it is; the
+    """Common part of both: `shown` True or False forces it on or off, None asks where it is; the
     line of an outer call goes on."""
 
     latest: tuple[str, int | None] = "", None
@@ -119,7 +119,6 @@ class _Progress:
 
     @property
     def due(self) -> bool:
-        """Whether it is wanted, and enough time has passed."""
         return self.wanted and time.monotonic() >= self.after
 
     def show(self, text: str, done: int | None = None) -> None:

@@ -98,7 +98,7 @@ class Points(Sequence[Point]):
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Those of a kind, in order."""
+        """Points of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
     @one_thread
@@ -179,7 +179,7 @@ def _column(cells: Sequence[Any]) -> NDArray[Any]:
 
 
 class Stop(enum.Enum):
-    """Why a branch ended; the value is the sentence a user reads."""
+    """Reason why a branch ended; the value is the sentence a user reads."""
 
     BOUND = "reached the edge of the window"
     EVENT = "ended at a terminal event"
@@ -195,7 +195,7 @@ class Stop(enum.Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether the numerics gave up, rather than the curve being at its end."""
+        """Say whether the numerics gave up, rather than the curve being at its end."""
         return self in (Stop.NO_CONVERGENCE, Stop.DOMAIN)
 
 
@@ -247,7 +247,7 @@ class Branch(Columns, HtmlRepr):
 
     @property
     def start_correction(self) -> float:
-        """How far the start that was given was from the curve; 0 if that is not worth telling."""
+        """Distance of the start that was given from the curve; 0 if that is not worth telling."""
         more = self.points.made.values()
         return next((p.detail["moved"] for p in more if "moved" in p.detail), 0.0)
 
@@ -321,8 +321,8 @@ class Branch(Columns, HtmlRepr):
         raise BadInput(f"no column {name!r}; this branch has {has}")
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """All columns by name, the labels of the special points first. At special points there is
-        no count where rounding decides it."""
+        """Columns by name, the labels of the special points first. At special points there is no
+        count where rounding decides it."""
         columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
         derived = (name for name in self.problem.record if name not in self.problem.names)
         recorded = self.points.recorded(*derived)
@@ -395,7 +395,7 @@ class Branch(Columns, HtmlRepr):
         )
 
     def reversed(self) -> Branch:
-        """The same points walked the other way."""
+        """Walk the same points the other way."""
         end, rows = self.points[-1].arclength, self.points[::-1]
         turned = replace(
             rows,
@@ -500,7 +500,7 @@ def with_ends(branch: Branch) -> Branch:
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:
-    """The same point with its arclength from elsewhere on, and -1 for the other way."""
+    """Measure arclength from elsewhere on, and the other way for -1."""
     low, high = (shift + sense * end for end in (point.bracket or (0.0, 0.0))[::sense])
     bracket = point.bracket and (low, high)
     tangent = None if point.tangent is None else sense * point.tangent

@@ -46,7 +46,7 @@ _FITS = 1e-6  # relative residual at which points of a file solve the equations 
 
 
 def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
-    """What it is the dict of; `problems` have the equations of its branches."""
+    """Load a result from its dict; `problems` have the equations of its branches."""
     if content["kind"] == "branch":
         return branch_from_dict(content, problems)
     groups = content.get("groups", {}).items()
@@ -137,7 +137,7 @@ class _Stored:
     def fitted(
         self, problems: Sequence[Problem], origin: Point | None
     ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
-        """With the first problem that fits, if any is given."""
+        """Attach the first problem that fits, if any is given."""
         wrong: list[BadInput] = []
         for problem in problems or (None,):
             try:
@@ -243,7 +243,7 @@ class _Stored:
         return Curve(replace(problem, record=record), tuple(self.content["free"]))
 
     def _settings(self, candidates: Sequence[Event]) -> Settings | None:
-        """How the walk was asked for; of its events those that can be made again."""
+        """Settings of the walk; of its events those that can be made again."""
         content = self.content["settings"]
         if content is None:
             return None

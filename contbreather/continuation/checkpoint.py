@@ -57,7 +57,7 @@ def write_results(
 
 
 class NotKept(BadInput):
-    """What was computed could not be written; it is the `result` of this."""
+    """No file could be written of what was computed, the `result` of this."""
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message)
@@ -116,7 +116,7 @@ class Checkpoint:
 
 
 class Inner(Checkpoint):
-    """The same file as seen from a call within another: what it has is a piece of the whole."""
+    """File of an outer call as seen from a call within: that result is a piece of the whole."""
 
     def __init__(self, outer: Checkpoint, whole: Callable[[Any], Any]) -> None:
         self.outer, self.whole = outer, whole
@@ -201,7 +201,7 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
 
 
 def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str, Any]:
-    """With its doubtful points and the point it was born from as groups."""
+    """Make a dict of a branch, with its doubtful points and the one it was born from as groups."""
     points, groups = branch.points, {}
     if recorded is None:
         recorded = _base(branch.problem)[1] is None
@@ -304,7 +304,7 @@ def _kinds(points: Points) -> list[str]:
 
 
 def _columns_of_points(points: Points) -> dict[str, Column]:
-    """What every point has, and the numbers and words in `detail` of the special ones."""
+    """Columns of every point, and of the numbers and words in `detail` of the special ones."""
     kinds, special, count = _kinds(points), points.made, len(points)
     codes, located = np.zeros(count, dtype="i1"), np.ones(count, dtype=bool)
     brackets = np.full((count, 2), math.nan)

@@ -101,8 +101,8 @@ class Curve:
         return math.sqrt(z.dot(self.metric * z))
 
     def turned(self, z: Array, near: Array) -> Array:
-        """The same solution with its angles as they are nearest to those of another, or of several
-        in rows."""
+        """Turn the angles of a solution to where they are nearest to those of another, or of
+        several in rows."""
         periods = self.problem.modulo(z[: self.size], self.params(z))
         if not periods:
             return z
@@ -151,11 +151,11 @@ class Curve:
         return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
-        """What rounding leaves of each equation at z."""
+        """Bound what rounding leaves of each equation at z."""
         return rounding(self.jacobian(z), z)
 
     def params(self, z: Array) -> dict[str, float]:
-        """All parameters at z, the free ones taken from it."""
+        """Parameters at z, the free ones taken from it."""
         values, real = self.fixed.copy(), z.dtype.kind != "c"
         for i, name in enumerate(self.free, self.size):
             # complex numbers stay those of numpy, which can be compared
@@ -163,7 +163,7 @@ class Curve:
         return values
 
     def residual(self, z: Array, function: Residual | None = None) -> Array:
-        """What the equations give, or others in their place, without any checks, at a possibly
+        """Evaluate the equations, or others in their place, without any checks, at a possibly
         complex z."""
         # copies: equations that write to x do not move the point, and the same array may come back
         # each time, written anew
@@ -229,8 +229,8 @@ class Curve:
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
-        """What was made of one of the latest z, or is made of it now: all events ask about the same
-        point in turn."""
+        """Make something of z, unless that was done at one of the latest places: all events ask
+        about the same point in turn."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
         if value is None:

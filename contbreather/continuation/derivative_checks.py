@@ -153,8 +153,8 @@ def advice(curve: Curve) -> str:
 
 
 def unlike_scales(curve: Curve, z: Array) -> str:
-    """What to say of unknowns and parameters far from 1 in size without `scales`, where a walk
-    breaks off: a fold of what is 1e-4 in size is one step of the smallest kind."""
+    """Name unknowns and parameters far from 1 in size without `scales`, where a walk breaks off: a
+    fold of what is 1e-4 in size is one step of the smallest kind."""
     problem = curve.problem
     unlike = {}
     for name, slot in curve.slots.items():

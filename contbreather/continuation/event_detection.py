@@ -51,8 +51,8 @@ _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|,
 
 @dataclass(frozen=True)
 class Ends:
-    """Whether a step starts or ends the walk: an event at the very start or end, where rounding
-    decides the sign of its test, counts as well; on a closed curve only once."""
+    """Start or end of the walk on a step: an event at the very start or end, where rounding decides
+    the sign of its test, counts as well; on a closed curve only once."""
 
     first: bool = False
     last: bool = False
@@ -78,7 +78,7 @@ def find(
     ends: Ends,
     quiet: Sequence[Any] | None = None,
 ) -> StepEvents:
-    """All events on one step of a walk.
+    """Find the events on one step of a walk.
 
     `before` and `after` are the tests at its ends, `crossing` a branch point known to lie on it;
     `quiet` says of each test whether it has no candidate by its values (`quiet_steps`).
@@ -172,7 +172,7 @@ def quiet_steps(
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
-    """Whether the parabola through three values stays away from zero."""
+    """Tell whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
     # 1/2 is (start + end) / 2 - curvature / 4
     curvature = (end - start - (start - earlier) / pace) / (1 + pace)
@@ -347,7 +347,7 @@ def _explained(
 
 
 def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, float]]:
-    """Where a count changes between the events of a step, a little off them: there it is
+    """Find where a count changes between the events of a step, a little off them: there it is
     rounding."""
     first, length, jumps = count.segment.first.arclength, count.segment.length, []
     cuts = sorted((point.arclength - first) / length for point in points)

@@ -205,8 +205,8 @@ def _jumps(
 
 
 def first_jump(samples: StepSamples, low: float, high: float, width: float) -> tuple[float, float]:
-    """Where the count in a bracket first has another value than at its start, as closely as
-    `width` and as far as it has values."""
+    """Find the first change of a count in a bracket, as closely as `width` and as far as it has
+    values."""
     before = samples.known(low)
     while high - low > width:
         middle = 0.5 * (low + high)
@@ -303,7 +303,7 @@ def _double(samples: StepSamples, left: float, right: float, point: Point, reaso
 
 
 def has_double_zero(samples: StepSamples) -> bool:
-    """Whether a test that keeps its sign dips through zero and back within the step, as smooth
+    """Tell whether a test that keeps its sign dips through zero and back within the step, as smooth
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]
     for _ in range(4):

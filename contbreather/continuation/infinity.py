@@ -35,7 +35,7 @@ STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from
 
 @dataclass
 class Tendency:
-    """What a parameter does while z grows.
+    """Course of a parameter while z grows.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Tendency:
 
 
 class Growth:
-    """How z grows along a walk."""
+    """Growth of z along a walk."""
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
         self.curve, self.first = curve, 1.0 + curve.length(start)
@@ -107,7 +107,7 @@ class Growth:
         return None
 
     def _tends_to(self, z: Array, tangent: Array) -> str:
-        """What z tends to where nothing is to come beyond; empty where it does not."""
+        """Name the limits where nothing is to come beyond; empty where something is."""
         size, gone, since = self.curve.length(z), [], 0.0
         for param in self.tendencies:
             value = float(z[param.slot])
@@ -121,7 +121,7 @@ class Growth:
         return f"{grows} grows without bound while {', '.join(gone or limits)}"
 
     def towards(self, z: Array, tangent: Array) -> str:
-        """What there is to say of a curve that was walked as many steps as allowed, outwards."""
+        """Say what grows where a walk took as many steps as allowed; empty if nothing does."""
         size, along = self.curve.length(z), z * self.curve.metric @ tangent
         outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
         if not outwards or self._bounded(z, tangent, size):
@@ -134,14 +134,14 @@ class Growth:
         )
 
     def _growing(self, z: Array) -> str:
-        """What z mostly consists of; empty where that is internal."""
+        """Name what z mostly consists of; empty where that is internal."""
         slots = self.curve.slots.items()
         parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])
         return "" if most in self.curve.problem.internals else most
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
-        """Whether a window says how far something may go that grows with z."""
+        """Tell whether a window says how far something may go that grows with z."""
         for bound in self.bounds:
             value, rate = bound.value(z), float(bound.row(z) @ tangent)
             if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):

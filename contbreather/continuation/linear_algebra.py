@@ -278,7 +278,7 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
 
 
 def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
-    """Whether an eigenvalue may be of size 1: most steps of a walk are short against all others."""
+    """Tell whether an eigenvalue may be of size 1: most steps of a walk are short against all."""
     x, growth = any_vector(size), 0.0
     for _ in range(_LOOKS):
         # power iteration: a few steps show an eigenvalue of size 1 among small ones

@@ -40,7 +40,7 @@ class Undefined(ContbreatherError, ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Where a Newton iteration ended, and whether that is a solution."""
+    """End of a Newton iteration, and whether that is a solution."""
 
     z: Array
     converged: bool
@@ -50,7 +50,7 @@ class Solution:
 
 
 class Equations(Protocol):
-    """What is solved: a `Curve`."""
+    """Equations to solve, as a `Curve` has them."""
 
     metric: Array
 
@@ -109,8 +109,8 @@ def newton(
 
 
 def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
-    """Whether what is left of the equations is small against their terms: where the derivative is
-    singular the shortest correction may be short far from any solution."""
+    """Compare what is left of the equations with their terms: where the derivative is singular the
+    shortest correction may be short far from any solution."""
     terms = abs(matrix) @ (abs(z) + metric**-0.5)
     terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
     return bool((abs(value) <= _ROUNDING * terms).all())
@@ -124,8 +124,8 @@ def chord(
     row: Array,
     tolerance: float,
 ) -> Solution | None:
-    """The same solution by the factors of a derivative near by, as long as corrections are short
-    and shrink fast; None where they do not. It counts as one iteration.
+    """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
+    short and shrink fast; None where they do not. It counts as one iteration.
 
     On the way the equations need be no more exact than the next correction: `roughly`. What
     corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
@@ -171,7 +171,7 @@ def newton_step(
 
 
 def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
-    """From anywhere to where full steps of Newton's iteration are short, or None.
+    """Go from anywhere to where full steps of Newton's iteration are short; None if that fails.
 
     A step is cut until the next one from there, for the same derivative, would be shorter
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
@@ -221,7 +221,7 @@ def _least(matrix: Array, right: Array) -> Array:
 
 
 def rounding(matrix: Matrix, z: Array) -> Array:
-    """What is left of equations at a solution, for their derivative there."""
+    """Bound what rounding leaves of equations at a solution, by their derivative there."""
     return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
 
 

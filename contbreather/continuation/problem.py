@@ -160,12 +160,12 @@ class Problem(Structure):
 
     @property
     def listed(self) -> list[str]:
-        """All names but the internal ones."""
+        """Names but the internal ones."""
         return [name for name in self.names if name not in self.internals]
 
     @cached_property
     def slots(self) -> dict[str, int | slice]:
-        """Where each unknown lies in `x`."""
+        """Place of each unknown in `x`."""
         slots: dict[str, int | slice] = {}
         at = 0
         for name, value in self.start.items():
@@ -181,7 +181,7 @@ class Problem(Structure):
         return np.concatenate(values)
 
     def at(self, **values: Any) -> Problem:
-        """The same problem with other start values or parameters."""
+        """Move the start, or the parameters, to other values."""
         self.check_names(values)
         for name in self.start.keys() & values.keys():
             if np.ndim(values[name]) != np.ndim(self.start[name]):
@@ -260,7 +260,6 @@ class Problem(Structure):
         return self._started(solution.z), solution
 
     def _started(self, x: Array) -> Problem:
-        """The same problem with its start at x."""
         start = {
             name: (float(x[at]) if isinstance(at, int) else x[at])
             for name, at in self.slots.items()

@@ -44,7 +44,7 @@ def extend(
     progress: bool | None = None,
     save: Save = None,
 ) -> Branch:
-    """The same branch, or boundary, followed further at its ends.
+    """Follow a branch, or boundary, further at its ends.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _settings(branch: Branch, within: Within | None, events: Any, steps: Steps |
 
 
 def _over(branch: Branch, side: str, settings: Settings) -> str:
-    """Why a branch cannot go on at one end; empty if it can."""
+    """Say why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
     if branch.stop is Stop.CLOSED:
@@ -182,7 +182,7 @@ def _further(
 
 
 def _closing(line: Branch, piece: Branch) -> int | None:
-    """How many points of a piece come before it is back where its line begins, if it ever is."""
+    """Count the points of a piece before it is back where its line begins; None if it never is."""
     first, curve = line[0], line.curve
     if first.tangent is None:
         return None
@@ -199,7 +199,7 @@ def _closing(line: Branch, piece: Branch) -> int | None:
 
 
 def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
-    """The same branch with more recorded columns, to draw or to save them.
+    """Record more columns along a branch, to draw or to save them.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
 
 @one_thread
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
-    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
+    """Fill a branch in, evenly along it, to at least `fewest` points, as far as Newton's iteration
     finds them; what it had stays.
 
     Parameters

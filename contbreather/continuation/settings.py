@@ -81,7 +81,7 @@ class Steps:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
 
     def longest(self, size: float) -> float:
-        """How long a step may be from a z of this size."""
+        """Bound a step from a z of this size."""
         return self.largest or max(0.1, 0.01 * size)
 
 
@@ -99,7 +99,7 @@ def steps_of(steps: object, usual: Steps | None = None) -> Steps:
 
 @dataclass(frozen=True)
 class Settings:
-    """How a walk was asked for; its parts are as in `trace`, of a boundary as in `boundary`."""
+    """Arguments of a walk, as of `trace`; of a boundary as of `boundary`."""
 
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     events: tuple[Event, ...] | None = None
@@ -183,7 +183,7 @@ def active_events(
 
 
 def walls_are_lifted(problem: Problem) -> bool:
-    """Whether points of this problem may lie beyond its walls."""
+    """Tell whether points of this problem may lie beyond its walls."""
     return MARGIN in problem.record
 
 

@@ -35,7 +35,7 @@ _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 @dataclass(frozen=True)
 class StartOnCurve:
-    """Where a walk sets out, and which way.
+    """Start of a walk on its curve, and the way it sets out.
 
     Attributes
     ----------

@@ -132,7 +132,7 @@ def count_at(event: Event, point: Point) -> int | float:
 
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
-    """Whether the number beside a test tells of two zeros between two points."""
+    """Tell whether the number beside a test speaks of two zeros between two points."""
     return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
 
 
@@ -164,7 +164,7 @@ class StepSamples:
     # --- values -------------------------------------------------------------------------------
 
     def place(self, u: float) -> Point:
-        """Where the event is looked for. Next to a branch point the corrector may end on the other
+        """Place to look for the event at. Next to a branch point the corrector may end on the other
         curve, so that one is looked for on the cubic."""
         return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
 
@@ -176,7 +176,7 @@ class StepSamples:
         return value
 
     def known(self, u: float) -> Value:
-        """The same, looked at once; NaN where it has no value."""
+        """Look at the test on the curve, once; NaN where it has no value."""
         if u not in self.sure:
             try:
                 self.values[u] = self.look(u)
@@ -205,7 +205,7 @@ class StepSamples:
 
     @property
     def jumps(self) -> bool:
-        """Whether the test counts: all its values are int, but for NaN where it has none."""
+        """Tell whether the test counts: its values are int, but for NaN where it has none."""
         for value in self.values.values():  # any() takes longer, and all ask for this
             if isinstance(value, float) and value == value:
                 return False
@@ -254,7 +254,7 @@ class StepSamples:
         self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
 
     def brackets(self) -> Iterator[tuple[float, float]]:
-        """Where two or more zeros may be close together, each piece of curve once."""
+        """Pieces on which two or more zeros may be close together, each once."""
         for left, right in self.close:
             if not any(low < right and left < high for low, high in self.done):
                 yield left, right

@@ -317,7 +317,7 @@ class Stepper:
         return z, solution
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
-        """Where the determinant changes its sign: by halving, and then by a system of its own."""
+        """Locate a change of sign of the determinant: by halving, then by a system of its own."""
         low, high = 0.0, 1.0
         # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
@@ -332,7 +332,7 @@ class Stepper:
         return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
 
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
-        """Whether the curve leaves the window between both ends and comes back."""
+        """Tell whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
             first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
             if not first * then < 0:

@@ -44,7 +44,7 @@ class Startable(Protocol):
 
 @dataclass(frozen=True)
 class End:
-    """Why a walk ended, and what failed its verification on the way."""
+    """Reason why a walk ended, and what failed its verification on the way."""
 
     stop: Stop
     reason: str = ""
