@@ -14,8 +14,6 @@ from typing import Any, Self
 from .checks import flag
 
 PATIENCE = 1.0  # seconds before anything is shown
-INTERVAL = 0.1
-SELDOM = 20.0  # between two lines of a log
 ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody looks on, into a log
 
 
@@ -132,7 +130,8 @@ class _Progress:
                 return
             if self.line is None:
                 self.line = self._begun()
-            pause = SELDOM if isinstance(self.line, _Log) else INTERVAL
+            # seconds between two lines
+            pause = 20.0 if isinstance(self.line, _Log) else 0.1
             self.after = time.monotonic() + pause
             self.line.show(*self.latest)
 

@@ -35,9 +35,6 @@ from .errors import (
 from .progress import Bar
 
 LARGEST = 8  # items that are sent together
-SHARES = 8  # into how many parts for each worker what is left is cut
-WORTH = 1.0  # seconds of work that are worth the start of other processes
-GLANCE = 0.2  # seconds of work from which the rest is estimated
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 UNSENT = "this cannot be sent to another process: {}. With executor=1 it stays in this one"
@@ -169,7 +166,8 @@ class _Work:
         """Work, and pause whenever there are new results."""
         cores = os.cpu_count() or 1
         if executor is None or executor == 1:
-            yield from self._here(math.inf if executor == 1 or cores == 1 else WORTH)
+            # a second of work is worth the start of other processes
+            yield from self._here(math.inf if executor == 1 or cores == 1 else 1.0)
         if executor is None or isinstance(executor, int):
             yield from self._by_processes(min(executor or cores, cores))
         else:
@@ -180,7 +178,8 @@ class _Work:
         begun = time.monotonic()
         for number, item in enumerate(self.items):
             spent = time.monotonic() - begun
-            if number and spent > GLANCE and spent * (len(self.items) / number - 1) > worth:
+            # the rest is estimated from 0.2 seconds of work
+            if number and spent > 0.2 and spent * (len(self.items) / number - 1) > worth:
                 return
             with add_partial_result(partial(self.results.__setitem__, number)):
                 self.results[number] = _attempt(self.work, item)
@@ -243,7 +242,7 @@ class _Work:
         """Cut what is left into portions, large ones first, so that all end at about one time."""
         left, chunks = self.left, []
         while left:
-            size = max(1, min(self.together, len(left) // (SHARES * workers)))
+            size = max(1, min(self.together, len(left) // (8 * workers)))
             chunks.append(left[:size])
             left = left[size:]
         return chunks

@@ -25,7 +25,6 @@ from .point import Implied, Point, UnstableDimension
 from .problem import Problem
 from .settings import Settings
 
-_SEAM = 1e-10  # relative arclength within which two branches meet
 _ROW = attrgetter("z", "tangent", "arclength", "residual")
 
 
@@ -369,7 +368,8 @@ class Branch(Columns, HtmlRepr):
             made={i: _measured(p, 1, shift) for i, p in other.points.made.items()},
         )
         seam = before.arclength[-1]
-        reach = _SEAM * (after.arclength[-1] - before.arclength[0])
+        # within this relative arclength they meet
+        reach = 1e-10 * (after.arclength[-1] - before.arclength[0])
         head = before[: np.count_nonzero(before.arclength < seam - reach)]
         tail = after[np.count_nonzero(after.arclength <= seam + reach) :]
         at_seam = [*before[len(head) :], *after[: len(after) - len(tail)]]

@@ -42,7 +42,6 @@ SETTINGS = {
     "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
     "steps": dict[str, Any], "inadmissible": bool,
 }  # fmt: skip
-_FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
 
 
 def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
@@ -300,7 +299,8 @@ def _check_fit(curve: Curve) -> None:
         off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
     except Undefined as error:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
-    if off > _FITS:
+    # relative to the rows of the derivative
+    if off > 1e-6:
         raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
 
 

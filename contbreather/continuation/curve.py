@@ -38,7 +38,6 @@ LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
 _FEW_LATEST = 64  # the same with few unknowns
-_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
 
 
@@ -120,7 +119,8 @@ class Curve:
     def row_scales(self) -> Array:
         if self._row_scales is None:
             sizes = self._row_scales = self.row_sizes(self.start)
-            if not (sizes.size > 1 and sizes.min() > _VANISHED * sizes.max()):
+            # a row of this relative size says nothing of its equation
+            if not (sizes.size > 1 and sizes.min() > 1e-9 * sizes.max()):
                 # where curves cross a whole row, or the only one, may vanish: it is seen aside
                 z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
                 with suppress(Undefined):

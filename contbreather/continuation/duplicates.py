@@ -20,7 +20,6 @@ from .step_interpolant import StepInterpolant
 
 Array = NDArray[np.float64]
 
-_APART = 1e-3  # relative to the way from the place that both come from: the same solution
 _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
 
 
@@ -52,7 +51,8 @@ def placed(point: Point, curve: Curve) -> Array | None:
 
 def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool:
     z = curve.turned(z, other)
-    return curve.length(z - other) <= min(GAP * (1 + curve.length(z)), _APART * reach)
+    # and, relative to the way from the place that both come from, this
+    return curve.length(z - other) <= min(GAP * (1 + curve.length(z)), 1e-3 * reach)
 
 
 def _near(z: Array, branch: Branch) -> list[int]:

@@ -40,9 +40,6 @@ from .step_interpolant import (
 )
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
-_ROUNDS = 20  # how often a step is looked through again, at the events found so far
-_AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
-_TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
 _CALM, _FLAT = 0.6, 0.35
@@ -231,7 +228,8 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
         yield from separated(samples)
         yield from _dipped(samples)
         yield from _closer(samples)
-    for _ in range(_ROUNDS):
+    # the step is looked through again at the events found so far
+    for _ in range(20):
         fresh = [point for samples in active for point in locate(samples)]
         yield from fresh
         if not fresh:
@@ -298,7 +296,8 @@ def _between(
         for event, value in zip((samples.event for samples in tests), values, strict=True):
             seen = {0.0: value, 0.5: event.value_or_nan(middle), 1.0: event.value_or_nan(end)}
             parts.append(part := StepSamples(piece, event, seen))
-            beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
+            # a test this small where curves cross, relative to beside it, vanishes there
+            beside = 1e-7 * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 seen[1.0] = math.nan
@@ -357,5 +356,5 @@ def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, flo
         if high - low > ASIDE:
             before, after = count.known(low), count.known(high)
             if before != after and not math.isnan(before) and not math.isnan(after):
-                jumps.append(first_jump(count, low, high, _TALLIED))
+                jumps.append(first_jump(count, low, high, 1e-4))
     return jumps

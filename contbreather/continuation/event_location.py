@@ -25,17 +25,11 @@ from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
 
-_SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _NARROW = 1e-14  # and half of that around a zero
 _MOST = 50  # events of one kind that are looked for on one step
-_LOCATED = 1e-9  # tolerance of a location, unless the walk asks for a closer one
-_APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
-_LOOKS = 400  # places looked at between several zeros of one step
 _TOUCH = 1e-5  # and one this small does
-_STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
 BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its sides are looked at
-_THROUGH = 0.1  # and at the zero, relative to there, it is no more than this
 
 
 def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
@@ -137,7 +131,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     left_over = abs(samples.event.value_or_nan(point))
     # rounding of a test may be more than that where its values are small all around
     beside = (samples.look(v) for v in (u - BESIDE * (u - left), u + BESIDE * (right - u)))
-    if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
+    if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
@@ -194,7 +188,8 @@ def _jumps(
         if place := _solved(samples, middle, left, right):
             yield place
             return
-    if right - left < _SHARP:
+    # so narrow a bracket, relative to the step, ends the bisection
+    if right - left < 1e-13:
         yield left, right, samples.segment.at(middle)
         return
     samples.values[middle] = samples.look(middle)
@@ -256,7 +251,8 @@ def _newton(
     problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
     curve, n = Curve(problem, ()), guess.curve.size
     start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
-    solution = newton(curve, start, tolerance=min(tolerance, _LOCATED))
+    # so close, unless the walk asks for a closer one
+    solution = newton(curve, start, tolerance=min(tolerance, 1e-9))
     solved = Point(curve, solution.z)
     detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
     return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
@@ -280,7 +276,8 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             continue
         looks += 1
         middle = 0.5 * (left + right)
-        if looks > _LOOKS:
+        # places looked at between several zeros of one step
+        if looks > 400:
             reason = f"the count of {event.kind} changes too often within one step to tell all"
             yield _double(samples, left, right, samples.place(middle), reason)
             return
@@ -317,7 +314,8 @@ def has_double_zero(samples: StepSamples) -> bool:
             return False
         if min(abs(vertex - u) for u in places) < 1e-6:
             return False
-        if any(abs(vertex - zero) < _APART for zero in samples.zeros):
+        # two zeros of one test closer than this, relative to the step, may be one
+        if any(abs(vertex - zero) < 1e-4 for zero in samples.zeros):
             return False
         samples.glance(vertex)
         if samples.changes():
@@ -389,7 +387,8 @@ def _downhill(
     low, high = size(inner), size(outer)
     while right - left > _ONE and not samples.changes():
         steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
-        if min(low, high) - _STEEPER * steepest * (right - left) > enough:
+        # no closer than shows this, even if it fell four times as fast inside
+        if min(low, high) - 4.0 * steepest * (right - left) > enough:
             break
         if low < high:
             right, last, outer, high = outer, high, inner, low

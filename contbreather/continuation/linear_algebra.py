@@ -16,11 +16,6 @@ from .sparse import TURNS, Factors, Matrix, any_vector, beside, factorised, is_l
 
 Array = NDArray[np.float64]
 
-_SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
-_FEW = 8  # sparse matrices of fewer rows are taken as dense ones
-_LEADS = 0.37  # no fraction of small numbers: entries of vectors are often those of each other
-_AT_ONCE = 60  # branch points that are looked for on one step
-
 
 @dataclass(frozen=True, eq=False)
 class LeastSingular:
@@ -72,7 +67,8 @@ def sense(vector: NDArray[Any]) -> Any:
     """The sign, of a complex vector the phase, of its first entry that is not much smaller than the
     largest: what a vector that is known up to it is divided by, so that rounding has no say."""
     size = abs(vector)
-    entry = vector[int((size >= _LEADS * size.max()).argmax())]
+    # no fraction of small numbers: entries of vectors are often those of each other
+    entry = vector[int((size >= 0.37 * size.max()).argmax())]
     return entry / abs(entry) if entry else 1.0
 
 
@@ -92,7 +88,8 @@ def least_singular(matrix: Matrix) -> LeastSingular:
     """Least singular values and vectors of a matrix with at least as many columns as rows."""
     if not is_large(matrix):
         return _dense(matrix)
-    if matrix.shape[0] < _FEW:
+    # of fewer rows it is taken as a dense one
+    if matrix.shape[0] < 8:
         return _dense(matrix.toarray())
     return _sparse(Factors(matrix))
 
@@ -127,7 +124,8 @@ def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Arr
         right = value * right
         left = factors.transposed(right)
         left = left / math.sqrt(left @ left)
-        if abs(left @ before) >= _SAME:
+        # the cosine of the angle between directions that are the same
+        if abs(left @ before) >= 1 - 1e-15:
             break
     return factors.sign() * value, factors.sign() * left, right
 
@@ -204,7 +202,6 @@ def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
 
 # --- bordered matrices along a curve -------------------------------------------------------------
 
-_SLOW = 0.3  # growth by one application below which no eigenvalue is 1
 _LOOKS = 3  # steps of inverse iteration: close to a zero one is enough, and far away none is needed
 
 
@@ -264,7 +261,8 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
     operator = LinearOperator((whole, whole), matvec=matvec, dtype=float)
     values, wanted = np.empty(0, dtype=complex), 2
     # all of size 1 and more are wanted: more are asked for until the least of them is smaller
-    while wanted < min(size - 2, _AT_ONCE):
+    # branch points that are looked for on one step
+    while wanted < min(size - 2, 60):
         try:
             values = eigs(
                 operator, wanted, v0=any_vector(whole), tol=1e-4, return_eigenvectors=False
@@ -285,4 +283,5 @@ def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
         x = matvec(x)
         growth = float(np.linalg.norm(x))
         x = x / (growth or 1.0)
-    return growth > _SLOW
+    # slower growth by one application: no eigenvalue is 1
+    return growth > 0.3

@@ -26,7 +26,6 @@ from .trace import walk_from
 
 Windows = Mapping[str, tuple[float, float]]
 
-_EDGE = 1e-9  # relative, within which an end is on the edge of a window
 _OVER: dict[Stop | None, str] = {
     Stop.CLOSED: "it is closed: there is nothing beyond",
     Stop.EVENT: "there is nothing to follow beyond the event that ended it",
@@ -138,7 +137,7 @@ def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
     edges = []
     for name, window in within.items():
         value = float(branch[name][at])
-        if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in window):
+        if any(abs(value - edge) <= 1e-9 * (1.0 + abs(value)) for edge in window):
             walked = branch.settings.within.get(name, window) if branch.settings else window
             more = "" if walked == window else f", and {_span(window)} was asked for"
             edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")

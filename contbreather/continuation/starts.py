@@ -26,11 +26,6 @@ from .step_interpolant import closest_tangent
 from .window import Bound, bounds_of
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
-_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
-_REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
-_STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
-_SKEW = 1e-3  # how far a direction that was given may be off the tangent
-_ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ def starts_on_curve(
         bounds, sign = bounds_of(curve, within), 0
     # how far the start that was given had to be moved, if that is worth telling
     off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
-    detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+    detail = {"moved": off} if off > 1e-3 * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
     first = StartOnCurve(point, sign, bounds, along is not None)
     if towards != "both" or first.directed:
@@ -96,8 +91,8 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     curve = Curve(problem, (free,))
     domain = bounds_of(curve, None)  # outside of it there is nothing to solve
     value = check_start(curve)
-    if (
-        abs(value) <= _ROUNDING * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
+    if (  # a solution already, to rounding of its rows
+        abs(value) <= 1e-14 * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
     ).all():
         return curve, float(abs(value).max())
     try:
@@ -125,7 +120,8 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
     off = curve.length(solution.z - curve.start)
     inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
-    if not solution.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
+    # so far, relative to 1 + |z|, the nearest solution may be
+    if not solution.converged or not inside or off > 0.5 * (1 + curve.length(curve.start)):
         return None
     return Curve(moved.problem, curve.free), solution.residual
 
@@ -155,7 +151,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
-    if off > GAP * (1 + curve.length(z)) or skew > _SKEW:
+    if off > GAP * (1 + curve.length(z)) or skew > 1e-3:
         raise BadInput(
             f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
             f"and {skew:.2g} is its change along the direction"
@@ -187,7 +183,8 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, sign = curve.tangent_at(z, along)
-    if abs(tangent[-1]) > _STEEP:
+    # a parameter that changes by less, of the length of the curve: nearly a fold
+    if abs(tangent[-1]) > 1e-3:
         return tangent, sign
     level = abs(tangent[-1]) <= LEVEL
     # across the parameter that determinant is the less certain the less it changes

@@ -15,11 +15,8 @@ from .defining_systems import singular_between
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
 from .point import Event, Point, Value
 
-_BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
-_NOTHING = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
-_TOWARDS = 6  # halvings of the way to where a test has no value
 LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
@@ -92,7 +89,8 @@ class StepInterpolant:
         return u, self._point(u, solution.z, tangent, solution.residual)
 
     def _near(self, guess: Array, z: Array) -> None:
-        if self.curve.length(z - guess) > _BESIDE * self.length:
+        # so far off the cubic, relative to the step, a point between may lie
+        if self.curve.length(z - guess) > 0.1 * self.length:
             raise Undefined("the location ended on another curve")
 
     def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
@@ -103,7 +101,8 @@ def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | No
     """The point halfway between two neighbours of a branch, solved for; None where they are one
     but for rounding, or none is found: on a branch without its equations, for instance.
     """
-    if last.arclength - first.arclength <= _NOTHING * (1 + first.curve.length(first.z)):
+    # neighbours closer than this have nothing between them
+    if last.arclength - first.arclength <= 1e-8 * (1 + first.curve.length(first.z)):
         return None
     try:
         return StepInterpolant(first, last, tolerance).at(0.5)
@@ -281,7 +280,8 @@ class StepSamples:
         if gaps[0] != gaps[1]:
             blank = float(gaps[1])
             known = 1.0 - blank
-            for _ in range(_TOWARDS):
+            # halvings of the way to where the test has no value
+            for _ in range(6):
                 u = 0.5 * (known + blank)
                 known, blank = (known, u) if math.isnan(self.glance(u)) else (u, blank)
         return bool(places.size or look)

@@ -29,9 +29,7 @@ from .window import Bound
 LOG = logging.getLogger(__name__)
 
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
-_LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
-_FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
@@ -199,7 +197,8 @@ class Stepper:
             # across the start only: along the curve Newton's linear condition keeps the place
             guess = start + gap - row.dot(gap) * self.start.direction
             z = self.correct(guess, row).z
-            closes = self.curve.length(z - start) <= _FINE * (1 + self.curve.length(z))
+            # back at the start to this relative distance
+            closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
         return replace(self.start, z=start) if closes else None
 
     def _advance(self, point: Point) -> BranchPiece:
@@ -304,7 +303,8 @@ class Stepper:
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
-        for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
+        # a norm is not linear: once more from the point it led to, where its error is squared
+        for _ in range(6):
             solution = self.correct(guess, bound.row(guess))
             # Newton's linear condition holds to rounding; make it exact
             z = bound.with_value(solution.z, value)
