@@ -17,7 +17,6 @@ from .branch import Branch, Points, Stop, labelled
 from .branch_from_dict import no_equations
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
-from .duplicates import lies_on
 from .newton import Undefined
 from .point import Event, Point
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
@@ -162,36 +161,18 @@ def _further(
     with piece_of(file, whole, branch) as inner:
         piece = walk_from(
             line[-1].problem, branch.free, replace(settings, events=asked), "both",
-            line[-1].direction, progress, inner, refined=False,
+            line[-1].direction, progress, inner, continues=line,
         )  # fmt: skip
-    end = _closing(line, piece)
-    if end is None:
-        return whole(piece)
-    joined = line.join(piece[:end])
-    first, *rest = joined.points
-    z = line.curve.turned(first.z, rest[-1].z)
-    gap = line.curve.length(z - rest[-1].z)
-    last = Point(line.curve, z, first.tangent, rest[-1].arclength + gap, first.residual)
-    if first.kind == "EP" and first.parent is None:  # no end any more
-        first = replace(first, kind="", label="")
-    once = labelled((first, *rest, last))
-    closed = replace(joined, settings=settings, points=once)
-    closed = closed if side == "last" else closed.reversed()
-    return replace(closed, stop=Stop.CLOSED, reason="", began=None, began_reason="")
-
-
-def _closing(line: Branch, piece: Branch) -> int | None:
-    """Count the points of a piece before it is back where its line begins; None if it never is."""
-    first, curve = line[0], line.curve
-    if first.tangent is None:
-        return None
-    along = curve.metric * first.direction
-    for i in range(1 if len(line) > 1 else 3, len(piece)):
-        way = curve.normalised(piece[i].z - piece[i - 1].z)
-        # where curves cross, another one passes the same place in another direction
-        if way @ along > 0.5 and lies_on(first, piece[i - 1 : i + 1]):
-            return i
-    return None
+    longer = whole(piece)
+    if piece.stop is not Stop.CLOSED:
+        return longer
+    made = dict(longer.points.made)
+    if (first := line[0]).kind == "EP" and first.parent is None:  # no end any more
+        del made[0 if side == "last" else len(longer) - 1]
+    points = labelled(replace(longer.points, made=made))
+    return replace(
+        longer, points=points, stop=Stop.CLOSED, reason="", began=None, began_reason=""
+    )
 
 
 # --- finer, and with more columns ---------------------------------------------------------------

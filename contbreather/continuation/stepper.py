@@ -93,11 +93,13 @@ class Stepper:
         To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
     """
 
-    def __init__(self, way: StartOnCurve, steps: Steps) -> None:
-        self.start, self.bounds, self.steps = way.point, way.bounds, steps
-        self.curve = way.point.curve
-        self.crossed = way.sign == 0  # whether the start is a branch point
-        self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
+    def __init__(self, way: StartOnCurve, steps: Steps, home: Point) -> None:
+        self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
+        # loops come back to the start of the branch, across its tangent
+        self.home, self.across = home, self.curve.metric * home.direction
+        self.outset = home is way.point
+        # whether that is a branch point
+        self.crossed = way.sign == 0 if self.outset else home.parent is not None
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
@@ -137,7 +139,7 @@ class Stepper:
         self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(f"{_PATIENCE} steps in a row had to be tiny")
-        if count > 2 and (start := self._passed(point, last)):
+        if (count > 2 or not self.outset) and (start := self._passed(point, last)):
             length = point.arclength + self.curve.length(start.z - point.z)
             end = Points.of([replace(start, arclength=length)])
             step = replace(step, points=end, stop=Stop.CLOSED)
@@ -161,7 +163,8 @@ class Stepper:
                     (low if side < 0 else high)[i] = end - side * off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
-        return curve.pieces(Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start))
+        plane = curve.metric, self.across, self.home.z
+        return curve.pieces(Rules(*sizes, slots, low, high, *plane))
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
         """Take as many steps as come off at once; None where the first is more than a plain one."""
@@ -180,7 +183,7 @@ class Stepper:
     def _passed(self, point: Point, last: Point) -> Point | None:
         """The start, if the step passes it in the direction in which the curve left it; its angles
         as they are there."""
-        start, row = self.curve.turned(self.start.z, last.z), self.across
+        start, row = self.curve.turned(self.home.z, last.z), self.across
         before, after = row.dot(point.z - start), row.dot(last.z - start)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
@@ -192,14 +195,15 @@ class Stepper:
             return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            closes = off <= _PASS and _angle(self.curve, slope, self.start.direction) <= _PASS
+            closes = off <= _PASS and _angle(self.curve, slope, self.home.direction) <= _PASS
         else:
             # across the start only: along the curve Newton's linear condition keeps the place
-            guess = start + gap - row.dot(gap) * self.start.direction
+            guess = start + gap - row.dot(gap) * self.home.direction
             z = self.correct(guess, row).z
             # back at the start to this relative distance
             closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
-        return replace(self.start, z=start) if closes else None
+        home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
+        return home if closes else None
 
     def _advance(self, point: Point) -> BranchPiece:
         """The next point, with as many halvings of the step as it takes."""

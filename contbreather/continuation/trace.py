@@ -139,10 +139,9 @@ def walk_from(
     progress: bool | Counter | None = None,
     save: Save = None,
     *,
-    refined: bool = True,
+    continues: Branch | None = None,
 ) -> Branch:
-    """Walk with these settings; in the unknowns of its start where it is not to be `refined`, as
-    what becomes a part of a branch."""
+    """Walk with these settings; from the end of a branch in its unknowns, and back to its start."""
     origin = start if isinstance(start, Point) else None
     if origin and free in origin.base_point.curve.free[:1]:
         start = origin.base_point
@@ -156,13 +155,15 @@ def walk_from(
             problem, wanted = active_events(
                 coarse, settings.events, inadmissible=settings.inadmissible
             )
-            look = partial(coarse.finer, along=along) if refined else lambda point: None
+            look = partial(coarse.finer, along=along) if continues is None else lambda point: None
             ways = starts_on_curve(
                 problem, free, settings.within, towards, along, settings.steps.tolerance
             )
             for way in ways:
                 way.point.curve.asked = settings.events
-            walks[:] = [ContinuationIterator(way, wanted, settings.steps) for way in ways]
+            walks[:] = [
+                ContinuationIterator(way, wanted, settings.steps, continues) for way in ways
+            ]
             shown.remark = advice(walks[0].curve)
             for walk in walks:
                 finer = walk.follow(shown, kept, so_far, look)
@@ -226,10 +227,17 @@ def iterate(
 class ContinuationIterator:
     """One curve in one direction, from its start to where it ends."""
 
-    def __init__(self, way: StartOnCurve, events: Sequence[Event], steps: Steps) -> None:
+    def __init__(
+        self,
+        way: StartOnCurve,
+        events: Sequence[Event],
+        steps: Steps,
+        continues: Branch | None = None,
+    ) -> None:
         self.way, self.events, self.steps = way, events, steps
         self.curve, start = way.point.curve, way.point
-        self.stepper = Stepper(way, steps)
+        home = continues[0] if continues else start
+        self.stepper = Stepper(way, steps, start if home.tangent is None else home)
         self.point, self.count = start, 0  # where it is, after how many steps
         self.walked: list[Points] = []
         self.doubtful: list[Point] = []

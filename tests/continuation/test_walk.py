@@ -21,7 +21,6 @@ from contbreather.continuation import (
     Stop,
     fold,
     iterate,
-    stepper,
     trace,
     user,
 )
@@ -531,18 +530,6 @@ def test_a_branch_that_breaks_off_in_sizes_near_one_is_given_no_advice() -> None
     broken = trace(problem, "mu", within={"mu": (0, 3)})
     assert broken.began.failed
     assert "scales" not in broken.began_reason
-
-
-@pytest.mark.parametrize(
-    ("iterations", "turn", "growth", "factor"),
-    [
-        (3, 0.0, 1.5, 1.5), (3, 0.12, 1.5, 1.25), (3, 0.6, 1.5, 0.5), (3, 0.2, 1.5, 0.75),
-        (4, 0.0, 1.5, 1.0), (5, 0.0, 1.5, 0.7), (5, 0.2, 1.5, 0.7), (5, 0.25, 1.5, 0.6),
-        (1, 0.01, 12.0, 12.0), (1, 0.01, 20.0, 15.0),
-    ],
-)  # fmt: skip
-def test_the_next_size_follows_turn_and_effort(iterations, turn, growth, factor) -> None:
-    assert stepper._next_size(iterations, turn, growth) == pytest.approx(factor)
 
 
 def test_a_function_that_numba_decorated_is_called_as_it_was_written() -> None:
