@@ -98,13 +98,7 @@ def object_of(kernel: Kernel) -> bytes:
 
 
 def jitted(kernel: Kernel) -> Any:
-    """Compile it by numba, in this process.
-
-    Raises
-    ------
-    NotCompiled
-        Without numba, or if it refuses.
-    """
+    """Compile it by numba, in this process; `NotCompiled` without numba, or if it refuses."""
     try:
         from numba import cfunc, types
 

@@ -47,13 +47,8 @@ class NotCompiled(Exception):
 
 
 def code_address(name: str) -> int:
-    """Load the object file of this name; the address where its code begins.
-
-    Raises
-    ------
-    NotCompiled
-        If there is none, or Python lacks what it needs.
-    """
+    """Load the object file of this name; the address where its code begins. `NotCompiled` says that
+    there is none, or that Python lacks what it needs."""
     with _ONE_AT_A_TIME:
         if name not in _loaded:
             try:

@@ -30,22 +30,14 @@ _ROW = attrgetter("z", "tangent", "arclength", "residual")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Points(Sequence[Point]):
-    """Neighbouring points of a walk.
-
-    Attributes
-    ----------
-    curve : Curve
-    z, tangent : ndarray, shape (len(self), n + 1)
-    arclength, residual : ndarray, shape (len(self),)
-    made : dict
-        By number those of which there is more to know: what happens there, where it came from.
-    """
+    """Neighbouring points of a walk."""
 
     curve: Curve
-    z: Array
+    z: Array  # a row for each, of n + 1 entries
     tangent: Array
     arclength: Array
     residual: Array
+    # by number those of which there is more to know: what happens there, where it came from
     made: dict[int, Point] = field(default_factory=dict)
     # what was asked for once is kept
     _points: dict[int, Point] = field(default_factory=dict, init=False)

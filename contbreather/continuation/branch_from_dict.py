@@ -54,20 +54,11 @@ def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
 
 
 def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Branch:
-    """The branch of a dict.
+    """Load a branch from its dict.
 
-    Parameters
-    ----------
-    content : mapping
-    problems : sequence of Problem
-        One with its equations (of a boundary those of the original problem), in place of those in
-        the dict.
-
-    Raises
-    ------
-    BadInput
-        If the equations have other names, or the points do not solve them; of several what is
-        wrong with the first.
+    One of the problems has its equations (of a boundary those of the original problem), in place of
+    those in the dict. If all have other names, or the points do not solve them, `BadInput` says
+    what is wrong with the first.
     """
     origin, groups = None, content.get("groups", {})
     if "origin" in groups:  # it may be on a curve of other equations

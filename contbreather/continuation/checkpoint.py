@@ -65,14 +65,8 @@ class NotKept(BadInput):
 
 
 class Checkpoint:
-    """A file that is written anew every few seconds, and where something happens.
-
-    Parameters
-    ----------
-    path : str or Path
-    name : str
-        That of the result in it; those of a tuple are numbered, a dict has names.
-    """
+    """A file that is written anew every few seconds, and where something happens; its result has
+    this name in it, those of a tuple are numbered, those of a dict have names."""
 
     def __init__(self, path: str | Path, name: str) -> None:
         self.path, self.name = netcdf.target_of(path), name
@@ -95,13 +89,7 @@ class Checkpoint:
         self.due = max(self.soonest, end + EVERY)
 
     def finish(self, result: Any) -> None:
-        """Write it now.
-
-        Raises
-        ------
-        NotKept
-            With the result, which is not lost where there is no room for it.
-        """
+        """Write it now; where there is no room for it, `NotKept` has the result."""
         try:
             self._write(result, recorded=None)
         except BadInput as error:
@@ -154,13 +142,8 @@ def checkpoint(
     save: Save, name: str, so_far: Callable[[], Any] | None = None
 ) -> Iterator[Checkpoint | None]:
     """The file that a call keeps its result in, None for none; an interruption carries what there
-    is by then, and so does the file: `so_far()`, or what an inner call has made of it.
-
-    Raises
-    ------
-    BadInput
-        If it cannot be written: before anything is computed.
-    """
+    is by then, and so does the file: `so_far()`, or what an inner call has made of it. A file that
+    cannot be written is refused before anything is computed."""
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
     file = save if save is None or isinstance(save, Checkpoint) else Checkpoint(save, name)
@@ -179,16 +162,8 @@ def checkpoint(
 def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, Any]:
     """A branch, or what consists of branches, or anything else that has a dict.
 
-    Parameters
-    ----------
-    result : object
-    recorded : bool or None
-        Whether to ask for the recorded columns of branches, which may take as long as the branches
-        themselves; None where the dict has no equations that give them later.
-
-    Raises
-    ------
-    NotSerialisable
+    `recorded` asks for the recorded columns of branches, which may take as long as the branches
+    themselves; None does where the dict has no equations that give them later.
     """
     if isinstance(result, Branch):
         return branch_to_dict(result, recorded=recorded)

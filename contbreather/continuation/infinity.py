@@ -35,29 +35,15 @@ STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from
 
 @dataclass
 class Tendency:
-    """Course of a parameter while z grows.
-
-    Attributes
-    ----------
-    name, slot
-        Its name and its place in z.
-    largest : float
-        The size it had at most.
-    reaches : bool
-        Whether its window has zero in it.
-    moved, since : float
-        Its value where it last moved, and 1 + |z| there.
-    small : float
-        1 + |z| from where on it has been small; infinite where it is not.
-    """
+    """Course of a parameter while z grows."""
 
     name: str
-    slot: int
-    largest: float
-    reaches: bool
-    moved: float = math.nan
-    since: float = math.inf
-    small: float = math.inf
+    slot: int  # in z
+    largest: float  # size it had
+    reaches: bool  # its window has zero in it
+    moved: float = math.nan  # value where it last moved
+    since: float = math.inf  # 1 + |z| there
+    small: float = math.inf  # 1 + |z| from where on it has been small; infinite where it is not
 
     def passes(self, value: float, slope: float, size: float) -> bool:
         """The next value, its derivative along the curve, and the length of z there; whether it

@@ -19,42 +19,30 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LeastSingular:
-    """The least singular value of a matrix of n rows and n + k columns.
+    """The least singular value of a matrix A of n rows and n + k columns."""
 
-    Attributes
-    ----------
-    left, right : ndarray
-        Singular vectors of the least singular value, with ``A right = size left``.
-    null : ndarray, shape (k, n + k)
-        Orthonormal null vectors.
-    size, second, largest : float
-        The least singular value, the one before (infinite if there is none) and the largest; that
-        of a sparse matrix is a bound.
-    sign : int
-        Of a square matrix: the product of the determinants of all its left and of all its right
-        singular vectors. It belongs to `left` and `right`, and does not jump where the matrix is
-        singular; times the least singular value it is smooth there.
-    rest : callable
-        ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
-        take part.
-    """
-
-    left: Array
+    left: Array  # singular vectors of the least singular value, ``A right = size left``
     right: Array
-    null: Array
+    null: Array  # k orthonormal null vectors, in rows
     size: float
-    largest: float
+    largest: float  # singular value; of a sparse matrix a bound
     following: Callable[[], float]
+    # ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
+    # take part
     rest: Callable[[Array], Array]
     orientation: Callable[[], float]
 
     @cached_property
     def sign(self) -> int:
+        """Of a square A: the product of the determinants of all its left and all its right singular
+        vectors. It does not jump where A is singular: times the least singular value it is smooth.
+        """
         return round(self.orientation())
 
     @cached_property
     def second(self) -> float:
-        """The second least singular value: it tells how well the least stands out."""
+        """The second least singular value, infinite if there is none: how well the least stands
+        out."""
         return self.following()
 
     @property
@@ -179,16 +167,8 @@ def _sparse(factors: Factors) -> LeastSingular:
 
         return 1 / math.sqrt(_leading(others, n)[0])
 
-    return LeastSingular(
-        left,
-        right,
-        factors.basis.T,
-        size,
-        math.sqrt(largest),
-        following,
-        rest,
-        orientation,
-    )
+    sizes = size, math.sqrt(largest)
+    return LeastSingular(left, right, factors.basis.T, *sizes, following, rest, orientation)
 
 
 def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:

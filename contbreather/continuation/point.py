@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
@@ -410,10 +411,9 @@ class Event:
 
     def at_once(self, points: Sequence[Point]) -> Many | None:
         """Arrays of values and counts, as `many` gives them; None where each has to be asked."""
-        try:
+        answer = None
+        with suppress(*OUT_OF_DOMAIN):
             answer = self.many and self.many(points)
-        except OUT_OF_DOMAIN:
-            answer = None
         if not answer:
             return None
         shapes = [np.shape(column) for column in answer if column is not None]
@@ -432,18 +432,11 @@ class Event:
 @dataclass(frozen=True)
 class UnstableDimension:
     """A recorded column that counts what is unstable: not asked for along the boundary of a
-    bifurcation, where rounding would decide it.
+    bifurcation, where rounding would decide it."""
 
-    Parameters
-    ----------
-    of : callable
-        ``of(point)``, the number at one point.
-    rows : callable, optional
-        ``rows(points)``, an int array with the numbers of all points of a branch, -1 where one has
-        to be asked for by itself; or None, if all have.
-    """
-
-    of: Callable[[Point], float]
+    of: Callable[[Point], float]  # the number at one point
+    # ``rows(points)``: an int array with the numbers of all points of a branch, -1 where one has to
+    # be asked for by itself; or None, if all have
     rows: Callable[[Any], NDArray[np.int64] | None] | None = None
 
     def __call__(self, point: Point) -> float:
@@ -453,15 +446,9 @@ class UnstableDimension:
 @dataclass(frozen=True)
 class Implied:
     """A recorded column that a symmetry of the solutions settles: drawn and kept beside branches
-    without the symmetry, and left out of tables of special points.
+    without the symmetry, and left out of tables of special points."""
 
-    Parameters
-    ----------
-    of : callable
-        ``of(point)``, the number at one point.
-    """
-
-    of: Callable[[Point], float]
+    of: Callable[[Point], float]  # the number at one point
 
     def __call__(self, point: Point) -> float:
         return self.of(point)
@@ -469,21 +456,12 @@ class Implied:
 
 @dataclass(frozen=True, repr=False)
 class EventWithRule(Event):
-    """An event with a rule of its own for who counts as unstable: the columns that go with it.
+    """An event with a rule of its own for who counts as unstable: the columns that go with it."""
 
-    Parameters
-    ----------
-    record : dict
-        Columns in place of those of the problem of the same names.
-    about : str
-        What these columns are about, shown with the label of the problem.
-    form : dict
-        What files make it of again.
-    """
-
-    record: Mapping[str, Callable[[Point], float]] = field(kw_only=True)
-    about: str = field(kw_only=True)
-    form: Mapping[str, Any] = field(kw_only=True)
+    _: KW_ONLY
+    record: Mapping[str, Callable[[Point], float]]  # in place of those of the problem
+    about: str  # what these columns are about, shown with the label of the problem
+    form: Mapping[str, Any]  # serialised
 
     @property
     def serialised(self) -> Mapping[str, Any]:

@@ -30,24 +30,12 @@ QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branc
 
 @dataclass(frozen=True)
 class StartOnCurve:
-    """Start of a walk on its curve, and the way it sets out.
+    """Start of a walk on its curve, and the way it sets out."""
 
-    Attributes
-    ----------
-    point : Point
-        On its curve, with the tangent along which to set out.
-    sign : int
-        Sign of the bordered determinant there; 0 at a branch point, and where it is not known.
-    bounds : list of Bound
-        The window.
-    directed : bool
-        Whether the direction was given.
-    """
-
-    point: Point
-    sign: int
+    point: Point  # with the tangent along which to set out
+    sign: int  # of the bordered determinant; 0 at a branch point, and where it is not known
     bounds: list[Bound]
-    directed: bool
+    directed: bool  # the direction was given
 
 
 @np.errstate(**QUIET)

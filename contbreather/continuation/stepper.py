@@ -45,25 +45,13 @@ class StepFailed(Exception):
 
 @dataclass(frozen=True)
 class BranchPiece:
-    """Accepted steps, one or more.
+    """Accepted steps, one or more."""
 
-    Attributes
-    ----------
-    points : Points
-        Their ends.
-    crossing : Point or None
-        Branch point on the last: the determinant changes sign.
-    stop : Stop or None
-        Why the walk ends with the last.
-    tests, counts : sequence
-        A row for each event, with its tests at all points; its counts, or None.
-    """
-
-    points: Points
-    crossing: Point | None = None
-    stop: Stop | None = None
-    tests: Sequence[list[Value]] = ()
-    counts: Sequence[Any] = ()
+    points: Points  # their ends
+    crossing: Point | None = None  # branch point on the last: the determinant changes sign
+    stop: Stop | None = None  # why the walk ends with the last
+    tests: Sequence[list[Value]] = ()  # of each event at all points
+    counts: Sequence[Any] = ()  # beside these, or None
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
         """Ask the events for their values at all points."""
@@ -85,13 +73,7 @@ class BranchPiece:
 
 
 class Stepper:
-    """Steps from one point of a curve to the next, with all that may befall them.
-
-    Attributes
-    ----------
-    size, sign, curvature
-        To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
-    """
+    """Steps from one point of a curve to the next, with all that may befall them."""
 
     def __init__(self, way: StartOnCurve, steps: Steps, home: Point) -> None:
         self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
@@ -100,6 +82,7 @@ class Stepper:
         self.outset = home is way.point
         # whether that is a branch point
         self.crossed = way.sign == 0 if self.outset else home.parent is not None
+        # of the bordered determinant, 0 where unknown; to try next; dt/ds
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
