@@ -445,9 +445,11 @@ class Branch(Columns, HtmlRepr):
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         last = self.points[-1].label if self.stop is Stop.EVENT else ""
-        end = f"ended at {last}" if last else _ended(self.stop, self.reason)
+        said = self.reason and f": {self.reason}"
+        end = f"ended at {last}" if last else f"{self.stop.value}{said}"
         if self.began is not None and self.began.failed:
-            end += f"; the other way: {_ended(self.began, self.began_reason)}"
+            said = self.began_reason and f": {self.began_reason}"
+            end += f"; the other way: {self.began.value}{said}"
         distance = self.start_correction
         moved = f"the start was moved by {distance:.2g}" if distance else ""
         more = filter(None, (moved, advice(self.curve)))
@@ -459,10 +461,6 @@ class Branch(Columns, HtmlRepr):
     def __repr__(self) -> str:
         special = [point.label for point in self.special]
         return f"<Branch {self.describe()}; special {special}{self._doubts}>"
-
-
-def _ended(stop: Stop, reason: str) -> str:
-    return f"{stop.value}{': ' + reason if reason else ''}"
 
 
 def labelled(points: Iterable[Point]) -> Points:

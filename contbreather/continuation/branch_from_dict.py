@@ -33,7 +33,7 @@ BRANCH = {  # what `branch_to_dict` writes besides columns and groups
     "label": str, "stop": str, "reason": str, "began": str | None, "began_reason": str,
     "unknowns": list[str], "parameters": list[str], "recorded": list[str], "free": list[str],
     "boundary": dict[str, Any] | None, "image_of": int | None,
-    "kinds": list[str], "located": list[int], "detail": dict[str, dict[str, Any]],
+    "kinds": list[str], "detail": dict[str, dict[str, Any]],
     "parent": bool, "point_label": str, "period": int | None,
     "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
     "settings": dict[str, Any] | None,
@@ -102,13 +102,12 @@ class _Stored:
 
     def _check_places(self) -> None:
         """Refuse kinds and points that there are not, which nothing asks for before it is shown."""
-        content, count = self.content, len(self.z)
-        codes, places = self.columns["point_kind"], [*content["located"], *content["detail"]]
-        known = {*content["unknowns"], *content["parameters"]}
+        content, places = self.content, [*map(str, range(len(self.z)))]
+        codes, known = self.columns["point_kind"], {*content["unknowns"], *content["parameters"]}
         wrong = {
             "free": [name for name in content["free"] or [None] if name not in known],
             "point_kind": [c for c in codes.tolist() if c not in range(len(content["kinds"]))],
-            "located, detail": [i for i in places if str(i) not in map(str, range(count))],
+            "detail": [i for i in content["detail"] if i not in places],
         }
         for name, values in wrong.items():
             if values:
@@ -251,20 +250,17 @@ class _Stored:
             for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
         )
         points = Points(curve, self.z, tangent, arclength, residual)
-        unlocated, bare = {*content["located"]}, np.isnan(tangent).any(axis=1)
-        more = {
-            *np.flatnonzero((codes != 0) | bare).tolist(),
-            *map(int, content["detail"]),
-            *unlocated,
-        }
-        for i in sorted(more):
+        located, bare = columns["point_located"] != 0, np.isnan(tangent).any(axis=1)
+        more = (codes != 0) | bare | ~located
+        more[[*map(int, content["detail"])]] = True
+        for i in np.flatnonzero(more).tolist():
             detail = content["detail"].get(str(i))
             point = replace(
                 points[i],
                 tangent=None if bare[i] else points[i].tangent,
                 kind=content["kinds"][codes[i]],
                 bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
-                located=i not in unlocated,
+                located=bool(located[i]),
                 detail=_detail_from_dict(detail) if detail else {},
             )
             points.made[i] = replace(point, event=_event_at(point, events))

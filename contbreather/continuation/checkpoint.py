@@ -29,7 +29,6 @@ from .branch import Branch, Points
 from .defining_systems import ExtendedProblem, event_of
 from .point import Event
 from .problem import Problem
-from .settings import Settings
 
 Array = NDArray[Any]
 
@@ -110,11 +109,10 @@ class Inner(Checkpoint):
         self.outer, self.whole = outer, whole
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
-        def all_of_it() -> Any:
-            result = piece()
-            return None if result is None else self.whole(result)
+        def result() -> Any:
+            return None if (inner := piece()) is None else self.whole(inner)
 
-        self.outer.look(special, all_of_it)
+        self.outer.look(special, result)
 
     def finish(self, result: Any) -> None:
         """Nothing: the outermost call does."""
@@ -189,7 +187,7 @@ def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str,
 
 
 def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict[str, Any]:
-    problem, event = branch.problem, event_of(branch.problem)
+    problem, event, settings = branch.problem, event_of(branch.problem), branch.settings
     base, equations = _base(problem)
     ends = {
         "label": problem.label,
@@ -199,6 +197,12 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "began_reason": branch.began_reason,
     }
     words = {"free": branch.free, "boundary": event.kind if event else ""}
+    asked = settings and {
+        "within": {name: [float(end) for end in ends] for name, ends in settings.within.items()},
+        "events": settings.events and [_event_to_dict(event) for event in settings.events],
+        "steps": asdict(settings.steps),
+        "inadmissible": settings.inadmissible,
+    }
     special = points.made.items()
     return {
         "kind": "branch",
@@ -210,14 +214,13 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "boundary": _event_to_dict(event) if event else None,
         "image_of": branch.image_of,
         "kinds": _kinds(points),
-        "located": [i for i, point in special if not point.located],  # those that are not
         "detail": {i: _detail_to_dict(point.detail) for i, point in special if point.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
         "period": getattr(base, "period", None),
         "equations": equations,
         "base": [list(base.start), list(base.params)],
-        "settings": branch.settings and _settings_to_dict(branch.settings),
+        "settings": asked,
         "columns": _columns(branch, points, record),
         "attributes": {**ends, **words, "stop_meaning": branch.stop.value},
     }
@@ -236,16 +239,6 @@ def _form(thing: Problem | Event) -> dict[str, Any] | None:
         form: dict[str, Any] | None = to_dict(thing.serialised)
         return form
     return None
-
-
-def _settings_to_dict(settings: Settings) -> dict[str, Any]:
-    events = settings.events
-    return {
-        "within": {name: [float(end) for end in ends] for name, ends in settings.within.items()},
-        "events": None if events is None else [_event_to_dict(event) for event in events],
-        "steps": asdict(settings.steps),
-        "inadmissible": settings.inadmissible,
-    }
 
 
 def _event_to_dict(event: Event) -> dict[str, Any]:

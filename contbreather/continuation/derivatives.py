@@ -23,9 +23,6 @@ _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small 
 RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 _FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
 
-# Steps of `along`, relative to the entries that it moves, and how it stops. Its estimate belongs
-# to the next lower order, so that a change of 1e-6 between two orders means an error of 1e-11.
-
 
 def differences(
     function: Function,
@@ -46,17 +43,15 @@ def differences(
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
     chosen = range(z.size) if columns is None else columns
-    column = _column_inside if one_sided else _column
-    kinked = {*map(int, kinks)}
-    return np.stack(
-        [(_column_at_kink if i in kinked else column)(function, z, i, steps[i]) for i in chosen],
-        axis=-1,
-    )
+    inside, kinked = _column_inside if one_sided else _column, {*map(int, kinks)}
 
+    def column(i: int) -> Array:
+        if i not in kinked:
+            return inside(function, z, i, steps[i])
+        h = np.eye(1, z.size, i)[0] * steps[i] / 2
+        return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / steps[i])
 
-def _column_at_kink(function: Function, z: Array, i: int, step: float) -> Array:
-    h = np.eye(1, z.size, i)[0] * step / 2
-    return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / step)
+    return np.stack([column(i) for i in chosen], axis=-1)
 
 
 def _column(function: Function, z: Array, i: int, step: float) -> Array:

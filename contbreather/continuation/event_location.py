@@ -25,10 +25,9 @@ from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
 
-_NARROW = 1e-14  # and half of that around a zero
 _MOST = 50  # events of one kind that are looked for on one step
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
-_TOUCH = 1e-5  # and one this small does
+_TOUCH = 1e-5  # a test this small, relative to its largest, touches zero
 BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its sides are looked at
 
 
@@ -132,7 +131,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     # rounding of a test may be more than that where its values are small all around
     beside = (samples.look(v) for v in (u - BESIDE * (u - left), u + BESIDE * (right - u)))
     if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
-        return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
+        return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
         return None

@@ -138,13 +138,10 @@ def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
         value = float(branch[name][at])
         if any(abs(value - edge) <= 1e-9 * (1.0 + abs(value)) for edge in window):
             walked = branch.settings.within.get(name, window) if branch.settings else window
-            more = "" if walked == window else f", and {_span(window)} was asked for"
-            edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")
+            was, now = (f"({low:g}, {high:g})" for low, high in (walked, window))
+            more = "" if walked == window else f", and {now} was asked for"
+            edges.append(f"{name} in {was}, at {name} = {value:g}{more}")
     return edges
-
-
-def _span(window: tuple[float, float]) -> str:
-    return f"({window[0]:g}, {window[1]:g})"
 
 
 def _further(

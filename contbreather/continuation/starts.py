@@ -174,16 +174,15 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     # a parameter that changes by less, of the length of the curve: nearly a fold
     if abs(tangent[-1]) > 1e-3:
         return tangent, sign
-    level = abs(tangent[-1]) <= LEVEL
+    if abs(tangent[-1]) <= LEVEL:
+        # away from the first bound that the curve starts at and does not go along
+        slopes = [
+            side * float(bound.row(z) @ tangent)
+            for bound in bounds
+            for side, end, off in bound.ends
+            if abs(bound.value(z) - end) <= off
+        ]
+        slope = next((slope for slope in slopes if abs(slope) > LEVEL), -float(sense(tangent)))
+        tangent = -math.copysign(1.0, slope) * tangent
     # across the parameter that determinant is the less certain the less it changes
-    return curve.tangent_at(z, _inward(curve, bounds, tangent) if level else tangent)
-
-
-def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
-    """A tangent turned away from the first bound that the curve starts at and does not go along."""
-    for bound in bounds:
-        for side, end, off in bound.ends:
-            slope = side * float(bound.row(curve.start) @ tangent)
-            if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
-                return -math.copysign(1.0, slope) * tangent
-    return tangent * sense(tangent)
+    return curve.tangent_at(z, tangent)
