@@ -180,7 +180,7 @@ class _Stored:
         self,
         problem: Problem,
         settings: Settings,
-        candidates: Sequence[Event],
+        candidates: tuple[Event, ...],
         origin: Point | None,
     ) -> tuple[Problem, tuple[Event, ...]]:
         """The problem of a boundary: with the conditions that it had, those of its origin."""

@@ -19,7 +19,7 @@ from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
 from .newton import Undefined
 from .point import Event, Point
-from .settings import Settings, Steps, Within, all_of, steps_of, windows
+from .settings import Settings, Steps, Within
 from .step_interpolant import StepInterpolant
 from .trace import walk_from
 
@@ -83,7 +83,14 @@ def extend(
         no_equations()
     if event_of(branch.problem) and events is not None:
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
-    settings = _settings(branch, within, events, steps)
+    old = branch.settings or Settings()
+    settings = Settings.of(
+        old.within if within is None else within,
+        old.events if events is None else events,
+        steps,
+        old.inadmissible,
+        old.steps,
+    )
     done, over = [branch], dict[str, str]()
     with (
         checkpoint(save, "branch", lambda: done[-1]) as file,
@@ -101,16 +108,6 @@ def extend(
         if file:
             file.finish(done[-1])
     return done[-1]
-
-
-def _settings(branch: Branch, within: Within | None, events: Any, steps: Steps | None) -> Settings:
-    old = branch.settings or Settings()
-    return Settings(
-        old.within if within is None else windows(within),
-        old.events if events is None else all_of(events),
-        steps_of(steps, old.steps),
-        old.inadmissible,
-    )
 
 
 def _over(branch: Branch, side: str, settings: Settings) -> str:

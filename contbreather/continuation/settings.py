@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
+from typing import Self
 
 from ..checks import brief, flag, real
 from ..errors import BadInput
@@ -106,6 +107,19 @@ class Settings:
     steps: Steps = field(default_factory=Steps)
     inadmissible: bool = False
 
+    @classmethod
+    def of(
+        cls,
+        within: Within | None,
+        events: Event | Iterable[Event] | None,
+        steps: Steps | None,
+        inadmissible: bool,
+        usual: Steps | None = None,
+    ) -> Self:
+        """Check what a user asks of a walk: behind this nothing asks again."""
+        lifted = flag("inadmissible", inadmissible)
+        return cls(windows(within), all_of(events), steps_of(steps, usual), lifted)
+
 
 # --- windows ----------------------------------------------------------------------------------
 
@@ -151,16 +165,15 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
 
 
 def active_events(
-    problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
+    problem: Problem, events: tuple[Event, ...] | None, *, inadmissible: bool = False
 ) -> tuple[Problem, tuple[Event, ...]]:
     """The problem with its columns, and all events to look for on its curve.
 
     Events that are asked for come on top of the walls of the problem, its events beyond which
     solutions mean nothing; only `inadmissible` lifts these.
     """
-    listed = all_of(events)
-    asked = tuple(event.of(problem) for event in listed or ())
-    if flag("inadmissible", inadmissible):
+    asked = tuple(event.of(problem) for event in events or ())
+    if inadmissible:
         problem = _lifted(problem)
     for event in asked:
         if isinstance(event, EventWithRule):
@@ -171,7 +184,7 @@ def active_events(
             problem = replace(problem, record={**problem.record, **event.record}, label=label)
     kinds = [event.kind for event in asked]
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-    wanted, walls = (problem.events, ()) if listed is None else (asked, walls)
+    wanted, walls = (problem.events, ()) if events is None else (asked, walls)
     brought = dict[str, Callable[[Point], float]]()
     for event in wanted:
         brought |= event.columns(problem)

@@ -42,7 +42,7 @@ class StartOnCurve:
 def starts_on_curve(
     problem: Problem,
     free: str,
-    within: Within | None,
+    within: Within,
     towards: str,
     along: ArrayLike | None,
     tolerance: float,
@@ -77,7 +77,7 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
-    domain = bounds_of(curve, None)  # outside of it there is nothing to solve
+    domain = bounds_of(curve, {})  # outside of it there is nothing to solve
     value = check_start(curve)
     if (  # a solution already, to rounding of its rows
         abs(value) <= 1e-14 * curve.row_scales * (1 + abs(curve.start / curve.scales).max())

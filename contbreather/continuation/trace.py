@@ -26,7 +26,7 @@ from .infinity import Growth
 from .newton import Undefined
 from .point import Event, Point, Value
 from .problem import Problem, problem_in
-from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .settings import Settings, Steps, Within, active_events, having
 from .starts import QUIET, StartOnCurve, starts_on_curve
 from .step_interpolant import StepInterpolant
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
@@ -126,7 +126,7 @@ def trace(
         raise BadInput(
             "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
         )
-    settings = Settings(windows(within), all_of(events), steps_of(steps), inadmissible)
+    settings = Settings.of(within, events, steps, inadmissible)
     return walk_from(start, free, settings, towards, along, progress, save)
 
 
@@ -151,19 +151,8 @@ def walk_from(
         finer: Finer | None = having(problem_in(start), free), along
         while finer is not None:
             coarse, along = finer
-            # once: what both ways find at the start is one event
-            problem, wanted = active_events(
-                coarse, settings.events, inadmissible=settings.inadmissible
-            )
             look = partial(coarse.finer, along=along) if continues is None else lambda point: None
-            ways = starts_on_curve(
-                problem, free, settings.within, towards, along, settings.steps.tolerance
-            )
-            for way in ways:
-                way.point.curve.asked = settings.events
-            walks[:] = [
-                ContinuationIterator(way, wanted, settings.steps, continues) for way in ways
-            ]
+            walks[:] = _set_out(coarse, free, settings, towards, along, continues)
             shown.remark = advice(walks[0].curve)
             for walk in walks:
                 finer = walk.follow(shown, kept, so_far, look)
@@ -214,14 +203,28 @@ def iterate(
     [0.0, 0.007]
     """
     one_of("towards", towards, ("up", "down"))
-    chosen = steps_of(steps)
+    settings = Settings.of(within, events, steps, inadmissible)
     with one_thread:  # not while the caller has its turn
-        problem, wanted = active_events(
-            having(problem_in(start), free), events, inadmissible=inadmissible
-        )
-        (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
-        walk = ContinuationIterator(way, wanted, chosen)
-    return walk.run()
+        walks = _set_out(having(problem_in(start), free), free, settings, towards, along)
+    return walks[0].run()
+
+
+def _set_out(
+    start: Problem,
+    free: str,
+    settings: Settings,
+    towards: str,
+    along: ArrayLike | None,
+    continues: Branch | None = None,
+) -> list[ContinuationIterator]:
+    """Make the walks from a start, one for each way."""
+    # once: what both find at the start is one event
+    problem, wanted = active_events(start, settings.events, inadmissible=settings.inadmissible)
+    tolerance = settings.steps.tolerance
+    ways = starts_on_curve(problem, free, settings.within, towards, along, tolerance)
+    for way in ways:
+        way.point.curve.asked = settings.events
+    return [ContinuationIterator(way, wanted, settings.steps, continues) for way in ways]
 
 
 class ContinuationIterator:

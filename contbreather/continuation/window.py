@@ -49,10 +49,10 @@ class Bound:
         return z
 
 
-def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
+def bounds_of(curve: Curve, within: Within) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
-    wanted = {problem.normed(name) or name: window for name, window in windows(within).items()}
+    wanted = {problem.normed(name) or name: window for name, window in within.items()}
     for name in wanted.keys() & problem.record.keys() - {*problem.names}:
         raise BadInput(
             f"{name!r} is recorded, and has no window; an event ends the branch where it has a "
