@@ -75,7 +75,6 @@ def status() -> str:
 
 
 def _names() -> list[str]:
-    """The object files of all kernels."""
     for text in TEXTS:
         import_module(text)
     return [kernel.file for kernel in KERNELS]

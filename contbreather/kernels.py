@@ -64,7 +64,6 @@ class Kernel:
 
     @property
     def file(self) -> str:
-        """The name of its object file."""
         return machine_code.file_name(self.function, " ".join(map(str, self.takes)))
 
     @cached_property

@@ -115,7 +115,6 @@ def _content(function: Function) -> tuple[Any, ...]:
 
 
 def called(function: Function, done: dict[Function, None] | None = None) -> list[Function]:
-    """A function and all that it calls."""
     done = {} if done is None else done
     done[function] = None
     for name in function.__code__.co_names:

@@ -58,7 +58,6 @@ class Number(Parameter):
 
     @property
     def wanted(self) -> str:
-        """Sentence for a value out of range."""
         if self.high == math.inf:
             sign = ">" if self.above else ">="
             return f"the {self.meaning} must be a finite number {sign} {self.low:g}{self.why}."

@@ -150,7 +150,6 @@ class Bar(_Progress):
         self.latest = f"0/{total} {unit}", 0
 
     def advance(self, done: int) -> None:
-        """Say how many are done."""
         if self.wanted:
             self.show(f"{done}/{self.total} {self.unit}", done)
 
@@ -162,7 +161,6 @@ class Counter(_Progress):
     latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
-        """Count points, and show the last of them."""
         self.count += count
         if self.wanted:
             free, remark = point.curve.free[0], self.remark and f"; {self.remark}"

@@ -99,7 +99,6 @@ class Sheet:
         return cls([Column("", names), Column("", cells, digits, right=True)], title)
 
     def further(self, *rows: Sequence[Cell]) -> Sheet:
-        """Add rows below."""
         if not rows:
             return self
         columns = [

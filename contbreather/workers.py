@@ -239,7 +239,6 @@ class _Work:
                 future.cancel()
 
     def _chunks(self, workers: int) -> list[list[int]]:
-        """Cut what is left into portions, large ones first, so that all end at about one time."""
         left, chunks = self.left, []
         while left:
             size = max(1, min(self.together, len(left) // (8 * workers)))

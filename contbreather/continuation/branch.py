@@ -46,7 +46,6 @@ class Points(Sequence[Point]):
     rows = property(_ROW)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what was kept."""
         return {**self.__dict__, "_points": {}, "_columns": {}}
 
     @staticmethod
@@ -70,7 +69,6 @@ class Points(Sequence[Point]):
 
     @staticmethod
     def one(point: Point) -> Points:
-        """A plain point of a walk as a piece of its own."""
         numbers = np.array([point.arclength]), np.array([point.residual])
         points = Points(point.curve, point.z[None], point.direction[None], *numbers)
         points._points[0] = point
@@ -78,7 +76,6 @@ class Points(Sequence[Point]):
 
     @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
-        """Several pieces as one."""
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
             marked.update((start + i, point) for i, point in part.made.items())
@@ -275,7 +272,6 @@ class Branch(Columns, HtmlRepr):
             raise IndexError(f"branch[{brief(key)}]: it has {len(self)} points") from None
 
     def _piece(self, key: slice) -> Branch:
-        """The points of a slice, in the order of the walk."""
         chosen = range(len(self))[key]
         if not chosen or chosen.step < 0:
             raise BadInput(

@@ -206,7 +206,6 @@ class _Stored:
         return longer, (*longer.events, *make(candidates).events)
 
     def _without_equations(self) -> Curve:
-        """A curve that has its names and numbers alone."""
         content = self.content
         start, params = (
             {name: self.here[name] for name in content[which]}
@@ -232,7 +231,6 @@ class _Stored:
         return Curve(replace(problem, record=record), tuple(self.content["free"]))
 
     def _settings(self, candidates: Sequence[Event]) -> Settings | None:
-        """Settings of the walk; of its events those that can be made again."""
         content = self.content["settings"]
         if content is None:
             return None
@@ -281,7 +279,6 @@ def _detail_from_dict(content: Any) -> Any:
 
 
 def _check_fit(curve: Curve) -> None:
-    """Refuse equations that the first point does not solve."""
     try:
         off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
     except Undefined as error:
@@ -347,5 +344,4 @@ class _Recorded:
 
 
 def _python(value: Any) -> Any:
-    """A number as Python's own, an array as it is."""
     return value.item() if isinstance(value, np.generic) else value

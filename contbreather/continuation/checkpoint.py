@@ -242,7 +242,6 @@ def _form(thing: Problem | Event) -> dict[str, Any] | None:
 
 
 def _event_to_dict(event: Event) -> dict[str, Any]:
-    """By its kind alone where it has no form."""
     return _form(event) or {"kind": event.kind, "ends": event.ends}
 
 

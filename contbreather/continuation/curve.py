@@ -151,11 +151,9 @@ class Curve:
         return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
-        """Bound what rounding leaves of each equation at z."""
         return rounding(self.jacobian(z), z)
 
     def params(self, z: Array) -> dict[str, float]:
-        """Parameters at z, the free ones taken from it."""
         values, real = self.fixed.copy(), z.dtype.kind != "c"
         for i, name in enumerate(self.free, self.size):
             # complex numbers stay those of numpy, which can be compared
@@ -395,6 +393,5 @@ class Curve:
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:
-        """Forget what is known of the latest places, and how derivatives were taken."""
         self._scheme = None
         self._known.clear()

@@ -226,7 +226,6 @@ def wrong_in_row(
     a pattern was given, with the columns that it has in this row, the entry that it misses."""
 
     def slopes(way: Array) -> tuple[float, float]:
-        """The change along a direction as it was given, and by differences."""
         wanted = differences(lambda t: function(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
 

@@ -124,7 +124,6 @@ def duplicate_of(
 
 
 def images(point: Point) -> Iterator[Point]:
-    """Images of a solution under the symmetries of its problem."""
     for x in point.curve.problem.images(point.x.copy(), point.params):
         z = point.z.copy()
         z[: point.curve.size] = x

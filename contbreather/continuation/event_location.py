@@ -32,7 +32,6 @@ BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its side
 
 
 def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
-    """The point with its kind, once it has been verified; doubtful for a reason."""
     event, start, length = samples.event, samples.segment.first.arclength, samples.segment.length
     around = (start + low * length, start + high * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)

@@ -120,7 +120,6 @@ class Growth:
         )
 
     def _growing(self, z: Array) -> str:
-        """Name what z mostly consists of; empty where that is internal."""
         slots = self.curve.slots.items()
         parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])

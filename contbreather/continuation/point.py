@@ -395,7 +395,6 @@ class Event:
             ) from error
 
     def value_or_nan(self, point: Point) -> Value:
-        """The value as a number, NaN where it has none."""
         try:
             value = self.value(point)
         except OUT_OF_DOMAIN:
@@ -469,7 +468,6 @@ class EventWithRule(Event):
 
     @classmethod
     def of_event(cls, event: Event, **rule: Any) -> Self:
-        """Give an event such columns."""
         return cls(**{same.name: getattr(event, same.name) for same in fields(Event)}, **rule)
 
 

@@ -160,7 +160,6 @@ class Problem(Structure):
 
     @property
     def listed(self) -> list[str]:
-        """Names but the internal ones."""
         return [name for name in self.names if name not in self.internals]
 
     @cached_property
@@ -199,7 +198,6 @@ class Problem(Structure):
         return self.with_parameters(absent) if absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Raise `BadInput` at the first name that this problem does not have."""
         for name in names:
             if name not in self.start and name not in self.params:
                 raise BadInput(f"no {name!r} in this problem; it has {self.listed}")
@@ -272,7 +270,6 @@ class Problem(Structure):
         return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
     def start_text(self) -> str:
-        """The start and the parameters, as far as they are numbers."""
         values = {**self.start, **self.params}
         return ", ".join(
             f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0

@@ -75,7 +75,6 @@ class Run(HtmlRepr, Mapping[str, Any]):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files it consists of."""
         if not os.path.isdir(self.path):
             return (self.path,) if os.path.exists(self.path) else ()
         paths = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
@@ -131,7 +130,6 @@ class Run(HtmlRepr, Mapping[str, Any]):
         raise BadInput(f"no {key!r} in {self.path}; there are {list(entries)} and points {labels}")
 
     def place(self, name: str) -> tuple[Path, str]:
-        """The file that a result is in, and its name there."""
         return self._entries()[name][1:]
 
     def points(self) -> Iterator[tuple[str, Point]]:
@@ -145,7 +143,6 @@ class Run(HtmlRepr, Mapping[str, Any]):
                     yield on, point
 
     def _entries(self) -> dict[str, Entry]:
-        """Results by their names."""
         entries = {}
         for path in self.files:
             results, alone = self.inside(path)

@@ -230,7 +230,6 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
 
 
 def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
-    """The first of two neighbours and as many between them as the spacing asks for."""
     yield first
     pieces = math.ceil((last.arclength - first.arclength) / spacing)
     segment = StepInterpolant(first, last, tolerance)

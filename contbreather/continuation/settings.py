@@ -90,7 +90,6 @@ _USUAL = Steps()
 
 
 def steps_of(steps: object, usual: Steps | None = None) -> Steps:
-    """Steps as they were given, the usual ones if none were; anything else is refused."""
     if steps is None:
         return usual or _USUAL
     if not isinstance(steps, Steps):
@@ -151,7 +150,6 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
 
 
 def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
-    """Events that were given, one or several, as a tuple."""
     if events is None:
         return None
     try:

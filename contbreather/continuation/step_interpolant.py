@@ -168,7 +168,6 @@ class StepSamples:
         return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
 
     def look(self, u: float) -> Value:
-        """The test on the curve."""
         value = self.event.value_or_nan(self.place(u))
         if math.isnan(value):
             raise Undefined("the test has no value between two points of the curve")

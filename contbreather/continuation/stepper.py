@@ -54,7 +54,6 @@ class BranchPiece:
     counts: Sequence[Any] = ()  # beside these, or None
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
-        """Ask the events for their values at all points."""
         asked = [event.values(self.points) for event in events]
         tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
         return replace(self, tests=tests, counts=counts)
@@ -189,7 +188,6 @@ class Stepper:
         return home if closes else None
 
     def _advance(self, point: Point) -> BranchPiece:
-        """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:

@@ -287,7 +287,6 @@ class ContinuationIterator:
         return None
 
     def branch(self) -> Branch:
-        """Make a branch of what there is of it."""
         points, end = labelled(Points.joined(self.walked)), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))

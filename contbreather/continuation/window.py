@@ -33,7 +33,6 @@ class Bound:
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
 
     def row(self, z: Array) -> Array:
-        """The derivative of the value."""
         row, alone = np.zeros(z.size), isinstance(self.slot, int)
         # d|u| = u . du / |u|
         row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
