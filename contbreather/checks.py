@@ -64,14 +64,12 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
 
 
 def flag(name: str, value: object) -> bool:
-    """Yes or no, or a sentence."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
     raise BadInput(f"{name} = {brief(value)}: True or False was expected.")
 
 
 def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
-    """One of a few words or numbers, or a sentence."""
     plain = isinstance(value, str | int | np.integer) and not isinstance(value, bool)
     if plain and value in choices:
         return value
@@ -205,6 +203,6 @@ def check_kind(
 
 
 def kind_of(value: object) -> str:
-    """What kind of thing was given, with its article."""
+    """Name the kind of a value, with its article."""
     kind = type(value).__name__
     return "None" if value is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -35,7 +35,8 @@ class Columns:
         return self.columns()
 
     def to_xarray(self) -> Dataset:
-        """All columns as a dataset of xarray; those that are arrays have dimensions of their own.
+        """Make a dataset of xarray of all columns; those that are arrays have dimensions of their
+        own.
 
         Examples
         --------
@@ -49,7 +50,7 @@ class Columns:
         return Dataset(self.variables())
 
     def variables(self) -> dict[str, Variable]:
-        """All columns with their dimensions, as datasets and files have them."""
+        """Columns with their dimensions, as datasets and files have them."""
         return {
             name: ((self.along, *(f"{name}_{i}" for i in range(1, column.ndim))), column)
             for name, column in self.columns().items()

@@ -75,7 +75,6 @@ def status() -> str:
 
 
 def _names() -> list[str]:
-    """The object files of all kernels."""
     for text in TEXTS:
         import_module(text)
     return [kernel.file for kernel in KERNELS]
@@ -98,13 +97,7 @@ def object_of(kernel: Kernel) -> bytes:
 
 
 def jitted(kernel: Kernel) -> Any:
-    """Compile it by numba, in this process.
-
-    Raises
-    ------
-    NotCompiled
-        Without numba, or if it refuses.
-    """
+    """Compile it by numba, in this process; `NotCompiled` without numba, or if it refuses."""
     try:
         from numba import cfunc, types
 
@@ -115,8 +108,8 @@ def jitted(kernel: Kernel) -> Any:
 
 
 def _object(text: str, entry: str, name: str) -> bytes:
-    """With nothing that others see but its entry, by this name: all objects are loaded into one
-    place, and processes that compile number what they make alike."""
+    """Emit object code that shows nothing but its entry, by this name: all objects are loaded into
+    one place, and processes that compile number what they make alike."""
     import llvmlite.binding as llvm
 
     module = llvm.parse_assembly(text)
@@ -186,7 +179,7 @@ def _pointer_to(kind: Any) -> Any:
 
 
 def _argument(shape: Shape, words: Iterator[int], scope: dict[str, Any]) -> str:
-    """What an argument is made of, from the next words on, as text."""
+    """Write out as text an argument made of the next words."""
     if shape.made_by:
         scope[shape.made_by.__name__] = shape.made_by
         parts = ", ".join(_argument(part, words, scope) for part in shape.parts)

@@ -15,7 +15,7 @@ class ContbreatherError(Exception):
 
 
 class BadInput(ContbreatherError, ValueError):
-    """What was given cannot be worked with; the command line ends with status 2."""
+    """Nothing can be done with what was given; the command line ends with status 2."""
 
 
 class NoSolution(BadInput):

@@ -161,8 +161,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def alone(number: int) -> bool:
-    """Whether nobody else has locked an open file, which then this process has, until it closes it
-    or ends."""
+    """Lock an open file for this process, until it closes it or ends; False if another one has."""
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -178,7 +177,7 @@ def alone(number: int) -> bool:
 
 
 def read_text(path: str | Path) -> str:
-    """All of a text file, or a sentence."""
+    """Read a whole text file, or say in a sentence why not."""
     with opened(path) as stream:
         content = stream.read()
     try:
@@ -209,7 +208,6 @@ def _mode(verb: str, target: Path) -> int:
 
 
 def _forbidden(folder: Path) -> str:
-    """Why the system does not let us write there."""
     read_only = hasattr(os, "statvfs") and os.statvfs(folder).f_flag & os.ST_RDONLY
     return "the file system is read-only" if read_only else "no permission"
 

@@ -1,12 +1,12 @@
 """Packages that fetch what they hold when it is asked for first, as SPEC 1 has it.
 
-What a package holds its own text says, in imports for type checkers, and is read there: one list.
+A package lists its names here; type checkers read them in the `__init__.pyi` beside it.
 """
 
 from __future__ import annotations
 
-import ast
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -46,13 +46,11 @@ class Front(ModuleType):
         return sorted(self._homes)
 
 
-def front(name: str, **former: str) -> list[str]:
-    """Make a package one of these; its names."""
+def front(name: str, modules: Mapping[str, str], **former: str) -> list[str]:
+    """Make a package one of these: `modules` have the names that are fetched from each, and "" its
+    own packages. Returns the names."""
     package = sys.modules[name]
-    text = package.__loader__.get_data(package.__file__)  # type: ignore[union-attr]
-    held = next(node for node in ast.parse(text).body if isinstance(node, ast.If))
-    imports = [node for node in held.body if isinstance(node, ast.ImportFrom)]
-    homes = {alias.name: node.module or "" for node in imports for alias in node.names}
+    homes = {held: module for module, names in modules.items() for held in names.split()}
     vars(package).update(_homes=homes, _former=former)
     package.__class__ = Front
-    return [name for name, home in homes.items() if home]
+    return [held for held, home in homes.items() if home]

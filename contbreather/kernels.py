@@ -59,12 +59,11 @@ class Kernel:
 
     @cached_property
     def takes(self) -> tuple[Shape, ...]:
-        """What is handed over in words: its arguments."""
+        """Arguments, as they are handed over in words."""
         return _shapes(self.function)
 
     @property
     def file(self) -> str:
-        """The name of its object file."""
         return machine_code.file_name(self.function, " ".join(map(str, self.takes)))
 
     @cached_property
@@ -92,7 +91,7 @@ class Kernel:
             self.function(*values)
 
     def framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
-        """What it takes in words of eight bytes."""
+        """Arguments in words of eight bytes."""
         words = self._reader(*values)
         frame = np.empty(len(words))
         self._struct.pack_into(frame.data, 0, *words)
@@ -107,8 +106,7 @@ class Kernel:
         return struct.Struct("".join(map(_letters, self.takes)))
 
     def following(self, *values: Any) -> Callable[[float], None]:
-        """The same, of its first argument, a number, with all others given: these are looked up
-        once."""
+        """Bind all arguments but the first, a number: these are looked up once."""
         code = self.code
         if code is None:
             return lambda first: self.as_it_is(first, *values)
@@ -144,7 +142,7 @@ def _say(reason: str) -> None:
 
 
 class Shape(NamedTuple):
-    """What an argument is: a number f8, i8 or b1, an array of `axes`, or a tuple of `parts`."""
+    """Kind of an argument: a number f8, i8 or b1, an array of `axes`, or a tuple of `parts`."""
 
     name: str
     kind: str

@@ -47,13 +47,8 @@ class NotCompiled(Exception):
 
 
 def code_address(name: str) -> int:
-    """Where the code in the object file of this name begins.
-
-    Raises
-    ------
-    NotCompiled
-        If there is none, or Python lacks what it needs.
-    """
+    """Load the object file of this name; the address where its code begins. `NotCompiled` says that
+    there is none, or that Python lacks what it needs."""
     with _ONE_AT_A_TIME:
         if name not in _loaded:
             try:
@@ -66,7 +61,7 @@ def code_address(name: str) -> int:
 
 
 def availability(names: list[str]) -> str:
-    """How many of these there are, and why not all."""
+    """Say how many of these there are, and why not all."""
     found = [name for name in names if (OBJECTS / name).exists()]
     said = f"{len(found)} of {len(names)} loops are compiled"
     if len(found) == len(names):
@@ -81,8 +76,8 @@ def availability(names: list[str]) -> str:
 
 @lru_cache(maxsize=1)
 def processor() -> tuple[Any, ...]:
-    """What code depends on besides its text: two processors of one name may differ in what their
-    hosts let through."""
+    """Identify what code depends on besides its text: two processors of one name may differ in what
+    their hosts let through."""
     import llvmlite.binding as llvm
 
     cpu = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
@@ -110,8 +105,8 @@ def _hashed(content: Any) -> str:
 
 
 def _content(function: Function) -> tuple[Any, ...]:
-    """What is compiled of a function: not its text, which may have been edited since, and with the
-    constants that it has from other modules."""
+    """Identify what is compiled of a function: not its text, which may have been edited since, and
+    with the constants that it has from other modules."""
     code, scope = function.__code__, function.__globals__
     plain = float | int | tuple
     numbers = [(name, scope[name]) for name in code.co_names if isinstance(scope.get(name), plain)]
@@ -120,7 +115,6 @@ def _content(function: Function) -> tuple[Any, ...]:
 
 
 def called(function: Function, done: dict[Function, None] | None = None) -> list[Function]:
-    """A function and all that it calls."""
     done = {} if done is None else done
     done[function] = None
     for name in function.__code__.co_names:
@@ -144,7 +138,7 @@ def target(**options: Any) -> Any:
 
 @cache
 def _engine() -> Any:
-    """What keeps machine code: one for all of it, for to make one takes longer than to load."""
+    """Keeper of machine code: one for all of it, for to make one takes longer than to load."""
     import llvmlite.binding as llvm
 
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())  # finds Python's own

@@ -14,7 +14,7 @@ from typing import Any
 
 
 class OneThread(ContextDecorator):
-    """What `one_thread` is, a block or a decorator of what computes, one within another as well.
+    """Block, or decorator of a function, that computes by one thread; one within another as well.
 
     How many threads there may be belongs to the process, whichever thread of Python says so: the
     last one to leave gives back what the first one found.
@@ -43,7 +43,7 @@ one_thread = OneThread()
 
 @cache
 def _libraries() -> list[Any]:
-    """Those of numpy and of scipy, which brings its own and has to be loaded to be told."""
+    """Controllers of numpy's and of scipy's BLAS, which has to be loaded to be told."""
     import scipy.linalg  # noqa: F401
     from threadpoolctl import ThreadpoolController
 

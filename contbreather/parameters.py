@@ -17,8 +17,8 @@ from .errors import BadInput
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameter:
-    """What a motion depends on, by the name of the argument, the option, the key, the field; its
-    default is None where a value is needed."""
+    """Quantity that a motion depends on, by the name of the argument, the option, the key, the
+    field; its default is None where a value is needed."""
 
     name: str
     meaning: str  # a noun, for sentences
@@ -51,14 +51,13 @@ class Number(Parameter):
     slider: tuple[float, float, float] = (0.0, 1.0, 0.01)  # its ends and its step
 
     def holds(self, value: float) -> bool:
-        """Whether a number is in the range; NaN and infinity never are."""
+        """Tell whether a number is in the range; NaN and infinity never are."""
         over = self.low < value if self.above else self.low <= value
         under = value < self.high if self.below else value <= self.high
         return over and under and value < math.inf
 
     @property
     def wanted(self) -> str:
-        """What a value out of range is told."""
         if self.high == math.inf:
             sign = ">" if self.above else ">="
             return f"the {self.meaning} must be a finite number {sign} {self.low:g}{self.why}."
@@ -161,7 +160,7 @@ def parameter(name: str, value: object, **range_: Any) -> float:
 
 
 def window_of(name: str) -> tuple[float, float]:
-    """Where a parameter is looked at unless a window is given; any value of one of the forcing.
+    """Default window of a parameter; any value of one of the forcing.
 
     Examples
     --------

@@ -14,13 +14,13 @@ from typing import Any, Self
 from .checks import flag
 
 PATIENCE = 1.0  # seconds before anything is shown
-INTERVAL = 0.1
+INTERVAL = 0.1  # seconds between two drawings
 SELDOM = 20.0  # between two lines of a log
 ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody looks on, into a log
 
 
 def in_notebook() -> bool:
-    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
+    """Tell whether this runs in a kernel, whose output is a page rather than a terminal."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
@@ -52,7 +52,7 @@ class _Terminal:
 
 
 class _Page:
-    """The same below a cell of a notebook, in plain HTML: no widgets are needed."""
+    """Bar below a cell of a notebook, in plain HTML: no widgets are needed."""
 
     def __init__(self, total: int | None) -> None:
         self.display = import_module("IPython.display")  # a notebook has it
@@ -82,7 +82,7 @@ class _Log:
 
 
 class _Progress:
-    """What both kinds share: `shown` True or False forces it on or off, None asks where it is; the
+    """Common part of both: `shown` True or False forces it on or off, None asks where it is; the
     line of an outer call goes on."""
 
     latest: tuple[str, int | None] = "", None
@@ -119,7 +119,6 @@ class _Progress:
 
     @property
     def due(self) -> bool:
-        """Whether it is wanted, and enough time has passed."""
         return self.wanted and time.monotonic() >= self.after
 
     def show(self, text: str, done: int | None = None) -> None:
@@ -151,7 +150,6 @@ class Bar(_Progress):
         self.latest = f"0/{total} {unit}", 0
 
     def advance(self, done: int) -> None:
-        """Say how many are done."""
         if self.wanted:
             self.show(f"{done}/{self.total} {self.unit}", done)
 
@@ -163,7 +161,6 @@ class Counter(_Progress):
     latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
-        """Count points, and show the last of them."""
         self.count += count
         if self.wanted:
             free, remark = point.curve.free[0], self.remark and f"; {self.remark}"

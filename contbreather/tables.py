@@ -30,7 +30,7 @@ class HtmlRepr:
     renderer: ClassVar[Callable[[Any], str] | None] = None
 
     def table(self) -> Sheet:
-        """What it consists of, for people: in a terminal, a notebook and the explorer."""
+        """Table of what it consists of: in a terminal, a notebook and the explorer."""
         raise NotImplementedError
 
     def _repr_html_(self) -> str | None:
@@ -99,7 +99,6 @@ class Sheet:
         return cls([Column("", names), Column("", cells, digits, right=True)], title)
 
     def further(self, *rows: Sequence[Cell]) -> Sheet:
-        """With more rows below."""
         if not rows:
             return self
         columns = [
@@ -110,7 +109,6 @@ class Sheet:
 
     @property
     def rows(self) -> list[tuple[Cell, ...]]:
-        """All cells, as they are."""
         return list(zip(*(column.cells for column in self.columns), strict=True))
 
     def table(self, width: int | None = None) -> Table:
@@ -153,7 +151,7 @@ class Sheet:
         yield self.table(width=options.max_width)
 
     def html(self, width: int | None = None, most: int | None = None) -> str:
-        """The same for a page, what is said in it as text; of many rows the first ones."""
+        """Write the table for a page, what is said in it as text; of many rows the first ones."""
         from html import escape  # a table of all characters that have names
 
         kept, digits = self._room(width)
@@ -200,7 +198,7 @@ def yes_or_no(verdict: bool | None) -> Cell:
 
 
 def _width(columns: Sequence[Column], digits: int) -> int:
-    """With a rule and two spaces for each column, and one rule more."""
+    """Width with a rule and two spaces for each column, and one rule more."""
     return 1 + sum(column.width(digits) + 3 for column in columns)
 
 

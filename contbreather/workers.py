@@ -35,9 +35,6 @@ from .errors import (
 from .progress import Bar
 
 LARGEST = 8  # items that are sent together
-SHARES = 8  # into how many parts for each worker what is left is cut
-WORTH = 1.0  # seconds of work that are worth the start of other processes
-GLANCE = 0.2  # seconds of work from which the rest is estimated
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 UNSENT = "this cannot be sent to another process: {}. With executor=1 it stays in this one"
@@ -79,7 +76,7 @@ def each(
     together: int = LARGEST,
     ended: Callable[[Any, Any], object] | None = None,
 ) -> Iterator[Any]:
-    """What a function makes of each of many items, in their order, as they come.
+    """Apply a function to each of many items, in their order, as they come.
 
     Parameters
     ----------
@@ -169,7 +166,8 @@ class _Work:
         """Work, and pause whenever there are new results."""
         cores = os.cpu_count() or 1
         if executor is None or executor == 1:
-            yield from self._here(math.inf if executor == 1 or cores == 1 else WORTH)
+            # a second of work is worth the start of other processes
+            yield from self._here(math.inf if executor == 1 or cores == 1 else 1.0)
         if executor is None or isinstance(executor, int):
             yield from self._by_processes(min(executor or cores, cores))
         else:
@@ -180,16 +178,17 @@ class _Work:
         begun = time.monotonic()
         for number, item in enumerate(self.items):
             spent = time.monotonic() - begun
-            if number and spent > GLANCE and spent * (len(self.items) / number - 1) > worth:
+            # the rest is estimated from 0.2 seconds of work
+            if number and spent > 0.2 and spent * (len(self.items) / number - 1) > worth:
                 return
             with add_partial_result(partial(self.results.__setitem__, number)):
                 self.results[number] = _attempt(self.work, item)
             yield
 
     def _by_processes(self, most: int) -> Iterator[None]:
-        """Where one dies all of its pool do: another pool, after what was in hand has been done
-        again, each item in a process of its own, to see whether it was this that ended the first.
-        """
+        """Work in pools: where one worker dies all of its pool do. Another pool follows, after what
+        was in hand has been done again, each item in a process of its own, to see whether it was
+        this that ended the first."""
         while self.left:
             chunks = self._chunks(most)
             with processes(min(most, len(chunks))) as pool:
@@ -204,7 +203,7 @@ class _Work:
                     yield
 
     def _by(self, executor: Executor) -> Iterator[None]:
-        """All of it, then once more, one by one, what was lost with its workers."""
+        """Work by an executor, then once more, one by one, on what was lost with its workers."""
         workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
         yield from self._sent(executor, self._chunks(workers))
         yield from self._sent(executor, [[number] for number in self.left])
@@ -240,10 +239,9 @@ class _Work:
                 future.cancel()
 
     def _chunks(self, workers: int) -> list[list[int]]:
-        """What is left in portions, large ones first, so that all end at about the same time."""
         left, chunks = self.left, []
         while left:
-            size = max(1, min(self.together, len(left) // (SHARES * workers)))
+            size = max(1, min(self.together, len(left) // (8 * workers)))
             chunks.append(left[:size])
             left = left[size:]
         return chunks
@@ -279,8 +277,8 @@ def _unpacked(packed: bytes) -> list[Any]:
 
 
 def _unbroken() -> AbstractContextManager[None]:
-    """What a signal raises while a future is locked leaves it locked, and its pool never ends: so
-    waiting is done by a queue, and whatever else is asked of futures waits for no signal."""
+    """Defer signals while a future is locked: what they raise would leave it locked, and its pool
+    would never end. So waiting is done by a queue, and all else that is asked of futures waits."""
     return deferred(signal.SIGINT, signal.SIGTERM)
 
 
@@ -344,8 +342,8 @@ def _leaving_in_order() -> Iterator[None]:
 
 @contextmanager
 def _begun_quietly() -> Iterator[None]:
-    """What is started within leaves Ctrl-C, which reaches all processes of a terminal, to the one
-    that waits for it; nothing is half started when a signal comes."""
+    """Leave Ctrl-C, which reaches all processes of a terminal, to the one that waits for what is
+    started within; nothing is half started when a signal comes."""
     masking = getattr(signal, "pthread_sigmask", None)  # not on Windows
     # the mask is for what is started; here another thread, as BLAS has, may still hear of them
     mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})

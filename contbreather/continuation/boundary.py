@@ -38,12 +38,9 @@ from .settings import (
     Steps,
     Within,
     active_events,
-    all_of,
     having,
-    steps_of,
     titled,
     walls_are_lifted,
-    windows,
 )
 from .trace import trace
 
@@ -112,9 +109,8 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     named_pair(pair)
     base_point, event = _having(point.base_point, _traceable(point), pair)
-    longer = boundary_problem(base_point, event, pair, events, inadmissible=inadmissible)
-    steps = steps_of(steps, Steps(most=_MOST))
-    settings = Settings(windows(within), all_of(events), steps, inadmissible)
+    settings = Settings.of(within, events, steps, inadmissible, Steps(most=_MOST))
+    longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
 
     def born(line: Branch) -> Branch:
         return replace(line, settings=settings, origin=point)
@@ -160,15 +156,14 @@ def boundary_problem(
     base_point: Point,
     event: Event,
     pair: tuple[str, str],
-    events: Iterable[Event] | None = None,
+    events: tuple[Event, ...] | None = None,
     *,
     inadmissible: bool = False,
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
     named_pair(pair)
-    listed = all_of(events)
-    base, active = active_events(base_point.problem, listed, inadmissible=inadmissible)
+    base, active = active_events(base_point.problem, events, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
@@ -194,7 +189,7 @@ def boundary_problem(
         for met in locus.meets.get(other.kind, (codim_two(kind, other),))
     ]
     of_locus = locus.events
-    if listed == ():  # only what the curve cannot be followed beyond
+    if events == ():  # only what the curve cannot be followed beyond
         of_locus = tuple(e for e in of_locus if e.ends)
     if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
         of_locus = tuple(
@@ -211,7 +206,7 @@ def boundary_problem(
         events=(*of_locus, *others),
         record=record,
         label=titled(f"{kind} boundary", base),
-        asked=listed,
+        asked=events,
         inadmissible=inadmissible,
     )
     longer = extended(curve, locus, event, make)

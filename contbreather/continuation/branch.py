@@ -25,28 +25,19 @@ from .point import Implied, Point, UnstableDimension
 from .problem import Problem
 from .settings import Settings
 
-_SEAM = 1e-10  # relative arclength within which two branches meet
 _ROW = attrgetter("z", "tangent", "arclength", "residual")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Points(Sequence[Point]):
-    """Neighbouring points of a walk.
-
-    Attributes
-    ----------
-    curve : Curve
-    z, tangent : ndarray, shape (len(self), n + 1)
-    arclength, residual : ndarray, shape (len(self),)
-    made : dict
-        By number those of which there is more to know: what happens there, where it came from.
-    """
+    """Neighbouring points of a walk."""
 
     curve: Curve
-    z: Array
+    z: Array  # a row for each, of n + 1 entries
     tangent: Array
     arclength: Array
     residual: Array
+    # by number those of which there is more to know: what happens there, where it came from
     made: dict[int, Point] = field(default_factory=dict)
     # what was asked for once is kept
     _points: dict[int, Point] = field(default_factory=dict, init=False)
@@ -55,7 +46,6 @@ class Points(Sequence[Point]):
     rows = property(_ROW)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what was kept."""
         return {**self.__dict__, "_points": {}, "_columns": {}}
 
     @staticmethod
@@ -79,7 +69,6 @@ class Points(Sequence[Point]):
 
     @staticmethod
     def one(point: Point) -> Points:
-        """A plain point of a walk as a piece of its own."""
         numbers = np.array([point.arclength]), np.array([point.residual])
         points = Points(point.curve, point.z[None], point.direction[None], *numbers)
         points._points[0] = point
@@ -87,7 +76,6 @@ class Points(Sequence[Point]):
 
     @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
-        """Several pieces as one."""
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
             marked.update((start + i, point) for i, point in part.made.items())
@@ -98,7 +86,7 @@ class Points(Sequence[Point]):
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Those of a kind, in order."""
+        """Points of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
     @one_thread
@@ -179,7 +167,7 @@ def _column(cells: Sequence[Any]) -> NDArray[Any]:
 
 
 class Stop(enum.Enum):
-    """Why a branch ended; the value is the sentence a user reads."""
+    """Reason why a branch ended; the value is the sentence a user reads."""
 
     BOUND = "reached the edge of the window"
     EVENT = "ended at a terminal event"
@@ -195,7 +183,7 @@ class Stop(enum.Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether the numerics gave up, rather than the curve being at its end."""
+        """Say whether the numerics gave up, rather than the curve being at its end."""
         return self in (Stop.NO_CONVERGENCE, Stop.DOMAIN)
 
 
@@ -247,7 +235,7 @@ class Branch(Columns, HtmlRepr):
 
     @property
     def start_correction(self) -> float:
-        """How far the start that was given was from the curve; 0 if that is not worth telling."""
+        """Distance of the start that was given from the curve; 0 if that is not worth telling."""
         more = self.points.made.values()
         return next((p.detail["moved"] for p in more if "moved" in p.detail), 0.0)
 
@@ -284,7 +272,6 @@ class Branch(Columns, HtmlRepr):
             raise IndexError(f"branch[{brief(key)}]: it has {len(self)} points") from None
 
     def _piece(self, key: slice) -> Branch:
-        """The points of a slice, in the order of the walk."""
         chosen = range(len(self))[key]
         if not chosen or chosen.step < 0:
             raise BadInput(
@@ -321,8 +308,8 @@ class Branch(Columns, HtmlRepr):
         raise BadInput(f"no column {name!r}; this branch has {has}")
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """All columns by name, the labels of the special points first. At special points there is
-        no count where rounding decides it."""
+        """Columns by name, the labels of the special points first. At special points there is no
+        count where rounding decides it."""
         columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
         derived = (name for name in self.problem.record if name not in self.problem.names)
         recorded = self.points.recorded(*derived)
@@ -369,7 +356,8 @@ class Branch(Columns, HtmlRepr):
             made={i: _measured(p, 1, shift) for i, p in other.points.made.items()},
         )
         seam = before.arclength[-1]
-        reach = _SEAM * (after.arclength[-1] - before.arclength[0])
+        # within this relative arclength they meet
+        reach = 1e-10 * (after.arclength[-1] - before.arclength[0])
         head = before[: np.count_nonzero(before.arclength < seam - reach)]
         tail = after[np.count_nonzero(after.arclength <= seam + reach) :]
         at_seam = [*before[len(head) :], *after[: len(after) - len(tail)]]
@@ -395,7 +383,7 @@ class Branch(Columns, HtmlRepr):
         )
 
     def reversed(self) -> Branch:
-        """The same points walked the other way."""
+        """Walk the same points the other way."""
         end, rows = self.points[-1].arclength, self.points[::-1]
         turned = replace(
             rows,
@@ -453,9 +441,11 @@ class Branch(Columns, HtmlRepr):
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         last = self.points[-1].label if self.stop is Stop.EVENT else ""
-        end = f"ended at {last}" if last else _ended(self.stop, self.reason)
+        said = self.reason and f": {self.reason}"
+        end = f"ended at {last}" if last else f"{self.stop.value}{said}"
         if self.began is not None and self.began.failed:
-            end += f"; the other way: {_ended(self.began, self.began_reason)}"
+            said = self.began_reason and f": {self.began_reason}"
+            end += f"; the other way: {self.began.value}{said}"
         distance = self.start_correction
         moved = f"the start was moved by {distance:.2g}" if distance else ""
         more = filter(None, (moved, advice(self.curve)))
@@ -467,10 +457,6 @@ class Branch(Columns, HtmlRepr):
     def __repr__(self) -> str:
         special = [point.label for point in self.special]
         return f"<Branch {self.describe()}; special {special}{self._doubts}>"
-
-
-def _ended(stop: Stop, reason: str) -> str:
-    return f"{stop.value}{': ' + reason if reason else ''}"
 
 
 def labelled(points: Iterable[Point]) -> Points:
@@ -500,7 +486,7 @@ def with_ends(branch: Branch) -> Branch:
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:
-    """The same point with its arclength from elsewhere on, and -1 for the other way."""
+    """Measure arclength from elsewhere on, and the other way for -1."""
     low, high = (shift + sense * end for end in (point.bracket or (0.0, 0.0))[::sense])
     bracket = point.bracket and (low, high)
     tangent = None if point.tangent is None else sense * point.tangent

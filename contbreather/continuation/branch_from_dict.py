@@ -33,7 +33,7 @@ BRANCH = {  # what `branch_to_dict` writes besides columns and groups
     "label": str, "stop": str, "reason": str, "began": str | None, "began_reason": str,
     "unknowns": list[str], "parameters": list[str], "recorded": list[str], "free": list[str],
     "boundary": dict[str, Any] | None, "image_of": int | None,
-    "kinds": list[str], "located": list[int], "detail": dict[str, dict[str, Any]],
+    "kinds": list[str], "detail": dict[str, dict[str, Any]],
     "parent": bool, "point_label": str, "period": int | None,
     "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
     "settings": dict[str, Any] | None,
@@ -42,11 +42,10 @@ SETTINGS = {
     "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
     "steps": dict[str, Any], "inadmissible": bool,
 }  # fmt: skip
-_FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
 
 
 def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
-    """What it is the dict of; `problems` have the equations of its branches."""
+    """Load a result from its dict; `problems` have the equations of its branches."""
     if content["kind"] == "branch":
         return branch_from_dict(content, problems)
     groups = content.get("groups", {}).items()
@@ -55,20 +54,11 @@ def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
 
 
 def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Branch:
-    """The branch of a dict.
+    """Load a branch from its dict.
 
-    Parameters
-    ----------
-    content : mapping
-    problems : sequence of Problem
-        One with its equations (of a boundary those of the original problem), in place of those in
-        the dict.
-
-    Raises
-    ------
-    BadInput
-        If the equations have other names, or the points do not solve them; of several what is
-        wrong with the first.
+    One of the problems has its equations (of a boundary those of the original problem), in place of
+    those in the dict. If all have other names, or the points do not solve them, `BadInput` says
+    what is wrong with the first.
     """
     origin, groups = None, content.get("groups", {})
     if "origin" in groups:  # it may be on a curve of other equations
@@ -112,13 +102,12 @@ class _Stored:
 
     def _check_places(self) -> None:
         """Refuse kinds and points that there are not, which nothing asks for before it is shown."""
-        content, count = self.content, len(self.z)
-        codes, places = self.columns["point_kind"], [*content["located"], *content["detail"]]
-        known = {*content["unknowns"], *content["parameters"]}
+        content, places = self.content, [*map(str, range(len(self.z)))]
+        codes, known = self.columns["point_kind"], {*content["unknowns"], *content["parameters"]}
         wrong = {
             "free": [name for name in content["free"] or [None] if name not in known],
             "point_kind": [c for c in codes.tolist() if c not in range(len(content["kinds"]))],
-            "located, detail": [i for i in places if str(i) not in map(str, range(count))],
+            "detail": [i for i in content["detail"] if i not in places],
         }
         for name, values in wrong.items():
             if values:
@@ -137,7 +126,7 @@ class _Stored:
     def fitted(
         self, problems: Sequence[Problem], origin: Point | None
     ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
-        """With the first problem that fits, if any is given."""
+        """Attach the first problem that fits, if any is given."""
         wrong: list[BadInput] = []
         for problem in problems or (None,):
             try:
@@ -191,7 +180,7 @@ class _Stored:
         self,
         problem: Problem,
         settings: Settings,
-        candidates: Sequence[Event],
+        candidates: tuple[Event, ...],
         origin: Point | None,
     ) -> tuple[Problem, tuple[Event, ...]]:
         """The problem of a boundary: with the conditions that it had, those of its origin."""
@@ -217,7 +206,6 @@ class _Stored:
         return longer, (*longer.events, *make(candidates).events)
 
     def _without_equations(self) -> Curve:
-        """A curve that has its names and numbers alone."""
         content = self.content
         start, params = (
             {name: self.here[name] for name in content[which]}
@@ -243,7 +231,6 @@ class _Stored:
         return Curve(replace(problem, record=record), tuple(self.content["free"]))
 
     def _settings(self, candidates: Sequence[Event]) -> Settings | None:
-        """How the walk was asked for; of its events those that can be made again."""
         content = self.content["settings"]
         if content is None:
             return None
@@ -261,20 +248,17 @@ class _Stored:
             for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
         )
         points = Points(curve, self.z, tangent, arclength, residual)
-        unlocated, bare = {*content["located"]}, np.isnan(tangent).any(axis=1)
-        more = {
-            *np.flatnonzero((codes != 0) | bare).tolist(),
-            *map(int, content["detail"]),
-            *unlocated,
-        }
-        for i in sorted(more):
+        located, bare = columns["point_located"] != 0, np.isnan(tangent).any(axis=1)
+        more = (codes != 0) | bare | ~located
+        more[[*map(int, content["detail"])]] = True
+        for i in np.flatnonzero(more).tolist():
             detail = content["detail"].get(str(i))
             point = replace(
                 points[i],
                 tangent=None if bare[i] else points[i].tangent,
                 kind=content["kinds"][codes[i]],
                 bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
-                located=i not in unlocated,
+                located=bool(located[i]),
                 detail=_detail_from_dict(detail) if detail else {},
             )
             points.made[i] = replace(point, event=_event_at(point, events))
@@ -295,12 +279,12 @@ def _detail_from_dict(content: Any) -> Any:
 
 
 def _check_fit(curve: Curve) -> None:
-    """Refuse equations that the first point does not solve."""
     try:
         off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
     except Undefined as error:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
-    if off > _FITS:
+    # relative to the rows of the derivative
+    if off > 1e-6:
         raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
 
 
@@ -360,5 +344,4 @@ class _Recorded:
 
 
 def _python(value: Any) -> Any:
-    """A number as Python's own, an array as it is."""
     return value.item() if isinstance(value, np.generic) else value

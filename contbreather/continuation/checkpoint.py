@@ -29,7 +29,6 @@ from .branch import Branch, Points
 from .defining_systems import ExtendedProblem, event_of
 from .point import Event
 from .problem import Problem
-from .settings import Settings
 
 Array = NDArray[Any]
 
@@ -57,7 +56,7 @@ def write_results(
 
 
 class NotKept(BadInput):
-    """What was computed could not be written; it is the `result` of this."""
+    """No file could be written of what was computed, the `result` of this."""
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message)
@@ -65,14 +64,8 @@ class NotKept(BadInput):
 
 
 class Checkpoint:
-    """A file that is written anew every few seconds, and where something happens.
-
-    Parameters
-    ----------
-    path : str or Path
-    name : str
-        That of the result in it; those of a tuple are numbered, a dict has names.
-    """
+    """A file that is written anew every few seconds, and where something happens; its result has
+    this name in it, those of a tuple are numbered, those of a dict have names."""
 
     def __init__(self, path: str | Path, name: str) -> None:
         self.path, self.name = netcdf.target_of(path), name
@@ -95,13 +88,7 @@ class Checkpoint:
         self.due = max(self.soonest, end + EVERY)
 
     def finish(self, result: Any) -> None:
-        """Write it now.
-
-        Raises
-        ------
-        NotKept
-            With the result, which is not lost where there is no room for it.
-        """
+        """Write it now; where there is no room for it, `NotKept` has the result."""
         try:
             self._write(result, recorded=None)
         except BadInput as error:
@@ -116,17 +103,16 @@ class Checkpoint:
 
 
 class Inner(Checkpoint):
-    """The same file as seen from a call within another: what it has is a piece of the whole."""
+    """File of an outer call as seen from a call within: that result is a piece of the whole."""
 
     def __init__(self, outer: Checkpoint, whole: Callable[[Any], Any]) -> None:
         self.outer, self.whole = outer, whole
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
-        def all_of_it() -> Any:
-            result = piece()
-            return None if result is None else self.whole(result)
+        def result() -> Any:
+            return None if (inner := piece()) is None else self.whole(inner)
 
-        self.outer.look(special, all_of_it)
+        self.outer.look(special, result)
 
     def finish(self, result: Any) -> None:
         """Nothing: the outermost call does."""
@@ -154,13 +140,8 @@ def checkpoint(
     save: Save, name: str, so_far: Callable[[], Any] | None = None
 ) -> Iterator[Checkpoint | None]:
     """The file that a call keeps its result in, None for none; an interruption carries what there
-    is by then, and so does the file: `so_far()`, or what an inner call has made of it.
-
-    Raises
-    ------
-    BadInput
-        If it cannot be written: before anything is computed.
-    """
+    is by then, and so does the file: `so_far()`, or what an inner call has made of it. A file that
+    cannot be written is refused before anything is computed."""
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
     file = save if save is None or isinstance(save, Checkpoint) else Checkpoint(save, name)
@@ -179,16 +160,8 @@ def checkpoint(
 def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, Any]:
     """A branch, or what consists of branches, or anything else that has a dict.
 
-    Parameters
-    ----------
-    result : object
-    recorded : bool or None
-        Whether to ask for the recorded columns of branches, which may take as long as the branches
-        themselves; None where the dict has no equations that give them later.
-
-    Raises
-    ------
-    NotSerialisable
+    `recorded` asks for the recorded columns of branches, which may take as long as the branches
+    themselves; None does where the dict has no equations that give them later.
     """
     if isinstance(result, Branch):
         return branch_to_dict(result, recorded=recorded)
@@ -201,7 +174,7 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
 
 
 def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str, Any]:
-    """With its doubtful points and the point it was born from as groups."""
+    """Make a dict of a branch, with its doubtful points and the one it was born from as groups."""
     points, groups = branch.points, {}
     if recorded is None:
         recorded = _base(branch.problem)[1] is None
@@ -214,7 +187,7 @@ def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str,
 
 
 def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict[str, Any]:
-    problem, event = branch.problem, event_of(branch.problem)
+    problem, event, settings = branch.problem, event_of(branch.problem), branch.settings
     base, equations = _base(problem)
     ends = {
         "label": problem.label,
@@ -224,6 +197,12 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "began_reason": branch.began_reason,
     }
     words = {"free": branch.free, "boundary": event.kind if event else ""}
+    asked = settings and {
+        "within": {name: [float(end) for end in ends] for name, ends in settings.within.items()},
+        "events": settings.events and [_event_to_dict(event) for event in settings.events],
+        "steps": asdict(settings.steps),
+        "inadmissible": settings.inadmissible,
+    }
     special = points.made.items()
     return {
         "kind": "branch",
@@ -235,14 +214,13 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "boundary": _event_to_dict(event) if event else None,
         "image_of": branch.image_of,
         "kinds": _kinds(points),
-        "located": [i for i, point in special if not point.located],  # those that are not
         "detail": {i: _detail_to_dict(point.detail) for i, point in special if point.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
         "period": getattr(base, "period", None),
         "equations": equations,
         "base": [list(base.start), list(base.params)],
-        "settings": branch.settings and _settings_to_dict(branch.settings),
+        "settings": asked,
         "columns": _columns(branch, points, record),
         "attributes": {**ends, **words, "stop_meaning": branch.stop.value},
     }
@@ -263,18 +241,7 @@ def _form(thing: Problem | Event) -> dict[str, Any] | None:
     return None
 
 
-def _settings_to_dict(settings: Settings) -> dict[str, Any]:
-    events = settings.events
-    return {
-        "within": {name: [float(end) for end in ends] for name, ends in settings.within.items()},
-        "events": None if events is None else [_event_to_dict(event) for event in events],
-        "steps": asdict(settings.steps),
-        "inadmissible": settings.inadmissible,
-    }
-
-
 def _event_to_dict(event: Event) -> dict[str, Any]:
-    """By its kind alone where it has no form."""
     return _form(event) or {"kind": event.kind, "ends": event.ends}
 
 
@@ -304,7 +271,7 @@ def _kinds(points: Points) -> list[str]:
 
 
 def _columns_of_points(points: Points) -> dict[str, Column]:
-    """What every point has, and the numbers and words in `detail` of the special ones."""
+    """Columns of every point, and of the numbers and words in `detail` of the special ones."""
     kinds, special, count = _kinds(points), points.made, len(points)
     codes, located = np.zeros(count, dtype="i1"), np.ones(count, dtype=bool)
     brackets = np.full((count, 2), math.nan)

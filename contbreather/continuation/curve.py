@@ -38,7 +38,6 @@ LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
 _FEW_LATEST = 64  # the same with few unknowns
-_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
 
 
@@ -101,8 +100,8 @@ class Curve:
         return math.sqrt(z.dot(self.metric * z))
 
     def turned(self, z: Array, near: Array) -> Array:
-        """The same solution with its angles as they are nearest to those of another, or of several
-        in rows."""
+        """Turn the angles of a solution to where they are nearest to those of another, or of
+        several in rows."""
         periods = self.problem.modulo(z[: self.size], self.params(z))
         if not periods:
             return z
@@ -120,7 +119,8 @@ class Curve:
     def row_scales(self) -> Array:
         if self._row_scales is None:
             sizes = self._row_scales = self.row_sizes(self.start)
-            if not (sizes.size > 1 and sizes.min() > _VANISHED * sizes.max()):
+            # a row of this relative size says nothing of its equation
+            if not (sizes.size > 1 and sizes.min() > 1e-9 * sizes.max()):
                 # where curves cross a whole row, or the only one, may vanish: it is seen aside
                 z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
                 with suppress(Undefined):
@@ -151,11 +151,9 @@ class Curve:
         return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
-        """What rounding leaves of each equation at z."""
         return rounding(self.jacobian(z), z)
 
     def params(self, z: Array) -> dict[str, float]:
-        """All parameters at z, the free ones taken from it."""
         values, real = self.fixed.copy(), z.dtype.kind != "c"
         for i, name in enumerate(self.free, self.size):
             # complex numbers stay those of numpy, which can be compared
@@ -163,7 +161,7 @@ class Curve:
         return values
 
     def residual(self, z: Array, function: Residual | None = None) -> Array:
-        """What the equations give, or others in their place, without any checks, at a possibly
+        """Evaluate the equations, or others in their place, without any checks, at a possibly
         complex z."""
         # copies: equations that write to x do not move the point, and the same array may come back
         # each time, written anew
@@ -229,8 +227,8 @@ class Curve:
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
-        """What was made of one of the latest z, or is made of it now: all events ask about the same
-        point in turn."""
+        """Make something of z, unless that was done at one of the latest places: all events ask
+        about the same point in turn."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
         if value is None:
@@ -395,6 +393,5 @@ class Curve:
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:
-        """Forget what is known of the latest places, and how derivatives were taken."""
         self._scheme = None
         self._known.clear()

@@ -15,7 +15,6 @@ from .newton import OUT_OF_DOMAIN, Array, Undefined
 from .sparse import Pattern, canonical, entry_columns, is_sparse
 
 _SMALL, _LARGE = 1e-3, 1e4  # what is not as small or large is walked along without `scales`
-_NONE = 1e-10  # and what is smaller is zero
 _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 
 
@@ -153,13 +152,14 @@ def advice(curve: Curve) -> str:
 
 
 def unlike_scales(curve: Curve, z: Array) -> str:
-    """What to say of unknowns and parameters far from 1 in size without `scales`, where a walk
-    breaks off: a fold of what is 1e-4 in size is one step of the smallest kind."""
+    """Name unknowns and parameters far from 1 in size without `scales`, where a walk breaks off: a
+    fold of what is 1e-4 in size is one step of the smallest kind."""
     problem = curve.problem
     unlike = {}
     for name, slot in curve.slots.items():
         size = max(float(abs(at[slot]).max()) for at in (curve.start, z))
-        far = _NONE < size < _SMALL or size > _LARGE
+        # what is smaller is zero
+        far = 1e-10 < size < _SMALL or size > _LARGE
         if far and name not in problem.internals and name not in problem.scales:
             unlike[name] = float(f"{size:.0e}")
     return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""

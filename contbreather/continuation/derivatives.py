@@ -22,18 +22,6 @@ Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
 RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 _FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
-_GOOD = 1e-7  # differences with two steps agree this well where they can be trusted
-_NOISE = 1e-11  # rounding of the terms of a row, divided by the relative step
-
-# Steps of `along`, relative to the entries that it moves, and how it stops. Its estimate belongs
-# to the next lower order, so that a change of 1e-6 between two orders means an error of 1e-11.
-_LONGEST = 2e-3
-_HALVINGS = 24
-_AGREED = 1e-6
-_GARBAGE = 0.1  # what changes this much from one step to its half tells nothing yet
-_KNOWN = 1e-3  # an estimate this good that gets worse was as good as rounding allows
-_SMALL = 1e-2  # a change that is smaller, relative to the function, is measured by the function
-_ORDERS = 4
 
 
 def differences(
@@ -55,17 +43,15 @@ def differences(
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
     chosen = range(z.size) if columns is None else columns
-    column = _column_inside if one_sided else _column
-    kinked = {*map(int, kinks)}
-    return np.stack(
-        [(_column_at_kink if i in kinked else column)(function, z, i, steps[i]) for i in chosen],
-        axis=-1,
-    )
+    inside, kinked = _column_inside if one_sided else _column, {*map(int, kinks)}
 
+    def column(i: int) -> Array:
+        if i not in kinked:
+            return inside(function, z, i, steps[i])
+        h = np.eye(1, z.size, i)[0] * steps[i] / 2
+        return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / steps[i])
 
-def _column_at_kink(function: Function, z: Array, i: int, step: float) -> Array:
-    h = np.eye(1, z.size, i)[0] * step / 2
-    return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / step)
+    return np.stack([column(i) for i in chosen], axis=-1)
 
 
 def _column(function: Function, z: Array, i: int, step: float) -> Array:
@@ -123,13 +109,14 @@ def along(
     Raises `Undefined` where the function has no value to these sides.
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
-    h = _LONGEST / max(size, 1e-300)
+    h = 2e-3 / max(size, 1e-300)
     here = function(z)
-    floor = _SMALL * size * row_sizes(here, scales) + 1e-300
+    # a change that is smaller, relative to the function, is measured by the function
+    floor = 1e-2 * size * row_sizes(here, scales) + 1e-300
     ratio = 2 if ahead else 4
     best, doubt = None, math.inf
     before: list[Array] = []
-    for _ in range(_HALVINGS):
+    for _ in range(24):
         try:
             there = function(z + h * vector)
             behind, width = (here, h) if ahead else (function(z - h * vector), 2 * h)
@@ -147,10 +134,13 @@ def along(
             apart = float((change / (row_sizes(row[-1], scales) + floor)).max())
             if apart < doubt:
                 best, doubt = row[-1], apart
-            if doubt < _AGREED or (doubt < _KNOWN and apart > 4 * doubt):
+            # an estimate belongs to the next lower order: a change of 1e-6 between two orders is an
+            # error of 1e-11. One of 1e-3 that gets worse was as good as rounding allows
+            if doubt < 1e-6 or (doubt < 1e-3 and apart > 4 * doubt):
                 break
-        far = apart > _GARBAGE
-        before, h = [] if far else row[: _ORDERS - 1], h / (8 if far else 2)
+        # what changes this much from one step to its half tells nothing yet
+        far = apart > 0.1
+        before, h = [] if far else row[:3], h / (8 if far else 2)  # four orders
     if best is None:
         raise Undefined("the equations have no value around the point")
     return best
@@ -208,12 +198,14 @@ def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array,
         where = poor[better]
         best[:, where], doubt[:, where] = fine[:, better], apart[:, better]
         finer[where] = 8 * factor if factor > 1 else 1.0
-        poor = poor[~(apart.max(axis=0) <= _GOOD * abs(fine).max(axis=0))]
+        # differences with two steps agree this well where they can be trusted
+        poor = poor[~(apart.max(axis=0) <= 1e-7 * abs(fine).max(axis=0))]
         if not poor.size:
             break
     sizes = np.maximum(scales, abs(z))
     terms = np.nan_to_num(abs(best) * sizes).max(axis=1)  # what each row adds up, and rounds
-    return best, doubt + _NOISE * terms[:, None] * finer / sizes, finer
+    # rounding of the terms of a row, divided by the relative step
+    return best, doubt + 1e-11 * terms[:, None] * finer / sizes, finer
 
 
 def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:
@@ -234,7 +226,6 @@ def wrong_in_row(
     a pattern was given, with the columns that it has in this row, the entry that it misses."""
 
     def slopes(way: Array) -> tuple[float, float]:
-        """The change along a direction as it was given, and by differences."""
         wanted = differences(lambda t: function(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
 

@@ -20,12 +20,11 @@ from .step_interpolant import StepInterpolant
 
 Array = NDArray[np.float64]
 
-_APART = 1e-3  # relative to the way from the place that both come from: the same solution
 _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
 
 
 def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
-    """Whether a solution lies on a branch between its ends, at any place.
+    """Tell whether a solution lies on a branch between its ends, at any place.
 
     False where it cannot be decided: the branch has other unknowns, or other parameters than the
     free one differ. `reach` is the distance from a place where curves meet to the point on one of
@@ -52,7 +51,8 @@ def placed(point: Point, curve: Curve) -> Array | None:
 
 def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool:
     z = curve.turned(z, other)
-    return curve.length(z - other) <= min(GAP * (1 + curve.length(z)), _APART * reach)
+    # and, relative to the way from the place that both come from, this
+    return curve.length(z - other) <= min(GAP * (1 + curve.length(z)), 1e-3 * reach)
 
 
 def _near(z: Array, branch: Branch) -> list[int]:
@@ -71,7 +71,7 @@ def _near(z: Array, branch: Branch) -> list[int]:
 
 
 def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
-    """Whether z is the point of the curve between two neighbours, found anew beside it."""
+    """Tell whether z is the point of the curve between two neighbours, found anew beside it."""
     curve = first.curve
     z = curve.turned(z, first.z)
     if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
@@ -96,7 +96,7 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
 
 @dataclass(frozen=True)
 class Duplicate:
-    """How a solution is known: on which branch, and whether as an image or in a smaller problem."""
+    """Branch that has a solution, as an image or in a smaller problem perhaps."""
 
     branch: int
     image: bool = False
@@ -124,7 +124,6 @@ def duplicate_of(
 
 
 def images(point: Point) -> Iterator[Point]:
-    """What the symmetries of its problem make of a solution."""
     for x in point.curve.problem.images(point.x.copy(), point.params):
         z = point.z.copy()
         z[: point.curve.size] = x
@@ -148,7 +147,7 @@ def simplest(point: Point, reach: float = math.inf) -> Point:
 
 
 def same_place(point: Point, other: Point) -> bool:
-    """Whether two points are the same solution, of the same or of a smaller problem."""
+    """Tell whether two points are the same solution, of the same or of a smaller problem."""
     point, other = simplest(point), simplest(other)
     z = placed(point, other.curve)
     return z is not None and _same(other.curve, other.z, z)

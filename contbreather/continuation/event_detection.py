@@ -40,9 +40,6 @@ from .step_interpolant import (
 )
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
-_ROUNDS = 20  # how often a step is looked through again, at the events found so far
-_AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
-_TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
 _CALM, _FLAT = 0.6, 0.35
@@ -51,8 +48,8 @@ _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|,
 
 @dataclass(frozen=True)
 class Ends:
-    """Whether a step starts or ends the walk: an event at the very start or end, where rounding
-    decides the sign of its test, counts as well; on a closed curve only once."""
+    """Start or end of the walk on a step: an event at the very start or end, where rounding decides
+    the sign of its test, counts as well; on a closed curve only once."""
 
     first: bool = False
     last: bool = False
@@ -78,7 +75,7 @@ def find(
     ends: Ends,
     quiet: Sequence[Any] | None = None,
 ) -> StepEvents:
-    """All events on one step of a walk.
+    """Find the events on one step of a walk.
 
     `before` and `after` are the tests at its ends, `crossing` a branch point known to lie on it;
     `quiet` says of each test whether it has no candidate by its values (`quiet_steps`).
@@ -172,7 +169,7 @@ def quiet_steps(
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
-    """Whether the parabola through three values stays away from zero."""
+    """Tell whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
     # 1/2 is (start + end) / 2 - curvature / 4
     curvature = (end - start - (start - earlier) / pace) / (1 + pace)
@@ -231,7 +228,8 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
         yield from separated(samples)
         yield from _dipped(samples)
         yield from _closer(samples)
-    for _ in range(_ROUNDS):
+    # the step is looked through again at the events found so far
+    for _ in range(20):
         fresh = [point for samples in active for point in locate(samples)]
         yield from fresh
         if not fresh:
@@ -298,7 +296,8 @@ def _between(
         for event, value in zip((samples.event for samples in tests), values, strict=True):
             seen = {0.0: value, 0.5: event.value_or_nan(middle), 1.0: event.value_or_nan(end)}
             parts.append(part := StepSamples(piece, event, seen))
-            beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
+            # a test this small where curves cross, relative to beside it, vanishes there
+            beside = 1e-7 * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 seen[1.0] = math.nan
@@ -347,7 +346,7 @@ def _explained(
 
 
 def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, float]]:
-    """Where a count changes between the events of a step, a little off them: there it is
+    """Find where a count changes between the events of a step, a little off them: there it is
     rounding."""
     first, length, jumps = count.segment.first.arclength, count.segment.length, []
     cuts = sorted((point.arclength - first) / length for point in points)
@@ -357,5 +356,5 @@ def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, flo
         if high - low > ASIDE:
             before, after = count.known(low), count.known(high)
             if before != after and not math.isnan(before) and not math.isnan(after):
-                jumps.append(first_jump(count, low, high, _TALLIED))
+                jumps.append(first_jump(count, low, high, 1e-4))
     return jumps

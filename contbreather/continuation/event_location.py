@@ -25,21 +25,13 @@ from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
 
-_SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
-_NARROW = 1e-14  # and half of that around a zero
 _MOST = 50  # events of one kind that are looked for on one step
-_LOCATED = 1e-9  # tolerance of a location, unless the walk asks for a closer one
-_APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
-_LOOKS = 400  # places looked at between several zeros of one step
-_TOUCH = 1e-5  # and one this small does
-_STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
+_TOUCH = 1e-5  # a test this small, relative to its largest, touches zero
 BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its sides are looked at
-_THROUGH = 0.1  # and at the zero, relative to there, it is no more than this
 
 
 def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
-    """The point with its kind, once it has been verified; doubtful for a reason."""
     event, start, length = samples.event, samples.segment.first.arclength, samples.segment.length
     around = (start + low * length, start + high * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)
@@ -137,8 +129,8 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     left_over = abs(samples.event.value_or_nan(point))
     # rounding of a test may be more than that where its values are small all around
     beside = (samples.look(v) for v in (u - BESIDE * (u - left), u + BESIDE * (right - u)))
-    if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
-        return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
+    if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
+        return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
         return None
@@ -194,7 +186,8 @@ def _jumps(
         if place := _solved(samples, middle, left, right):
             yield place
             return
-    if right - left < _SHARP:
+    # so narrow a bracket, relative to the step, ends the bisection
+    if right - left < 1e-13:
         yield left, right, samples.segment.at(middle)
         return
     samples.values[middle] = samples.look(middle)
@@ -205,8 +198,8 @@ def _jumps(
 
 
 def first_jump(samples: StepSamples, low: float, high: float, width: float) -> tuple[float, float]:
-    """Where the count in a bracket first has another value than at its start, as closely as
-    `width` and as far as it has values."""
+    """Find the first change of a count in a bracket, as closely as `width` and as far as it has
+    values."""
     before = samples.known(low)
     while high - low > width:
         middle = 0.5 * (low + high)
@@ -256,7 +249,8 @@ def _newton(
     problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
     curve, n = Curve(problem, ()), guess.curve.size
     start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
-    solution = newton(curve, start, tolerance=min(tolerance, _LOCATED))
+    # so close, unless the walk asks for a closer one
+    solution = newton(curve, start, tolerance=min(tolerance, 1e-9))
     solved = Point(curve, solution.z)
     detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
     return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
@@ -280,7 +274,8 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             continue
         looks += 1
         middle = 0.5 * (left + right)
-        if looks > _LOOKS:
+        # places looked at between several zeros of one step
+        if looks > 400:
             reason = f"the count of {event.kind} changes too often within one step to tell all"
             yield _double(samples, left, right, samples.place(middle), reason)
             return
@@ -303,7 +298,7 @@ def _double(samples: StepSamples, left: float, right: float, point: Point, reaso
 
 
 def has_double_zero(samples: StepSamples) -> bool:
-    """Whether a test that keeps its sign dips through zero and back within the step, as smooth
+    """Tell whether a test that keeps its sign dips through zero and back within the step, as smooth
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
@@ -317,7 +312,8 @@ def has_double_zero(samples: StepSamples) -> bool:
             return False
         if min(abs(vertex - u) for u in places) < 1e-6:
             return False
-        if any(abs(vertex - zero) < _APART for zero in samples.zeros):
+        # two zeros of one test closer than this, relative to the step, may be one
+        if any(abs(vertex - zero) < 1e-4 for zero in samples.zeros):
             return False
         samples.glance(vertex)
         if samples.changes():
@@ -355,11 +351,14 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
-    around = (places[at - 1], places[at + 1])
-    left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
-    u = 0.5 * (left + right)
+    from scipy.optimize import minimize_scalar  # dear to import, and hardly ever needed
+
+    u = minimize_scalar(
+        lambda u: abs(samples.deflated(u, samples.glance(u))),
+        bounds=(places[at - 1], places[at + 1]), method="bounded", options={"xatol": 0.1 * _ONE},
+    ).x  # fmt: skip
     if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
-        least = _seen_at(samples, u)
+        least, left, right = _seen_at(samples, u), u - _ONE, u + _ONE
         # where the test jumps it is small on one side alone
         if least < _TOUCH * highest and all(
             _seen_at(samples, v) < LOW * highest for v in (left, right)
@@ -371,32 +370,3 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
 def _seen_at(samples: StepSamples, u: float) -> float:
     """The size of the test on the cubic, not kept."""
     return abs(samples.deflated(u, samples.event.value_or_nan(samples.segment.provisional(u))))
-
-
-def _downhill(
-    samples: StepSamples, bracket: tuple[float, float], sizes: list[float], enough: float
-) -> tuple[float, float]:
-    """Bracket of the least size of a test by golden section, unless its sign changes; no closer
-    than shows that it stays above `enough`, even if it fell several times as fast inside."""
-    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
-    golden = 0.5 * (math.sqrt(5) - 1)
-    (left, right), (first, last) = bracket, sizes
-
-    def size(u: float) -> float:
-        return abs(samples.deflated(u, samples.glance(u)))
-
-    inner, outer = right - golden * (right - left), left + golden * (right - left)
-    low, high = size(inner), size(outer)
-    while right - left > _ONE and not samples.changes():
-        steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
-        if min(low, high) - _STEEPER * steepest * (right - left) > enough:
-            break
-        if low < high:
-            right, last, outer, high = outer, high, inner, low
-            inner = right - golden * (right - left)
-            low = size(inner)
-        else:
-            left, first, inner, low = inner, low, outer, high
-            outer = left + golden * (right - left)
-            high = size(outer)
-    return left, right

@@ -35,29 +35,15 @@ STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from
 
 @dataclass
 class Tendency:
-    """What a parameter does while z grows.
-
-    Attributes
-    ----------
-    name, slot
-        Its name and its place in z.
-    largest : float
-        The size it had at most.
-    reaches : bool
-        Whether its window has zero in it.
-    moved, since : float
-        Its value where it last moved, and 1 + |z| there.
-    small : float
-        1 + |z| from where on it has been small; infinite where it is not.
-    """
+    """Course of a parameter while z grows."""
 
     name: str
-    slot: int
-    largest: float
-    reaches: bool
-    moved: float = math.nan
-    since: float = math.inf
-    small: float = math.inf
+    slot: int  # in z
+    largest: float  # size it had
+    reaches: bool  # its window has zero in it
+    moved: float = math.nan  # value where it last moved
+    since: float = math.inf  # 1 + |z| there
+    small: float = math.inf  # 1 + |z| from where on it has been small; infinite where it is not
 
     def passes(self, value: float, slope: float, size: float) -> bool:
         """The next value, its derivative along the curve, and the length of z there; whether it
@@ -85,7 +71,7 @@ class Tendency:
 
 
 class Growth:
-    """How z grows along a walk."""
+    """Growth of z along a walk."""
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
         self.curve, self.first = curve, 1.0 + curve.length(start)
@@ -107,7 +93,7 @@ class Growth:
         return None
 
     def _tends_to(self, z: Array, tangent: Array) -> str:
-        """What z tends to where nothing is to come beyond; empty where it does not."""
+        """Name the limits where nothing is to come beyond; empty where something is."""
         size, gone, since = self.curve.length(z), [], 0.0
         for param in self.tendencies:
             value = float(z[param.slot])
@@ -121,7 +107,7 @@ class Growth:
         return f"{grows} grows without bound while {', '.join(gone or limits)}"
 
     def towards(self, z: Array, tangent: Array) -> str:
-        """What there is to say of a curve that was walked as many steps as allowed, outwards."""
+        """Say what grows where a walk took as many steps as allowed; empty if nothing does."""
         size, along = self.curve.length(z), z * self.curve.metric @ tangent
         outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
         if not outwards or self._bounded(z, tangent, size):
@@ -134,14 +120,13 @@ class Growth:
         )
 
     def _growing(self, z: Array) -> str:
-        """What z mostly consists of; empty where that is internal."""
         slots = self.curve.slots.items()
         parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])
         return "" if most in self.curve.problem.internals else most
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
-        """Whether a window says how far something may go that grows with z."""
+        """Tell whether a window says how far something may go that grows with z."""
         for bound in self.bounds:
             value, rate = bound.value(z), float(bound.row(z) @ tangent)
             if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):

@@ -16,50 +16,33 @@ from .sparse import TURNS, Factors, Matrix, any_vector, beside, factorised, is_l
 
 Array = NDArray[np.float64]
 
-_SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
-_FEW = 8  # sparse matrices of fewer rows are taken as dense ones
-_LEADS = 0.37  # no fraction of small numbers: entries of vectors are often those of each other
-_AT_ONCE = 60  # branch points that are looked for on one step
-
 
 @dataclass(frozen=True, eq=False)
 class LeastSingular:
-    """The least singular value of a matrix of n rows and n + k columns.
+    """The least singular value of a matrix A of n rows and n + k columns."""
 
-    Attributes
-    ----------
-    left, right : ndarray
-        Singular vectors of the least singular value, with ``A right = size left``.
-    null : ndarray, shape (k, n + k)
-        Orthonormal null vectors.
-    size, second, largest : float
-        The least singular value, the one before (infinite if there is none) and the largest; that
-        of a sparse matrix is a bound.
-    sign : int
-        Of a square matrix: the product of the determinants of all its left and of all its right
-        singular vectors. It belongs to `left` and `right`, and does not jump where the matrix is
-        singular; times the least singular value it is smooth there.
-    rest : callable
-        ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
-        take part.
-    """
-
-    left: Array
+    left: Array  # singular vectors of the least singular value, ``A right = size left``
     right: Array
-    null: Array
+    null: Array  # k orthonormal null vectors, in rows
     size: float
-    largest: float
+    largest: float  # singular value; of a sparse matrix a bound
     following: Callable[[], float]
+    # ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
+    # take part
     rest: Callable[[Array], Array]
     orientation: Callable[[], float]
 
     @cached_property
     def sign(self) -> int:
+        """Of a square A: the product of the determinants of all its left and all its right singular
+        vectors. It does not jump where A is singular: times the least singular value it is smooth.
+        """
         return round(self.orientation())
 
     @cached_property
     def second(self) -> float:
-        """The second least singular value: it tells how well the least stands out."""
+        """The second least singular value, infinite if there is none: how well the least stands
+        out."""
         return self.following()
 
     @property
@@ -72,7 +55,8 @@ def sense(vector: NDArray[Any]) -> Any:
     """The sign, of a complex vector the phase, of its first entry that is not much smaller than the
     largest: what a vector that is known up to it is divided by, so that rounding has no say."""
     size = abs(vector)
-    entry = vector[int((size >= _LEADS * size.max()).argmax())]
+    # no fraction of small numbers: entries of vectors are often those of each other
+    entry = vector[int((size >= 0.37 * size.max()).argmax())]
     return entry / abs(entry) if entry else 1.0
 
 
@@ -92,7 +76,8 @@ def least_singular(matrix: Matrix) -> LeastSingular:
     """Least singular values and vectors of a matrix with at least as many columns as rows."""
     if not is_large(matrix):
         return _dense(matrix)
-    if matrix.shape[0] < _FEW:
+    # of fewer rows it is taken as a dense one
+    if matrix.shape[0] < 8:
         return _dense(matrix.toarray())
     return _sparse(Factors(matrix))
 
@@ -127,7 +112,8 @@ def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Arr
         right = value * right
         left = factors.transposed(right)
         left = left / math.sqrt(left @ left)
-        if abs(left @ before) >= _SAME:
+        # the cosine of the angle between directions that are the same
+        if abs(left @ before) >= 1 - 1e-15:
             break
     return factors.sign() * value, factors.sign() * left, right
 
@@ -181,16 +167,8 @@ def _sparse(factors: Factors) -> LeastSingular:
 
         return 1 / math.sqrt(_leading(others, n)[0])
 
-    return LeastSingular(
-        left,
-        right,
-        factors.basis.T,
-        size,
-        math.sqrt(largest),
-        following,
-        rest,
-        orientation,
-    )
+    sizes = size, math.sqrt(largest)
+    return LeastSingular(left, right, factors.basis.T, *sizes, following, rest, orientation)
 
 
 def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
@@ -204,7 +182,6 @@ def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
 
 # --- bordered matrices along a curve -------------------------------------------------------------
 
-_SLOW = 0.3  # growth by one application below which no eigenvalue is 1
 _LOOKS = 3  # steps of inverse iteration: close to a zero one is enough, and far away none is needed
 
 
@@ -264,7 +241,8 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
     operator = LinearOperator((whole, whole), matvec=matvec, dtype=float)
     values, wanted = np.empty(0, dtype=complex), 2
     # all of size 1 and more are wanted: more are asked for until the least of them is smaller
-    while wanted < min(size - 2, _AT_ONCE):
+    # branch points that are looked for on one step
+    while wanted < min(size - 2, 60):
         try:
             values = eigs(
                 operator, wanted, v0=any_vector(whole), tol=1e-4, return_eigenvectors=False
@@ -278,11 +256,12 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
 
 
 def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
-    """Whether an eigenvalue may be of size 1: most steps of a walk are short against all others."""
+    """Tell whether an eigenvalue may be of size 1: most steps of a walk are short against all."""
     x, growth = any_vector(size), 0.0
     for _ in range(_LOOKS):
         # power iteration: a few steps show an eigenvalue of size 1 among small ones
         x = matvec(x)
         growth = float(np.linalg.norm(x))
         x = x / (growth or 1.0)
-    return growth > _SLOW
+    # slower growth by one application: no eigenvalue is 1
+    return growth > 0.3

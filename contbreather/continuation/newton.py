@@ -24,14 +24,8 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
 _REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
-_SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
-_ROUNDED = 4 * 2.0**-52  # sums of terms that round once each were never seen to be off by more
-_SHORTEST = 1e-6  # damping at which an approach gives up
-_NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
-_THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
 _SHRINKS = 0.3  # at least by as much corrections shrink with factors from near by
 _EXACT = 1e-3  # of the tolerance: what may be left then, where Newton's would leave a square
-_ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
 class Undefined(ContbreatherError, ArithmeticError):
@@ -40,7 +34,7 @@ class Undefined(ContbreatherError, ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Where a Newton iteration ended, and whether that is a solution."""
+    """End of a Newton iteration, and whether that is a solution."""
 
     z: Array
     converged: bool
@@ -50,7 +44,7 @@ class Solution:
 
 
 class Equations(Protocol):
-    """What is solved: a `Curve`."""
+    """Equations to solve, as a `Curve` has them."""
 
     metric: Array
 
@@ -103,17 +97,19 @@ def newton(
             solved = not singular or _balances(matrix, value, z, curve.metric)
             return Solution(z, solved, iteration, float(abs(value).max()), moved)
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
-        reuse = z.size > FEW and moved <= min(_REUSED * size, _SHRUNK * previous)
+        # and no curvature is in the way where it is so much shorter than the one before
+        reuse = z.size > FEW and moved <= min(_REUSED * size, 1e-2 * previous)
         previous = moved
     return Solution(z, False, most, float(abs(curve.equations(z)).max()), moved)
 
 
 def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
-    """Whether what is left of the equations is small against their terms: where the derivative is
-    singular the shortest correction may be short far from any solution."""
+    """Compare what is left of the equations with their terms: where the derivative is singular the
+    shortest correction may be short far from any solution."""
     terms = abs(matrix) @ (abs(z) + metric**-0.5)
     terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
-    return bool((abs(value) <= _ROUNDING * terms).all())
+    # relative to the terms of its row: a solution, where Newton's iteration is blind
+    return bool((abs(value) <= 1e-12 * terms).all())
 
 
 def chord(
@@ -124,8 +120,8 @@ def chord(
     row: Array,
     tolerance: float,
 ) -> Solution | None:
-    """The same solution by the factors of a derivative near by, as long as corrections are short
-    and shrink fast; None where they do not. It counts as one iteration.
+    """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
+    short and shrink fast; None where they do not. It counts as one iteration.
 
     On the way the equations need be no more exact than the next correction: `roughly`. What
     corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
@@ -171,7 +167,7 @@ def newton_step(
 
 
 def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
-    """From anywhere to where full steps of Newton's iteration are short, or None.
+    """Go from anywhere to where full steps of Newton's iteration are short; None if that fails.
 
     A step is cut until the next one from there, for the same derivative, would be shorter
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
@@ -189,9 +185,10 @@ def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
         size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
-        if size <= _THERE * (1 + curve.length(z)):
+        # of one this short rounding may decide whether the next is shorter
+        if size <= 1e-10 * (1 + curve.length(z)):
             return z
-        while damping > _SHORTEST:
+        while damping > 1e-6:
             try:
                 trial = z - damping * step * weights
                 value = curve.equations(trial)
@@ -206,7 +203,8 @@ def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
         else:
             return None
         z = trial
-        if damping == 1 and ahead <= _NEAR * (1 + curve.length(z)):
+        # a full step this short has arrived
+        if damping == 1 and ahead <= 1e-3 * (1 + curve.length(z)):
             return z
         # tried twice as long next time: only full steps converge quadratically
         damping = min(1.0, 2 * damping)
@@ -221,8 +219,9 @@ def _least(matrix: Array, right: Array) -> Array:
 
 
 def rounding(matrix: Matrix, z: Array) -> Array:
-    """What is left of equations at a solution, for their derivative there."""
-    return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
+    """Bound what rounding leaves of equations at a solution, by their derivative there."""
+    # sums of terms that round once each were never seen to be off by more
+    return np.asarray(4 * 2.0**-52 * (abs(matrix) @ abs(z)))
 
 
 def _shortest(matrix: Array, right: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
@@ -134,7 +135,7 @@ class Point(HtmlRepr):
 
     @property
     def on_verge(self) -> bool:
-        """Whether rounding decides a count of unstable directions here."""
+        """Say whether rounding decides a count of unstable directions here."""
         left = self.parent or self  # an arm sets out at the point that it left
         if left.event is None:  # without its equations: only ends are known to be clear
             return left.kind not in ("", "EP", "MX")
@@ -142,12 +143,12 @@ class Point(HtmlRepr):
 
     @property
     def params(self) -> dict[str, float]:
-        """All parameters here."""
+        """Parameters by name."""
         return self.curve.params(self.z)
 
     @property
     def values(self) -> dict[str, Any]:
-        """All unknowns and parameters by name."""
+        """Unknowns and parameters by name."""
         return {name: self[name] for name in self.curve.problem.names}
 
     @property
@@ -169,7 +170,7 @@ class Point(HtmlRepr):
 
     @property
     def solution(self) -> Any:
-        """What this point is to the user of its problem, an `Orbit` for instance."""
+        """Meaning of this point to the user of its problem, an `Orbit` for instance."""
         base = self.base_point
         interpret = base.curve.problem.interpret
         if interpret is None:
@@ -178,7 +179,7 @@ class Point(HtmlRepr):
         return base.curve.cached("solution", base.z, lambda z: interpret(base))
 
     def __getattr__(self, name: str) -> Any:
-        """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.
+        """Answer what the solution answers, too: ``point.state(sites=20)`` of an orbit.
 
         Called for names that a point does not have itself.
         """
@@ -214,7 +215,7 @@ class Point(HtmlRepr):
 
 @dataclass(frozen=True)
 class DefiningSystem:
-    """Where an event happens, as equations: what `boundary` adds to the problem's own.
+    """Equations for where an event happens: `boundary` adds them to the problem's own.
 
     Parameters
     ----------
@@ -337,9 +338,8 @@ class Event:
 
     @property
     def serialised(self) -> Mapping[str, Any] | None:
-        """What files make it of again where its kind alone does not say that, as of a `Problem`;
-        for classes derived from this one."""
-        return None
+        """Serialised form, as of a `Problem`, where its kind alone does not tell enough."""
+        return self.test.serialised(self.ends) if isinstance(self.test, Level) else None
 
     @property
     def look(self) -> Look:
@@ -348,22 +348,22 @@ class Event:
 
     @property
     def crosses(self) -> bool:
-        """Whether curves cross there: the equations are singular, and solved for otherwise."""
+        """Say whether curves cross there: the equations are singular, and solved for otherwise."""
         return hasattr(self.locus, "solve")
 
     @property
     def ends_domain(self) -> bool:
-        """Whether solutions mean nothing beyond it."""
+        """Say whether solutions mean nothing beyond it."""
         return self.ends == "domain"
 
     @property
     def bifurcates(self) -> bool:
-        """Whether counts of unstable directions are decided by rounding there: not at a wall, at a
-        level that a user asked for, and where a count changes for no reason that is known."""
+        """Say whether rounding decides counts of unstable directions there: not at a wall, at a
+        level that a user asked for, and where a count changes for no known reason."""
         return not (self.ends_domain or self.test is None or isinstance(self.test, Level))
 
     def columns(self, problem: Problem) -> Mapping[str, Callable[[Point], float]]:
-        """What is kept along a branch where it is looked for, unless the problem has such names."""
+        """Columns of a branch on which it is looked for, unless the problem has such names."""
         return {}
 
     def of(self, problem: Problem) -> Event:
@@ -376,8 +376,7 @@ class Event:
         return getattr(self.test, "matrix", None)
 
     def value(self, point: Point) -> Value:
-        """What is looked at along the curve, as it was given: the test, or the count where there
-        is no test."""
+        """The test, or the count where there is none, as it was given."""
         look = self.test or self.count
         assert look is not None
         return look(point)
@@ -396,7 +395,6 @@ class Event:
             ) from error
 
     def value_or_nan(self, point: Point) -> Value:
-        """The value as a number, NaN where it has none."""
         try:
             value = self.value(point)
         except OUT_OF_DOMAIN:
@@ -412,10 +410,9 @@ class Event:
 
     def at_once(self, points: Sequence[Point]) -> Many | None:
         """Arrays of values and counts, as `many` gives them; None where each has to be asked."""
-        try:
+        answer = None
+        with suppress(*OUT_OF_DOMAIN):
             answer = self.many and self.many(points)
-        except OUT_OF_DOMAIN:
-            answer = None
         if not answer:
             return None
         shapes = [np.shape(column) for column in answer if column is not None]
@@ -434,18 +431,11 @@ class Event:
 @dataclass(frozen=True)
 class UnstableDimension:
     """A recorded column that counts what is unstable: not asked for along the boundary of a
-    bifurcation, where rounding would decide it.
+    bifurcation, where rounding would decide it."""
 
-    Parameters
-    ----------
-    of : callable
-        ``of(point)``, the number at one point.
-    rows : callable, optional
-        ``rows(points)``, an int array with the numbers of all points of a branch, -1 where one has
-        to be asked for by itself; or None, if all have.
-    """
-
-    of: Callable[[Point], float]
+    of: Callable[[Point], float]  # the number at one point
+    # ``rows(points)``: an int array with the numbers of all points of a branch, -1 where one has to
+    # be asked for by itself; or None, if all have
     rows: Callable[[Any], NDArray[np.int64] | None] | None = None
 
     def __call__(self, point: Point) -> float:
@@ -455,15 +445,9 @@ class UnstableDimension:
 @dataclass(frozen=True)
 class Implied:
     """A recorded column that a symmetry of the solutions settles: drawn and kept beside branches
-    without the symmetry, and left out of tables of special points.
+    without the symmetry, and left out of tables of special points."""
 
-    Parameters
-    ----------
-    of : callable
-        ``of(point)``, the number at one point.
-    """
-
-    of: Callable[[Point], float]
+    of: Callable[[Point], float]  # the number at one point
 
     def __call__(self, point: Point) -> float:
         return self.of(point)
@@ -471,21 +455,12 @@ class Implied:
 
 @dataclass(frozen=True, repr=False)
 class EventWithRule(Event):
-    """An event with a rule of its own for who counts as unstable: the columns that go with it.
+    """An event with a rule of its own for who counts as unstable: the columns that go with it."""
 
-    Parameters
-    ----------
-    record : dict
-        Columns in place of those of the problem of the same names.
-    about : str
-        What these columns are about, shown with the label of the problem.
-    form : dict
-        What files make it of again.
-    """
-
-    record: Mapping[str, Callable[[Point], float]] = field(kw_only=True)
-    about: str = field(kw_only=True)
-    form: Mapping[str, Any] = field(kw_only=True)
+    _: KW_ONLY
+    record: Mapping[str, Callable[[Point], float]]  # in place of those of the problem
+    about: str  # what these columns are about, shown with the label of the problem
+    form: Mapping[str, Any]  # serialised
 
     @property
     def serialised(self) -> Mapping[str, Any]:
@@ -493,7 +468,6 @@ class EventWithRule(Event):
 
     @classmethod
     def of_event(cls, event: Event, **rule: Any) -> Self:
-        """The same event with such columns."""
         return cls(**{same.name: getattr(event, same.name) for same in fields(Event)}, **rule)
 
 
@@ -509,15 +483,6 @@ class CodimensionTwo(Event):
         return self.base.bifurcates
 
 
-@dataclass(frozen=True, repr=False)
-class LevelEvent(Event):
-    """UZ, with a `Level` for its test."""
-
-    @property
-    def serialised(self) -> Mapping[str, Any]:
-        return {"kind": "UZ", **vars(self.test), "terminal": self.ends == "branch"}
-
-
 @dataclass(frozen=True)
 class Level:
     """A test by a named value that passes a level."""
@@ -530,6 +495,9 @@ class Level:
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self(Point(curve, z.copy()))])
+
+    def serialised(self, ends: str) -> Mapping[str, Any]:
+        return {"kind": "UZ", **vars(self), "terminal": ends == "branch"}
 
     def __str__(self) -> str:
         return f"{self.name} = {self.value:.12g}"
@@ -552,7 +520,7 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     value = number("value", value, -1e300, 1e300, "the level to stop at")
     level = Level(name, value)
     locus, ends = Always(DefiningSystem({}, level.conditions)), flag("terminal", terminal)
-    return LevelEvent("UZ", level, locus=locus, ends="branch" if ends else "")
+    return Event("UZ", level, locus=locus, ends="branch" if ends else "")
 
 
 serialised("UZ")(user)

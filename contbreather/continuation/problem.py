@@ -160,12 +160,11 @@ class Problem(Structure):
 
     @property
     def listed(self) -> list[str]:
-        """All names but the internal ones."""
         return [name for name in self.names if name not in self.internals]
 
     @cached_property
     def slots(self) -> dict[str, int | slice]:
-        """Where each unknown lies in `x`."""
+        """Place of each unknown in `x`."""
         slots: dict[str, int | slice] = {}
         at = 0
         for name, value in self.start.items():
@@ -181,7 +180,7 @@ class Problem(Structure):
         return np.concatenate(values)
 
     def at(self, **values: Any) -> Problem:
-        """The same problem with other start values or parameters."""
+        """Move the start, or the parameters, to other values."""
         self.check_names(values)
         for name in self.start.keys() & values.keys():
             if np.ndim(values[name]) != np.ndim(self.start[name]):
@@ -199,7 +198,6 @@ class Problem(Structure):
         return self.with_parameters(absent) if absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Raise `BadInput` at the first name that this problem does not have."""
         for name in names:
             if name not in self.start and name not in self.params:
                 raise BadInput(f"no {name!r} in this problem; it has {self.listed}")
@@ -260,7 +258,6 @@ class Problem(Structure):
         return self._started(solution.z), solution
 
     def _started(self, x: Array) -> Problem:
-        """The same problem with its start at x."""
         start = {
             name: (float(x[at]) if isinstance(at, int) else x[at])
             for name, at in self.slots.items()
@@ -273,7 +270,6 @@ class Problem(Structure):
         return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
     def start_text(self) -> str:
-        """The start and the parameters, as far as they are numbers."""
         values = {**self.start, **self.params}
         return ", ".join(
             f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0

@@ -36,7 +36,7 @@ class Entry(NamedTuple):
 
 
 class Run(HtmlRepr, Mapping[str, Any]):
-    """What is on disk under one path: read when it is asked for, and again where it has changed.
+    """Results on disk under one path: read when asked for, and again where they have changed.
 
     ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
     in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only, and
@@ -75,14 +75,13 @@ class Run(HtmlRepr, Mapping[str, Any]):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files it consists of."""
         if not os.path.isdir(self.path):
             return (self.path,) if os.path.exists(self.path) else ()
         paths = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
         return tuple(sorted(path for path in paths if not path.name.startswith(".")))
 
     def file(self, name: str) -> Path:
-        """Where a result of that name is, or will be, in a folder."""
+        """Name the file of a result, there or to be, in a folder."""
         check_names("result", [name])
         if os.path.isfile(self.path):
             raise BadInput(f"{self.path} is one file; a folder is expected for more of them")
@@ -131,7 +130,6 @@ class Run(HtmlRepr, Mapping[str, Any]):
         raise BadInput(f"no {key!r} in {self.path}; there are {list(entries)} and points {labels}")
 
     def place(self, name: str) -> tuple[Path, str]:
-        """The file that a result is in, and its name there."""
         return self._entries()[name][1:]
 
     def points(self) -> Iterator[tuple[str, Point]]:
@@ -145,7 +143,6 @@ class Run(HtmlRepr, Mapping[str, Any]):
                     yield on, point
 
     def _entries(self) -> dict[str, Entry]:
-        """All results by their names."""
         entries = {}
         for path in self.files:
             results, alone = self.inside(path)
@@ -158,7 +155,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
         return entries
 
     def inside(self, path: Path) -> Contents:
-        """What is in a file, read once as long as it stays the same."""
+        """Read what is in a file, once as long as it stays the same."""
         state = None
         with suppress(OSError, ValueError):  # reading says what is wrong
             stat = path.stat()

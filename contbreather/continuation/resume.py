@@ -17,16 +17,14 @@ from .branch import Branch, Points, Stop, labelled
 from .branch_from_dict import no_equations
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
-from .duplicates import lies_on
 from .newton import Undefined
 from .point import Event, Point
-from .settings import Settings, Steps, Within, all_of, steps_of, windows
+from .settings import Settings, Steps, Within
 from .step_interpolant import StepInterpolant
 from .trace import walk_from
 
 Windows = Mapping[str, tuple[float, float]]
 
-_EDGE = 1e-9  # relative, within which an end is on the edge of a window
 _OVER: dict[Stop | None, str] = {
     Stop.CLOSED: "it is closed: there is nothing beyond",
     Stop.EVENT: "there is nothing to follow beyond the event that ended it",
@@ -44,7 +42,7 @@ def extend(
     progress: bool | None = None,
     save: Save = None,
 ) -> Branch:
-    """The same branch, or boundary, followed further at its ends.
+    """Follow a branch, or boundary, further at its ends.
 
     Parameters
     ----------
@@ -85,7 +83,14 @@ def extend(
         no_equations()
     if event_of(branch.problem) and events is not None:
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
-    settings = _settings(branch, within, events, steps)
+    old = branch.settings or Settings()
+    settings = Settings.of(
+        old.within if within is None else within,
+        old.events if events is None else events,
+        steps,
+        old.inadmissible,
+        old.steps,
+    )
     done, over = [branch], dict[str, str]()
     with (
         checkpoint(save, "branch", lambda: done[-1]) as file,
@@ -105,18 +110,8 @@ def extend(
     return done[-1]
 
 
-def _settings(branch: Branch, within: Within | None, events: Any, steps: Steps | None) -> Settings:
-    old = branch.settings or Settings()
-    return Settings(
-        old.within if within is None else windows(within),
-        old.events if events is None else all_of(events),
-        steps_of(steps, old.steps),
-        old.inadmissible,
-    )
-
-
 def _over(branch: Branch, side: str, settings: Settings) -> str:
-    """Why a branch cannot go on at one end; empty if it can."""
+    """Say why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
     if branch.stop is Stop.CLOSED:
@@ -138,15 +133,12 @@ def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
     edges = []
     for name, window in within.items():
         value = float(branch[name][at])
-        if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in window):
+        if any(abs(value - edge) <= 1e-9 * (1.0 + abs(value)) for edge in window):
             walked = branch.settings.within.get(name, window) if branch.settings else window
-            more = "" if walked == window else f", and {_span(window)} was asked for"
-            edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")
+            was, now = (f"({low:g}, {high:g})" for low, high in (walked, window))
+            more = "" if walked == window else f", and {now} was asked for"
+            edges.append(f"{name} in {was}, at {name} = {value:g}{more}")
     return edges
-
-
-def _span(window: tuple[float, float]) -> str:
-    return f"({window[0]:g}, {window[1]:g})"
 
 
 def _further(
@@ -163,43 +155,23 @@ def _further(
     with piece_of(file, whole, branch) as inner:
         piece = walk_from(
             line[-1].problem, branch.free, replace(settings, events=asked), "both",
-            line[-1].direction, progress, inner, refined=False,
+            line[-1].direction, progress, inner, continues=line,
         )  # fmt: skip
-    end = _closing(line, piece)
-    if end is None:
-        return whole(piece)
-    joined = line.join(piece[:end])
-    first, *rest = joined.points
-    z = line.curve.turned(first.z, rest[-1].z)
-    gap = line.curve.length(z - rest[-1].z)
-    last = Point(line.curve, z, first.tangent, rest[-1].arclength + gap, first.residual)
-    if first.kind == "EP" and first.parent is None:  # no end any more
-        first = replace(first, kind="", label="")
-    once = labelled((first, *rest, last))
-    closed = replace(joined, settings=settings, points=once)
-    closed = closed if side == "last" else closed.reversed()
-    return replace(closed, stop=Stop.CLOSED, reason="", began=None, began_reason="")
-
-
-def _closing(line: Branch, piece: Branch) -> int | None:
-    """How many points of a piece come before it is back where its line begins, if it ever is."""
-    first, curve = line[0], line.curve
-    if first.tangent is None:
-        return None
-    along = curve.metric * first.direction
-    for i in range(1 if len(line) > 1 else 3, len(piece)):
-        way = curve.normalised(piece[i].z - piece[i - 1].z)
-        # where curves cross, another one passes the same place in another direction
-        if way @ along > 0.5 and lies_on(first, piece[i - 1 : i + 1]):
-            return i
-    return None
+    longer = whole(piece)
+    if piece.stop is not Stop.CLOSED:
+        return longer
+    made = dict(longer.points.made)
+    if (first := line[0]).kind == "EP" and first.parent is None:  # no end any more
+        del made[0 if side == "last" else len(longer) - 1]
+    points = labelled(replace(longer.points, made=made))
+    return replace(longer, points=points, stop=Stop.CLOSED, reason="", began=None, began_reason="")
 
 
 # --- finer, and with more columns ---------------------------------------------------------------
 
 
 def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
-    """The same branch with more recorded columns, to draw or to save them.
+    """Record more columns along a branch, to draw or to save them.
 
     Parameters
     ----------
@@ -229,7 +201,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
 
 @one_thread
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
-    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
+    """Fill a branch in, evenly along it, to at least `fewest` points, as far as Newton's iteration
     finds them; what it had stays.
 
     Parameters
@@ -258,7 +230,6 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
 
 
 def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
-    """The first of two neighbours and as many between them as the spacing asks for."""
     yield first
     pieces = math.ceil((last.arclength - first.arclength) / spacing)
     segment = StepInterpolant(first, last, tolerance)

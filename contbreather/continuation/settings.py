@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
+from typing import Self
 
 from ..checks import brief, flag, real
 from ..errors import BadInput
@@ -81,7 +82,7 @@ class Steps:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
 
     def longest(self, size: float) -> float:
-        """How long a step may be from a z of this size."""
+        """Bound a step from a z of this size."""
         return self.largest or max(0.1, 0.01 * size)
 
 
@@ -89,7 +90,6 @@ _USUAL = Steps()
 
 
 def steps_of(steps: object, usual: Steps | None = None) -> Steps:
-    """Steps as they were given, the usual ones if none were; anything else is refused."""
     if steps is None:
         return usual or _USUAL
     if not isinstance(steps, Steps):
@@ -99,12 +99,25 @@ def steps_of(steps: object, usual: Steps | None = None) -> Steps:
 
 @dataclass(frozen=True)
 class Settings:
-    """How a walk was asked for; its parts are as in `trace`, of a boundary as in `boundary`."""
+    """Arguments of a walk, as of `trace`; of a boundary as of `boundary`."""
 
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     events: tuple[Event, ...] | None = None
     steps: Steps = field(default_factory=Steps)
     inadmissible: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        within: Within | None,
+        events: Event | Iterable[Event] | None,
+        steps: Steps | None,
+        inadmissible: bool,
+        usual: Steps | None = None,
+    ) -> Self:
+        """Check what a user asks of a walk: behind this nothing asks again."""
+        lifted = flag("inadmissible", inadmissible)
+        return cls(windows(within), all_of(events), steps_of(steps, usual), lifted)
 
 
 # --- windows ----------------------------------------------------------------------------------
@@ -137,7 +150,6 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
 
 
 def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
-    """Events that were given, one or several, as a tuple."""
     if events is None:
         return None
     try:
@@ -151,16 +163,15 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
 
 
 def active_events(
-    problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
+    problem: Problem, events: tuple[Event, ...] | None, *, inadmissible: bool = False
 ) -> tuple[Problem, tuple[Event, ...]]:
     """The problem with its columns, and all events to look for on its curve.
 
     Events that are asked for come on top of the walls of the problem, its events beyond which
     solutions mean nothing; only `inadmissible` lifts these.
     """
-    listed = all_of(events)
-    asked = tuple(event.of(problem) for event in listed or ())
-    if flag("inadmissible", inadmissible):
+    asked = tuple(event.of(problem) for event in events or ())
+    if inadmissible:
         problem = _lifted(problem)
     for event in asked:
         if isinstance(event, EventWithRule):
@@ -171,7 +182,7 @@ def active_events(
             problem = replace(problem, record={**problem.record, **event.record}, label=label)
     kinds = [event.kind for event in asked]
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-    wanted, walls = (problem.events, ()) if listed is None else (asked, walls)
+    wanted, walls = (problem.events, ()) if events is None else (asked, walls)
     brought = dict[str, Callable[[Point], float]]()
     for event in wanted:
         brought |= event.columns(problem)
@@ -183,7 +194,7 @@ def active_events(
 
 
 def walls_are_lifted(problem: Problem) -> bool:
-    """Whether points of this problem may lie beyond its walls."""
+    """Tell whether points of this problem may lie beyond its walls."""
     return MARGIN in problem.record
 
 

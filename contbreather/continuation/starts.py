@@ -26,40 +26,23 @@ from .step_interpolant import closest_tangent
 from .window import Bound, bounds_of
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
-_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
-_REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
-_STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
-_SKEW = 1e-3  # how far a direction that was given may be off the tangent
-_ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
 @dataclass(frozen=True)
 class StartOnCurve:
-    """Where a walk sets out, and which way.
+    """Start of a walk on its curve, and the way it sets out."""
 
-    Attributes
-    ----------
-    point : Point
-        On its curve, with the tangent along which to set out.
-    sign : int
-        Sign of the bordered determinant there; 0 at a branch point, and where it is not known.
-    bounds : list of Bound
-        The window.
-    directed : bool
-        Whether the direction was given.
-    """
-
-    point: Point
-    sign: int
+    point: Point  # with the tangent along which to set out
+    sign: int  # of the bordered determinant; 0 at a branch point, and where it is not known
     bounds: list[Bound]
-    directed: bool
+    directed: bool  # the direction was given
 
 
 @np.errstate(**QUIET)
 def starts_on_curve(
     problem: Problem,
     free: str,
-    within: Within | None,
+    within: Within,
     towards: str,
     along: ArrayLike | None,
     tolerance: float,
@@ -77,7 +60,7 @@ def starts_on_curve(
         bounds, sign = bounds_of(curve, within), 0
     # how far the start that was given had to be moved, if that is worth telling
     off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
-    detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+    detail = {"moved": off} if off > 1e-3 * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
     first = StartOnCurve(point, sign, bounds, along is not None)
     if towards != "both" or first.directed:
@@ -94,10 +77,10 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
-    domain = bounds_of(curve, None)  # outside of it there is nothing to solve
+    domain = bounds_of(curve, {})  # outside of it there is nothing to solve
     value = check_start(curve)
-    if (
-        abs(value) <= _ROUNDING * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
+    if (  # a solution already, to rounding of its rows
+        abs(value) <= 1e-14 * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
     ).all():
         return curve, float(abs(value).max())
     try:
@@ -125,7 +108,8 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
     off = curve.length(solution.z - curve.start)
     inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
-    if not solution.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
+    # so far, relative to 1 + |z|, the nearest solution may be
+    if not solution.converged or not inside or off > 0.5 * (1 + curve.length(curve.start)):
         return None
     return Curve(moved.problem, curve.free), solution.residual
 
@@ -155,7 +139,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
-    if off > GAP * (1 + curve.length(z)) or skew > _SKEW:
+    if off > GAP * (1 + curve.length(z)) or skew > 1e-3:
         raise BadInput(
             f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
             f"and {skew:.2g} is its change along the direction"
@@ -187,18 +171,18 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, sign = curve.tangent_at(z, along)
-    if abs(tangent[-1]) > _STEEP:
+    # a parameter that changes by less, of the length of the curve: nearly a fold
+    if abs(tangent[-1]) > 1e-3:
         return tangent, sign
-    level = abs(tangent[-1]) <= LEVEL
+    if abs(tangent[-1]) <= LEVEL:
+        # away from the first bound that the curve starts at and does not go along
+        slopes = [
+            side * float(bound.row(z) @ tangent)
+            for bound in bounds
+            for side, end, off in bound.ends
+            if abs(bound.value(z) - end) <= off
+        ]
+        slope = next((slope for slope in slopes if abs(slope) > LEVEL), -float(sense(tangent)))
+        tangent = -math.copysign(1.0, slope) * tangent
     # across the parameter that determinant is the less certain the less it changes
-    return curve.tangent_at(z, _inward(curve, bounds, tangent) if level else tangent)
-
-
-def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
-    """A tangent turned away from the first bound that the curve starts at and does not go along."""
-    for bound in bounds:
-        for side, end, off in bound.ends:
-            slope = side * float(bound.row(curve.start) @ tangent)
-            if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
-                return -math.copysign(1.0, slope) * tangent
-    return tangent * sense(tangent)
+    return curve.tangent_at(z, tangent)

@@ -15,11 +15,8 @@ from .defining_systems import singular_between
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
 from .point import Event, Point, Value
 
-_BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
-_NOTHING = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
-_TOWARDS = 6  # halvings of the way to where a test has no value
 LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
@@ -92,7 +89,8 @@ class StepInterpolant:
         return u, self._point(u, solution.z, tangent, solution.residual)
 
     def _near(self, guess: Array, z: Array) -> None:
-        if self.curve.length(z - guess) > _BESIDE * self.length:
+        # so far off the cubic, relative to the step, a point between may lie
+        if self.curve.length(z - guess) > 0.1 * self.length:
             raise Undefined("the location ended on another curve")
 
     def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
@@ -103,7 +101,8 @@ def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | No
     """The point halfway between two neighbours of a branch, solved for; None where they are one
     but for rounding, or none is found: on a branch without its equations, for instance.
     """
-    if last.arclength - first.arclength <= _NOTHING * (1 + first.curve.length(first.z)):
+    # neighbours closer than this have nothing between them
+    if last.arclength - first.arclength <= 1e-8 * (1 + first.curve.length(first.z)):
         return None
     try:
         return StepInterpolant(first, last, tolerance).at(0.5)
@@ -132,7 +131,7 @@ def count_at(event: Event, point: Point) -> int | float:
 
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
-    """Whether the number beside a test tells of two zeros between two points."""
+    """Tell whether the number beside a test speaks of two zeros between two points."""
     return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
 
 
@@ -164,19 +163,18 @@ class StepSamples:
     # --- values -------------------------------------------------------------------------------
 
     def place(self, u: float) -> Point:
-        """Where the event is looked for. Next to a branch point the corrector may end on the other
+        """Place to look for the event at. Next to a branch point the corrector may end on the other
         curve, so that one is looked for on the cubic."""
         return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
 
     def look(self, u: float) -> Value:
-        """The test on the curve."""
         value = self.event.value_or_nan(self.place(u))
         if math.isnan(value):
             raise Undefined("the test has no value between two points of the curve")
         return value
 
     def known(self, u: float) -> Value:
-        """The same, looked at once; NaN where it has no value."""
+        """Look at the test on the curve, once; NaN where it has no value."""
         if u not in self.sure:
             try:
                 self.values[u] = self.look(u)
@@ -205,7 +203,7 @@ class StepSamples:
 
     @property
     def jumps(self) -> bool:
-        """Whether the test counts: all its values are int, but for NaN where it has none."""
+        """Tell whether the test counts: its values are int, but for NaN where it has none."""
         for value in self.values.values():  # any() takes longer, and all ask for this
             if isinstance(value, float) and value == value:
                 return False
@@ -254,7 +252,7 @@ class StepSamples:
         self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
 
     def brackets(self) -> Iterator[tuple[float, float]]:
-        """Where two or more zeros may be close together, each piece of curve once."""
+        """Pieces on which two or more zeros may be close together, each once."""
         for left, right in self.close:
             if not any(low < right and left < high for low, high in self.done):
                 yield left, right
@@ -281,7 +279,8 @@ class StepSamples:
         if gaps[0] != gaps[1]:
             blank = float(gaps[1])
             known = 1.0 - blank
-            for _ in range(_TOWARDS):
+            # halvings of the way to where the test has no value
+            for _ in range(6):
                 u = 0.5 * (known + blank)
                 known, blank = (known, u) if math.isnan(self.glance(u)) else (u, blank)
         return bool(places.size or look)

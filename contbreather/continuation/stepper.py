@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .branch_points import GAP, crossing
 from .curve import LEVEL, Curve
 from .derivative_checks import reconsider
 from .newton import FEW, Array, Solution, Undefined, newton, newton_step
-from .point import Point
+from .point import Event, Point, Value
 from .settings import Steps
 from .starts import StartOnCurve
 from .step_interpolant import StepInterpolant
@@ -28,9 +29,7 @@ from .window import Bound
 LOG = logging.getLogger(__name__)
 
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
-_LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
-_FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
@@ -39,35 +38,50 @@ _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
 class StepFailed(Exception):
     """No further step can be made; carries the reason."""
 
-    def __init__(self, stop: Stop, reason: str = "") -> None:
+    def __init__(self, reason: str = "", stop: Stop = Stop.NO_CONVERGENCE) -> None:
         super().__init__(reason)
-        self.stop = stop
-        self.reason = reason
+        self.stop, self.reason = stop, reason
 
 
 @dataclass(frozen=True)
 class BranchPiece:
-    """Accepted steps, one or more: their ends, and whether the walk ends with the last."""
+    """Accepted steps, one or more."""
 
-    points: Points
+    points: Points  # their ends
     crossing: Point | None = None  # branch point on the last: the determinant changes sign
-    stop: Stop | None = None
+    stop: Stop | None = None  # why the walk ends with the last
+    tests: Sequence[list[Value]] = ()  # of each event at all points
+    counts: Sequence[Any] = ()  # beside these, or None
+
+    def tested(self, events: Sequence[Event]) -> BranchPiece:
+        asked = [event.values(self.points) for event in events]
+        tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
+        return replace(self, tests=tests, counts=counts)
+
+    def befell(self, i: int) -> tuple[Stop | None, Point | None]:
+        """Say whether the walk ends with a step, and its branch point: the last step has these."""
+        return (self.stop, self.crossing) if i == len(self.points) - 1 else (None, None)
+
+    def beyond(self, n: int) -> BranchPiece | None:
+        """Cut off so many steps; None where that is all."""
+        if n == len(self.points):
+            return None
+        counts = [None if row is None else row[n:] for row in self.counts]
+        tests = [row[n:] for row in self.tests]
+        return replace(self, points=self.points[n:], tests=tests, counts=counts)
 
 
 class Stepper:
-    """Steps from one point of a curve to the next, with all that may befall them.
+    """Steps from one point of a curve to the next, with all that may befall them."""
 
-    Attributes
-    ----------
-    size, sign, curvature
-        To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
-    """
-
-    def __init__(self, way: StartOnCurve, steps: Steps) -> None:
-        self.start, self.bounds, self.steps = way.point, way.bounds, steps
-        self.curve = way.point.curve
-        self.crossed = way.sign == 0  # whether the start is a branch point
-        self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
+    def __init__(self, way: StartOnCurve, steps: Steps, home: Point) -> None:
+        self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
+        # loops come back to the start of the branch, across its tangent
+        self.home, self.across = home, self.curve.metric * home.direction
+        self.outset = home is way.point
+        # whether that is a branch point
+        self.crossed = way.sign == 0 if self.outset else home.parent is not None
+        # of the bordered determinant, 0 where unknown; to try next; dt/ds
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
@@ -98,7 +112,7 @@ class Stepper:
             # the scheme for derivatives was chosen, or those given were checked, at the start only
             wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
             if wrong:
-                raise StepFailed(failed.stop, wrong) from failed
+                raise StepFailed(wrong) from failed
             step = self._advance(point)
         last = step.points[0]
         length = last.arclength - point.arclength
@@ -106,8 +120,8 @@ class Stepper:
         self.longest = max(self.longest, length)
         self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
-            raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
-        if count > 2 and (start := self._passed(point, last)):
+            raise StepFailed(f"{_PATIENCE} steps in a row had to be tiny")
+        if (count > 2 or not self.outset) and (start := self._passed(point, last)):
             length = point.arclength + self.curve.length(start.z - point.z)
             end = Points.of([replace(start, arclength=length)])
             step = replace(step, points=end, stop=Stop.CLOSED)
@@ -131,7 +145,8 @@ class Stepper:
                     (low if side < 0 else high)[i] = end - side * off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
-        return curve.pieces(Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start))
+        plane = curve.metric, self.across, self.home.z
+        return curve.pieces(Rules(*sizes, slots, low, high, *plane))
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
         """Take as many steps as come off at once; None where the first is more than a plain one."""
@@ -150,7 +165,7 @@ class Stepper:
     def _passed(self, point: Point, last: Point) -> Point | None:
         """The start, if the step passes it in the direction in which the curve left it; its angles
         as they are there."""
-        start, row = self.curve.turned(self.start.z, last.z), self.across
+        start, row = self.curve.turned(self.home.z, last.z), self.across
         before, after = row.dot(point.z - start), row.dot(last.z - start)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
@@ -162,30 +177,31 @@ class Stepper:
             return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            closes = off <= _PASS and _angle(self.curve, slope, self.start.direction) <= _PASS
+            closes = off <= _PASS and _angle(self.curve, slope, self.home.direction) <= _PASS
         else:
             # across the start only: along the curve Newton's linear condition keeps the place
-            guess = start + gap - row.dot(gap) * self.start.direction
+            guess = start + gap - row.dot(gap) * self.home.direction
             z = self.correct(guess, row).z
-            closes = self.curve.length(z - start) <= _FINE * (1 + self.curve.length(z))
-        return replace(self.start, z=start) if closes else None
+            # back at the start to this relative distance
+            closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
+        home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
+        return home if closes else None
 
     def _advance(self, point: Point) -> BranchPiece:
-        """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)
             except Undefined as error:
-                failed = StepFailed(Stop.DOMAIN, str(error))
+                failed = StepFailed(str(error), Stop.DOMAIN)
             except StepFailed as reason:
                 if reason.stop is Stop.BOUND:
                     raise
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed or StepFailed(Stop.NO_CONVERGENCE)
+        raise failed or StepFailed()
 
     def _attempt(self, point: Point, size: float) -> BranchPiece:
         curve, curvature, sign = self.curve, self.curvature, self.sign
@@ -203,33 +219,43 @@ class Stepper:
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
-        check = self._examined(point, size, z)
-        arclength = point.arclength + check.length
-        last = Point(curve, z, check.tangent, arclength, solution.residual)
+        length = curve.length(z - point.z)
+        # the corrector moves across the step: this far it has left for another piece of curve
+        if not 0.0 < length <= 2.0 * size:
+            raise StepFailed("the corrector left the neighbourhood of the step")
+        tangent, side = curve.tangent_at(z, point.direction)
+        turn = _angle(curve, point.direction, tangent)
+        self._examine(point, z, tangent, length, turn)
+        arclength = point.arclength + length
+        last = Point(curve, z, tangent, arclength, solution.residual)
         branch_point = None
-        if check.sign * sign < 0:
+        if side * sign < 0:
             segment = StepInterpolant(point, last, self.steps.tolerance)
             branch_point = self._crossing_on(segment, sign)
             # without any the step ended on another curve, unless it is too short to tell
             if branch_point is None and size > GAP * (1 + curve.length(last.z)):
-                raise StepFailed(Stop.NO_CONVERGENCE, "another curve is too close")
-        if self._leaves(point, last, check.length):
-            raise StepFailed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
+                raise StepFailed("another curve is too close")
+        if self._leaves(point, last, length):
+            raise StepFailed("the curve touches the edge of the window")
         LOG.debug(
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
-            check.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
+            length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
-        # adapt
-        self.size = size * _next_size(solution.iterations, check.turn, self.steps.growth)
-        self.sign = check.sign or sign
-        self.curvature = (check.tangent - point.direction) / (arclength - point.arclength)
+        # adapt: the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a
+        # half would trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical
+        # Continuation Methods, section 6.1, bound the factor alike)
+        count = solution.iterations
+        effort = 1.0 if count == EASY else (0.7 if count > EASY else math.inf)
+        self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
+        self.sign = side or sign
+        self.curvature = (tangent - point.direction) / (arclength - point.arclength)
         return BranchPiece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
         solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
         if not solution.converged:
-            raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
+            raise StepFailed(f"residual {solution.residual:.2g}")
         return solution
 
     def _within(
@@ -248,7 +274,7 @@ class Stepper:
                     after = bound.with_value(after, value) if beyond > 0 else after
                     continue
                 if on_it:
-                    raise StepFailed(Stop.BOUND)
+                    raise StepFailed(stop=Stop.BOUND)
                 fraction = (value - start) / (end - start)
                 if fraction < nearest:
                     first, nearest = (bound, value), fraction
@@ -262,7 +288,8 @@ class Stepper:
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
-        for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
+        # a norm is not linear: once more from the point it led to, where its error is squared
+        for _ in range(6):
             solution = self.correct(guess, bound.row(guess))
             # Newton's linear condition holds to rounding; make it exact
             z = bound.with_value(solution.z, value)
@@ -271,11 +298,11 @@ class Stepper:
             guess = z
         others = (other for other in self.bounds if other is not bound)
         if any(not other.low <= other.value(z) <= other.high for other in others):
-            raise StepFailed(Stop.NO_CONVERGENCE, "two bounds within one step")
+            raise StepFailed("two bounds within one step")
         return z, solution
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
-        """Where the determinant changes its sign: by halving, and then by a system of its own."""
+        """Locate a change of sign of the determinant: by halving, then by a system of its own."""
         low, high = 0.0, 1.0
         # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
@@ -290,7 +317,7 @@ class Stepper:
         return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
 
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
-        """Whether the curve leaves the window between both ends and comes back."""
+        """Tell whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
             first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
             if not first * then < 0:
@@ -312,29 +339,15 @@ class Stepper:
 
     # --- examine ---
 
-    def _examined(self, point: Point, size: float, z: Array) -> _Checked:
-        """What the way to a solution is like: one smooth piece of curve, short against its
-        features, or the step has failed."""
+    def _examine(self, point: Point, z: Array, tangent: Array, length: float, turn: float) -> None:
+        """Refuse a step that is no smooth piece of curve, short against its features."""
         curve = self.curve
-        length = curve.length(z - point.z)
-        # the corrector moves across the step: this far it has left for another piece of curve
-        if not 0.0 < length <= 2.0 * size:
-            raise _refused("the corrector left the neighbourhood of the step")
-        tangent, sign = curve.tangent_at(z, point.direction)
-        turn = _angle(curve, point.direction, tangent)
         # the chord as well: between tangents that are parallel a curve may turn and turn back
         if turn > TURN or _angle(curve, point.direction, (z - point.z) / length) > TURN:
-            raise _refused("the curve turns too sharply")
-        if self._off_cubic(point, z, tangent, length) > CUBIC_ERROR * length:
-            raise _refused("the curve is not smooth at the smallest step")
-        return _Checked(tangent, sign, length, turn)
-
-    def _off_cubic(self, point: Point, z: Array, tangent: Array, length: float) -> float:
-        """How far the curve is from the Hermite cubic through both ends, a third of the way along
-        (halfway, tangents that are wrong alike would cancel), by one correction; 0 beside a branch
-        point, where the residual says nothing."""
-        curve = self.curve
-        # at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
+            raise StepFailed("the curve turns too sharply")
+        # the distance from the Hermite cubic through both ends, a third of the way along (halfway,
+        # tangents that are wrong alike would cancel): at u = 1/3 h00, h01, h10, h11 =
+        # (20, 7, 4, -2) / 27
         bow = (4 * point.direction - 2 * tangent) * length
         between = (20 * point.z + 7 * z + bow) / 27
         row = curve.metric * point.direction
@@ -343,33 +356,12 @@ class Stepper:
         value = curve.equations(between, curve.problem.roughly)
         factors = curve.factors(z if z.size > FEW else between, row)
         change, singular = newton_step(factors, value, row)
-        return 0.0 if singular else curve.length(change)
-
-
-class _Checked(NamedTuple):
-    """What a solution says of the step to it."""
-
-    tangent: Array
-    sign: int  # of the bordered determinant
-    length: float
-    turn: float
-
-
-def _refused(reason: str) -> StepFailed:
-    return StepFailed(Stop.NO_CONVERGENCE, reason)
+        # beside a branch point the residual says nothing
+        if not singular and curve.length(change) > CUBIC_ERROR * length:
+            raise StepFailed("the curve is not smooth at the smallest step")
 
 
 def _angle(curve: Curve, t: Array, other: Array) -> float:
     """Between unit vectors, from their difference: exact for small angles too."""
     # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
     return 2.0 * math.asin(min(1.0, 0.5 * curve.length(t - other)))
-
-
-def _next_size(iterations: int, turn: float, growth: float) -> float:
-    """The size of the next step, relative to that of one that came off: the turn of the tangent is
-    proportional to it, and more iterations than usual ask for less."""
-    # the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a half would
-    # trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical Continuation
-    # Methods, section 6.1, bound the factor alike)
-    effort = 1.0 if iterations == EASY else (0.7 if iterations > EASY else math.inf)
-    return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)

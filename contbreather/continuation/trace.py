@@ -23,18 +23,16 @@ from .curve import PASSED
 from .derivative_checks import advice, unlike_scales
 from .event_detection import Ends, StepEvents, find, quiet_steps
 from .infinity import Growth
-from .newton import Array, Undefined
+from .newton import Undefined
 from .point import Event, Point, Value
 from .problem import Problem, problem_in
-from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .settings import Settings, Steps, Within, active_events, having
 from .starts import QUIET, StartOnCurve, starts_on_curve
 from .step_interpolant import StepInterpolant
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
-
-_NOTHING = StepEvents((), (), ())  # what happens where nothing is looked for
 
 
 class Startable(Protocol):
@@ -46,7 +44,7 @@ class Startable(Protocol):
 
 @dataclass(frozen=True)
 class End:
-    """Why a walk ended, and what failed its verification on the way."""
+    """Reason why a walk ended, and what failed its verification on the way."""
 
     stop: Stop
     reason: str = ""
@@ -128,7 +126,7 @@ def trace(
         raise BadInput(
             "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
         )
-    settings = Settings(windows(within), all_of(events), steps_of(steps), inadmissible)
+    settings = Settings.of(within, events, steps, inadmissible)
     return walk_from(start, free, settings, towards, along, progress, save)
 
 
@@ -141,35 +139,24 @@ def walk_from(
     progress: bool | Counter | None = None,
     save: Save = None,
     *,
-    refined: bool = True,
+    continues: Branch | None = None,
 ) -> Branch:
-    """The same with its settings; in the unknowns of its start where it is not to be refined, as
-    what becomes a part of a branch."""
+    """Walk with these settings; from the end of a branch in its unknowns, and back to its start."""
     origin = start if isinstance(start, Point) else None
-    if isinstance(start, Point) and free in start.base_point.curve.free[:1]:
-        start = start.base_point
-    # once: what both find at the start is one event
-    start = having(problem_in(start), free)
+    if origin and free in origin.base_point.curve.free[:1]:
+        start = origin.base_point
     walks: list[ContinuationIterator] = []
     so_far = partial(_joined, walks, settings=settings, origin=origin)
     with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
-        finer: Finer | None = start, along
+        finer: Finer | None = having(problem_in(start), free), along
         while finer is not None:
-            start, along = finer
-            problem, wanted = active_events(
-                start, settings.events, inadmissible=settings.inadmissible
-            )
-            look = partial(start.finer, along=along) if refined else lambda point: None
-            ways = starts_on_curve(
-                problem, free, settings.within, towards, along, settings.steps.tolerance
-            )
-            for way in ways:
-                way.point.curve.asked = settings.events
-            walks[:] = [ContinuationIterator(way, wanted, settings.steps) for way in ways]
+            coarse, along = finer
+            look = partial(coarse.finer, along=along) if continues is None else lambda point: None
+            walks[:] = _set_out(coarse, free, settings, towards, along, continues)
             shown.remark = advice(walks[0].curve)
-            for one_way in walks:
-                finer = one_way.follow(shown, kept, so_far, look)
-                if finer is not None or one_way.end.stop is Stop.CLOSED:
+            for walk in walks:
+                finer = walk.follow(shown, kept, so_far, look)
+                if finer is not None or walk.end.stop is Stop.CLOSED:
                     break
         whole = so_far()
         assert whole is not None
@@ -179,7 +166,7 @@ def walk_from(
 
 
 def _joined(walks: Sequence[ContinuationIterator], **about: Any) -> Branch | None:
-    """What has been walked as one branch, with its ends labelled; None where that is nothing."""
+    """Join what has been walked to one branch with its ends labelled; None of nothing."""
     sides = [walk.branch() for walk in walks if walk.walked]
     if not sides:
         return None
@@ -216,58 +203,44 @@ def iterate(
     [0.0, 0.007]
     """
     one_of("towards", towards, ("up", "down"))
-    chosen = steps_of(steps)
+    settings = Settings.of(within, events, steps, inadmissible)
     with one_thread:  # not while the caller has its turn
-        problem, wanted = active_events(
-            having(problem_in(start), free), events, inadmissible=inadmissible
-        )
-        (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
-        walk = ContinuationIterator(way, wanted, chosen)
-    return walk.run()
+        walks = _set_out(having(problem_in(start), free), free, settings, towards, along)
+    return walks[0].run()
 
 
-@dataclass
-class Ahead:
-    """Steps that were taken and are to be looked through.
-
-    Attributes
-    ----------
-    piece : BranchPiece
-    tests, counts : list
-        A row for each event, with its tests at all points; its counts, or None.
-    """
-
-    piece: BranchPiece
-    tests: list[list[Value]]
-    counts: list[Array | None]
-
-    @property
-    def next(self) -> BranchPiece:
-        """The first of them alone; what befell the last one is not its own."""
-        points = self.piece.points
-        return self.piece if len(points) == 1 else BranchPiece(points[:1])
-
-    @classmethod
-    def of(cls, piece: BranchPiece, events: Sequence[Event]) -> Ahead:
-        asked = [event.values(piece.points) for event in events]
-        return cls(piece, [tests for tests, _ in asked], [counts for _, counts in asked])
-
-    def beyond(self, n: int) -> Ahead | None:
-        """Those that are left of them after so many."""
-        if n == len(self.piece.points):
-            return None
-        counts = [None if row is None else row[n:] for row in self.counts]
-        points = self.piece.points[n:]
-        return Ahead(replace(self.piece, points=points), [row[n:] for row in self.tests], counts)
+def _set_out(
+    start: Problem,
+    free: str,
+    settings: Settings,
+    towards: str,
+    along: ArrayLike | None,
+    continues: Branch | None = None,
+) -> list[ContinuationIterator]:
+    """Make the walks from a start, one for each way."""
+    # once: what both find at the start is one event
+    problem, wanted = active_events(start, settings.events, inadmissible=settings.inadmissible)
+    tolerance = settings.steps.tolerance
+    ways = starts_on_curve(problem, free, settings.within, towards, along, tolerance)
+    for way in ways:
+        way.point.curve.asked = settings.events
+    return [ContinuationIterator(way, wanted, settings.steps, continues) for way in ways]
 
 
 class ContinuationIterator:
     """One curve in one direction, from its start to where it ends."""
 
-    def __init__(self, way: StartOnCurve, events: Sequence[Event], steps: Steps) -> None:
+    def __init__(
+        self,
+        way: StartOnCurve,
+        events: Sequence[Event],
+        steps: Steps,
+        continues: Branch | None = None,
+    ) -> None:
         self.way, self.events, self.steps = way, events, steps
         self.curve, start = way.point.curve, way.point
-        self.stepper = Stepper(way, steps)
+        home = continues[0] if continues else start
+        self.stepper = Stepper(way, steps, start if home.tangent is None else home)
         self.point, self.count = start, 0  # where it is, after how many steps
         self.walked: list[Points] = []
         self.doubtful: list[Point] = []
@@ -314,7 +287,6 @@ class ContinuationIterator:
         return None
 
     def branch(self) -> Branch:
-        """What there is of it."""
         points, end = labelled(Points.joined(self.walked)), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
@@ -328,7 +300,7 @@ class ContinuationIterator:
     def pieces(self) -> Iterator[Points]:
         """Walk as `run` does, several points at a time."""
         stop: Stop | None = None
-        reason, ahead = "", None
+        reason, piece = "", None
         while stop is None and self.count < self.steps.most:
             try:
                 with one_thread, np.errstate(**QUIET):
@@ -336,15 +308,14 @@ class ContinuationIterator:
                     #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
                     # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
                     # adapt     s, so that the tangent turns by 0.15, in 4 iterations
-                    if ahead is None:
-                        ahead = Ahead.of(self.stepper.next(self.point, self.count), self.events)
+                    if piece is None:
+                        piece = self.stepper.next(self.point, self.count).tested(self.events)
                     # test      at the end of each: a change of sign, or what may hide two of them
-                    plain, quiet = self._without_candidates(ahead)
-                    line = passed = ahead.piece.points[: plain or 1]
+                    plain, quiet = self._without_candidates(piece)
+                    line = passed = piece.points[: plain or 1]
                     if not plain:
                         # locate    by the defining system of the event, where it has one
-                        found = self._located(ahead, quiet) if self.events else _NOTHING
-                        line, stop = self._line_up(ahead, found)
+                        line, stop = self._line_up(piece, self._located(piece, quiet))
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
@@ -354,7 +325,7 @@ class ContinuationIterator:
             # record
             limit = self.growth.end(passed) if stop is None else None
             self.point, self.count = (line if stop else passed)[-1], self.count + len(passed)
-            ahead = ahead.beyond(len(passed))
+            piece = piece.beyond(len(passed))
             if limit:
                 stop, reason = Stop.INFINITY, limit[1]
                 line = line[: limit[0] + 1] if line is passed else line
@@ -370,18 +341,18 @@ class ContinuationIterator:
 
     # --- test ---
 
-    def _without_candidates(self, ahead: Ahead) -> tuple[int, Any]:
-        """On how many of the steps ahead no event has anything to look for; and for which events
+    def _without_candidates(self, piece: BranchPiece) -> tuple[int, Any]:
+        """Count the steps on which no event has anything to look for; and say of each event whether
         that is so on the first, None where it is not known."""
-        points, more = ahead.piece.points, ahead.piece.crossing or ahead.piece.stop
+        points, more = piece.points, piece.crossing or piece.stop
         if self.earlier is None:
             if self.events or not self.count:
                 return 0, None
             return len(points) - bool(more), None
         places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
-        rows = zip(self.earlier[1], self.tests, ahead.tests, strict=True)
+        rows = zip(self.earlier[1], self.tests, piece.tests, strict=True)
         tests = [[past, now, *row] for past, now, row in rows]
-        quiet = quiet_steps(self.events, places, tests, ahead.counts, self.point, points)
+        quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
         matrices = any(event.matrix for event in self.events)
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not (more or (matrices and len(points) == 1))
@@ -395,22 +366,23 @@ class ContinuationIterator:
 
     # --- locate ---
 
-    def _located(self, ahead: Ahead, quiet: Any) -> StepEvents:
-        """Find what happens on the first of the steps ahead."""
-        step = ahead.next
-        segment = StepInterpolant(self.point, step.points[0], self.steps.tolerance)
-        stop, crossing = step.stop, step.crossing
+    def _located(self, piece: BranchPiece, quiet: Any) -> StepEvents:
+        """Find what happens on the first step of a piece."""
+        if not self.events:
+            return StepEvents((), (), ())
+        segment = StepInterpolant(self.point, piece.points[0], self.steps.tolerance)
+        stop, crossing = piece.befell(0)
         ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
         try:
             self.earlier = self.point.arclength, self.tests
-            tests = self.tests, tuple([row[0] for row in ahead.tests])
+            tests = self.tests, tuple([row[0] for row in piece.tests])
             return find(segment, self.events, *tests, crossing=crossing, ends=ends, quiet=quiet)
         except Undefined as error:
-            raise StepFailed(Stop.DOMAIN, f"while locating an event: {error}") from error
+            raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
 
-    def _line_up(self, ahead: Ahead, located: StepEvents) -> tuple[Points, Stop | None]:
-        """The points of this step, in order, and whether the walk ends with it."""
-        point, begins, last = self.point, self.count == 0, ahead.piece.points[0]
+    def _line_up(self, piece: BranchPiece, located: StepEvents) -> tuple[Points, Stop | None]:
+        """Put the points of the first step in order, and say whether the walk ends with it."""
+        point, begins, last = self.point, self.count == 0, piece.points[0]
         reach = 1e-8 * (last.arclength - point.arclength)
         before, self.tests = self.tests, located.after
         starts, line = list[Point](), list[Point]()
@@ -423,7 +395,7 @@ class ContinuationIterator:
         ended = {id(special.event) for special in starts}
         if begins:  # what is negative there is rounding: more of it is refused
             ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
-        stop = ahead.next.stop
+        stop, _ = piece.befell(0)
         if any(id(event) in ended for event in broken):
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
@@ -436,7 +408,7 @@ class ContinuationIterator:
             if broken and stop is not Stop.EVENT:
                 names = ", ".join(event.kind for event in broken)
                 reason = f"the end of the meaningful region ({names}) was not located"
-                raise StepFailed(Stop.NO_CONVERGENCE, reason)
+                raise StepFailed(reason)
         near = bool(line) and abs(line[-1].arclength - last.arclength) <= reach
         if stop is not Stop.EVENT and not near:
             line.append(last)
@@ -449,8 +421,8 @@ class ContinuationIterator:
     # --- end ---
 
     def _edge(self, point: Point, stop: Stop) -> str:
-        """What there is to say of the end of a branch: by its event, or that a bound is not of the
-        window but of the domain."""
+        """Say more of the end of a branch: by its event, or that a bound is not of the window but
+        of the domain."""
         if stop is Stop.EVENT:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:

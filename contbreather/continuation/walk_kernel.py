@@ -181,7 +181,7 @@ def tangent_at_end(data: Any, rules: Rules, room: Room) -> int:
 
 @inlined
 def off_cubic(data: Any, rules: Rules, room: Room, length: float) -> float:
-    """How far the curve is from the cubic through both ends, a third of the way along."""
+    """Measure how far the curve is from the cubic through both ends, a third of the way along."""
     between = room.between
     for i in range(between.size):
         bow = (4.0 * room.tangent[i] - 2.0 * room.end_tangent[i]) * length
@@ -307,7 +307,7 @@ def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: typ
 
 
 def at_a_place(tolerance: float, metric: Vector) -> Rules:
-    """Those of `solve_place`, which takes no step."""
+    """Rules for `solve_place`, which takes no step."""
     none = np.empty(0)
     slots = np.empty(0, dtype=np.int64)
     return Rules(tolerance, 0.0, math.nan, 1.0, slots, none, none, metric, metric, metric)

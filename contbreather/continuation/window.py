@@ -33,7 +33,6 @@ class Bound:
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
 
     def row(self, z: Array) -> Array:
-        """The derivative of the value."""
         row, alone = np.zeros(z.size), isinstance(self.slot, int)
         # d|u| = u . du / |u|
         row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
@@ -49,10 +48,10 @@ class Bound:
         return z
 
 
-def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
+def bounds_of(curve: Curve, within: Within) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
-    wanted = {problem.normed(name) or name: window for name, window in windows(within).items()}
+    wanted = {problem.normed(name) or name: window for name, window in within.items()}
     for name in wanted.keys() & problem.record.keys() - {*problem.names}:
         raise BadInput(
             f"{name!r} is recorded, and has no window; an event ends the branch where it has a "

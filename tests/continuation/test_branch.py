@@ -149,19 +149,15 @@ def test_a_branch_says_which_parameters_stay_what_they_are() -> None:
     assert said.startswith("branch in m (h = 0.25, k = 2): ")
 
 
-def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-    monkeypatch.setattr(
-        many,
-        "each",
-        lambda walk, *starts, **own: seen.append((walk.func, walk.keywords, starts, own)),
-    )
-    own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": Steps(), "inadmissible": True}
-    event, starts = fold(), [LINE.problem, CUSP.problem]
-    many.trace_many(starts, "mu", events=event, executor=3, progress=True, **own)
-    walked = {**own, "free": "mu", "events": (event,), "progress": False}
-    shown = {"executor": 3, "progress": True, "unit": "branches"}
-    assert seen == [(trace, walked, (starts,), shown)]
+def test_many_branches_are_asked_for_as_one_is() -> None:
+    wall = Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
+    starts = [replace(LINE.problem, events=(wall,)).at(x=2 * mu, mu=mu) for mu in (0.1, 0.2)]
+    own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": Steps(largest=0.05)}
+    own |= {"events": user("mu", 0.25), "inadmissible": True}
+    for start, branch in zip(starts, many.trace_many(starts, "mu", executor=1, **own), strict=True):
+        alone = trace(start, "mu", **own)
+        assert repr(branch) == repr(alone)
+        assert np.array_equal(branch["mu"], alone["mu"])
     for wrong in (LINE.problem, "line", 3, np.array(1.0)):
         with pytest.raises(BadInput, match="takes several starts, a list of them"):
             many.trace_many(wrong, "mu")

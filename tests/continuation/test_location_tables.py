@@ -9,7 +9,6 @@ import pytest
 
 from contbreather.continuation import (
     Branch,
-    Event,
     Point,
     Problem,
     Steps,
@@ -19,44 +18,9 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.duplicates import lies_on, placed
-from contbreather.continuation.event_detection import quiet_steps
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
-
-
-def test_a_test_is_clear_where_its_parabola_stays_far_from_zero() -> None:
-    """By numpy's parabola through the last three values: middle and ends of the step."""
-    ends = tuple(trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=())[2:4])
-    event, rng, seen = Event("X", float), np.random.default_rng(3), set()
-    for _ in range(600):
-        pace = rng.uniform(0.3, 2.0)
-        values = rng.choice([-1.0, 1.0]) * (1.0 + rng.normal(scale=0.5, size=3))
-        curve = np.polynomial.Polynomial.fit([-pace, 0.0, 1.0], values, 2)
-        middle = curve(0.5) * np.sign(values[1])
-        low, high = sorted(abs(values[1:]))
-        wanted = bool(
-            (values > 0).all() | (values < 0).all()
-            and middle > 0.6 * high and low > 0.35 * max(high, middle)
-        )  # fmt: skip
-        quiet = quiet_steps([event], [-pace, 0, 1], [values], [None], ends[0], ends[1:])
-        assert quiet.tolist() == [[wanted]]
-        seen.add(wanted)
-    assert seen == {True, False}
-    tally = Event("N", None, count=lambda point: 0)
-    counted = [Event("X", float, count=lambda p, by=by: by * (p is ends[1])) for by in (0, 1, 2)]
-    nan = math.nan
-    for one, start, end, quiet in (
-        (tally, 3, 3, True), (tally, 3, 4, False), (event, 3, 3, False), (event, nan, nan, True),
-        (event, nan, 1.0, False), (event, 1.0, 0.0, False), (event, 0.0, 1.0, False),
-        (counted[0], 1.0, 1.0, True), (counted[1], 1.0, 1.0, True), (counted[2], 1.0, 1.0, False),
-        (counted[2], nan, nan, False), (counted[1], nan, nan, True),
-    ):  # fmt: skip
-        for count in (None, np.array([one.count(ends[1])]) if one.count else None):
-            rows = [[start, start, end]], [count]
-            with np.errstate(all="ignore"):
-                seen = quiet_steps([one], [-1, 0, 1], *rows, ends[0], ends[1:])
-            assert seen.tolist() == [[quiet]]
+from .zoo import ALL, BRUSSELATOR, CUSP, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])

@@ -15,7 +15,6 @@ from contbreather.continuation import Problem, Stop, derivatives, fold, trace
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Dense, Undefined, approach, newton
-from contbreather.continuation.step_interpolant import closest_tangent
 from contbreather.errors import NotConverged
 
 from .zoo import CIRCLE, counted, events_of, scalar
@@ -65,12 +64,6 @@ def test_next_to_a_rim_shorter_steps_are_central_all_the_same(off: float) -> Non
 def test_a_point_between_two_rims_too_close_together_has_no_derivative() -> None:
     with pytest.raises(Undefined):
         derivatives.differences(rimmed(0.0, 1e-9), np.array([5e-10, 0.7]), one_sided=True)
-
-
-def test_columns_of_differences_are_those_that_were_asked_for() -> None:
-    z = np.array([0.3, 0.7])
-    found = derivatives.differences(rimmed(-1.0, 2.0), z, [1])
-    assert found == pytest.approx(exact(z)[:, 1:], abs=1e-10)
 
 
 def test_steps_of_differences_follow_the_scales() -> None:
@@ -168,13 +161,6 @@ def test_an_approach_comes_near_from_anywhere_or_says_that_it_does_not() -> None
     circle = approach(Curve(CIRCLE.problem, ("mu",)), np.array([3.0, 4.0]))
     assert circle is not None
     assert circle / np.linalg.norm(circle) == pytest.approx([0.6, 0.8], abs=1e-9)
-
-
-def test_the_closest_of_some_tangents_is_turned_to_the_side_of_the_row() -> None:
-    tangents = np.array([[1.0, 0.0], [0.0, 1.0]])
-    assert closest_tangent(tangents, np.array([0.9, 0.1])).tolist() == [1.0, 0.0]
-    assert closest_tangent(tangents, np.array([-0.9, 0.1])).tolist() == [-1.0, 0.0]
-    assert closest_tangent(tangents, np.array([0.1, -0.9])).tolist() == [0.0, -1.0]
 
 
 # --- derivatives of boundaries --------------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import Event, Problem, Steps, Stop, trace, user
+from contbreather.continuation import Event, Problem, Steps, Stop, trace
 from contbreather.errors import NotConverged
 
 from .zoo import CUSP, LINE, PITCHFORK, events_of, trace_case
@@ -24,11 +24,6 @@ def test_an_event_at_the_rim_of_the_domain_is_met_at_any_step(largest: float) ->
     assert branch[-1].label == "GR1"
     assert branch.stop is Stop.EVENT
     assert branch[-1]["x"] == 1e-14
-
-
-def test_a_single_event_may_be_given_alone() -> None:
-    branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=user("mu", 0.3))
-    assert branch.first("UZ")["mu"] == pytest.approx(0.3)
 
 
 def test_the_smallest_tolerance_loses_nothing() -> None:

@@ -21,7 +21,6 @@ from contbreather.continuation import (
     Stop,
     fold,
     iterate,
-    stepper,
     trace,
     user,
 )
@@ -41,8 +40,6 @@ from .zoo import (
     TRANSCRITICAL,
     Case,
     Counted,
-    analytic_bratu,
-    chebyshev,
     counted,
     crowded,
     events_of,
@@ -61,13 +58,6 @@ def ending(equation, x=1.0, mu=1.0, within=WIDE, towards="down", **given):
 
 
 # --- starts -----------------------------------------------------------------------------------
-
-
-def test_a_start_near_a_solution_is_moved_onto_it_at_the_same_parameters() -> None:
-    branch = trace(CUSP.problem.at(x=-0.8, h=0.1), "h", within={"x": (-2, 2)}, towards="up")
-    start = branch[0]
-    assert start["h"] == 0.1
-    assert abs(0.1 + start["x"] - start["x"] ** 3) < 1e-15
 
 
 def test_a_start_that_is_no_solution_is_refused_with_its_residual() -> None:
@@ -418,11 +408,6 @@ def test_steps_keep_to_their_sizes() -> None:
     assert (lengths[1:] / lengths[:-1]).max() <= 1.3 * (1 + 1e-12)
 
 
-def test_first_may_be_longer_than_largest() -> None:
-    branch = trace(LINE.problem, "mu", within={"mu": (-0.1, 0.1)}, steps=Steps(largest=1e-3))
-    assert np.diff(branch["arclength"]).max() <= 1e-3 * (1 + 1e-12)
-
-
 def test_most_ends_a_walk() -> None:
     branch = trace(LINE.problem, "mu", steps=Steps(most=7))
     assert branch.stop is branch.began is Stop.MOST
@@ -488,12 +473,6 @@ def test_a_walk_passes_degenerate_crossings_and_gives_them_no_label(equation) ->
 # --- work -------------------------------------------------------------------------------------
 
 
-def test_with_derivatives_a_point_costs_a_handful_of_residuals() -> None:
-    problem, counter = counted(analytic_bratu(chebyshev(12)).at(lam=1.0))
-    branch = trace(problem, "lam", within={"lam": (1.0, 4.0)}, steps=Steps(largest=0.3), events=())
-    assert counter.calls < 7 * len(branch) + 60
-
-
 def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
     tests = 0
 
@@ -531,18 +510,6 @@ def test_a_branch_that_breaks_off_in_sizes_near_one_is_given_no_advice() -> None
     broken = trace(problem, "mu", within={"mu": (0, 3)})
     assert broken.began.failed
     assert "scales" not in broken.began_reason
-
-
-@pytest.mark.parametrize(
-    ("iterations", "turn", "growth", "factor"),
-    [
-        (3, 0.0, 1.5, 1.5), (3, 0.12, 1.5, 1.25), (3, 0.6, 1.5, 0.5), (3, 0.2, 1.5, 0.75),
-        (4, 0.0, 1.5, 1.0), (5, 0.0, 1.5, 0.7), (5, 0.2, 1.5, 0.7), (5, 0.25, 1.5, 0.6),
-        (1, 0.01, 12.0, 12.0), (1, 0.01, 20.0, 15.0),
-    ],
-)  # fmt: skip
-def test_the_next_size_follows_turn_and_effort(iterations, turn, growth, factor) -> None:
-    assert stepper._next_size(iterations, turn, growth) == pytest.approx(factor)
 
 
 def test_a_function_that_numba_decorated_is_called_as_it_was_written() -> None:

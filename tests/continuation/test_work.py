@@ -114,21 +114,6 @@ def test_a_gentle_curve_takes_few_steps() -> None:
     assert len(cb.trace(counted(calls), "m", within=WITHIN, events=())) <= 45
 
 
-def test_a_breather_costs_a_few_closures_for_each_point(monkeypatch) -> None:
-    chi, calls = cb.InfiniteChain.chi, Counter[str]()
-
-    def asked(chain: cb.InfiniteChain, gamma: float) -> float:
-        calls["chi"] += 1
-        return chi(chain, gamma)
-
-    monkeypatch.setattr(cb.InfiniteChain, "chi", asked)
-    b = cb.symmetric(0.3, 0.04, 0.8)
-    assert calls["chi"] <= 6
-    calls.clear()
-    branch = cb.trace(b, "a", within={"a": (0.2, 0.4)})
-    assert calls["chi"] / len(branch) <= 14
-
-
 # --- what a boundary may cost ---------------------------------------------------------------------
 
 
