@@ -56,8 +56,6 @@ Array = NDArray[Any]
 
 ROUNDING = 1e-13  # of the terms of what vanishes at a multiplier: closer, a count is not certain
 EDGE = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
-CLOSE = 1e-5  # of its terms: what many counts at once leave to one by one
-LARGEST = 1e15  # entry b that many counts are told of
 ON_CIRCLE = 4e-13  # of |mu| - 1 of a zero that may be on the circle
 RISKY = 1e-6  # of 1/4 - gamma: nearer, zeros next to -1 are found that are none
 NEXT_TO_EDGE = 1e-7  # how far outside they are
@@ -376,9 +374,16 @@ class HalfMap(RealScalars):
         """`on_circle` of a complex multiplier, with its derivatives."""
         return on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
 
-    def unstable(self, threshold: float) -> int:
-        """How many multipliers are outside the unit circle: exact, without a threshold."""
-        return self.count().count
+    def unstable(self, threshold: float) -> Any:
+        """How many multipliers are outside the unit circle: exact, without a threshold. One on the
+        circle to within rounding is not outside."""
+        beta0, beta0_size, fold, fold_size = self._ends
+        above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
+        return 1 * above + 1 * below + 2 * self._pair_is_outside
+
+    @property
+    def _pair_is_outside(self) -> Any:
+        return self.window.miss(self.b) < -ROUNDING
 
     def count(self) -> Count:
         """The same, and how sure that is."""
@@ -390,11 +395,9 @@ class HalfMap(RealScalars):
             (abs(fold) / fold_size, 1.0),
         )
         distance, nu = min(off)
-        # a multiplier on the circle is not outside
-        above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
-        pairs = int(miss < -ROUNDING)
         certain = bool(distance > ROUNDING + 1e-16 / room and room > EDGE)
-        return Count(int(above) + int(below) + 2 * pairs, certain, float(distance), nu, pairs)
+        pairs = int(self._pair_is_outside)
+        return Count(int(self.unstable(1.0)), certain, float(distance), nu, pairs)
 
     def unstable_multipliers(self) -> Array:
         """The multipliers outside the unit circle, largest first.
@@ -484,27 +487,3 @@ def half_map(gamma: float, k: float, b: float, lattice: Any = InfiniteChain()) -
     if lattice.sites is None:
         return HalfMap(gamma, k, b, lattice)
     return ring_map(lattice, gamma, k, (Saltation(0, 0.0, b),), math.pi, RingHalfMap)
-
-
-def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
-    """Counts of many maps of the chain without springs at once; -1 where that is too close to call,
-    or not for such numbers."""
-    counts = np.full(b.size, -1)
-    inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < LARGEST)
-    if inside.any():
-        counts[inside] = _outside(gamma[inside], k[inside], b[inside])
-    return counts
-
-
-def _outside(gamma: Array, k: Array, b: Array) -> Array:
-    places, which = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
-    windows = np.array([window(*place)[:2] for place in places.T.tolist()])
-    centre, square = windows[which.ravel()].T
-    psi, eta, chi = (InfiniteChain().averages(gamma, name) for name in ("psi", "eta", "chi"))
-    beta0, beta0_size, fold, fold_size = values_at_ends(k, b, psi, eta, chi)
-    # each as a sum of terms, whose size is known
-    signs = beta0, -fold, square - (b - centre) ** 2
-    sizes = beta0_size, fold_size, 1.0 + b * b
-    certain = np.all([abs(x) > CLOSE * size for x, size in zip(signs, sizes, strict=True)], axis=0)
-    above, below, pairs = (x > 0.0 for x in signs)
-    return np.where(certain, above + 1 * below + 2 * pairs, -1)
