@@ -70,6 +70,9 @@ for on in ({}, {"lattice": cb.OpenChain(8), "k": 0.0}):
 smooth = cb.simulation.simulate_smooth((0.3 * u[:3], v[:3]), a=0.5, gamma=0.08, k=0.8, m=20,
                                              periods=1)
 print("smooth", told(smooth.final.u))
+kicks = [(2, 0.0, 0.9), (0, 1.1, -0.4), (3, 3.0, 0.9)]
+map = cb.stability.chain_map.OrbitMap(0.06, 0.8, kicks)
+print("count", map.count(), map.crosses(-1.0), map.pairs(), map.nearest(), map.on_circle(0.3))
 print("tangent", told(cb.simulation.variation(run), cb.simulation.variation(smooth)))
 print("numba" in sys.modules, "llvmlite" in sys.modules and sys.modules["llvmlite"] is not None)
 """
@@ -81,7 +84,7 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
     *compiled, with_code = python("-c", BITS, "code").splitlines()
     *plain, without = python("-c", BITS, "plain").splitlines()
     assert (with_code, without) == ("False True", "False False")
-    assert len(plain) == 10
+    assert len(plain) == 11
     for ours, theirs in zip(compiled, plain, strict=True):
         if ours.startswith("["):
             np.testing.assert_allclose(json.loads(ours), json.loads(theirs), rtol=0, atol=1e-12)

@@ -285,6 +285,7 @@ def ring_map(
     kicks: tuple[Saltation, ...],
     period: float = 2.0 * math.pi,
     of: type[ModalMap] = ModalMap,
+    spring: float = 0.0,
 ) -> ModalMap:
     """The map of a ring over a section of an orbit, from within a flight that is not short: next
     to an impact, others at the same time would move from one end of the section to the other.
@@ -299,7 +300,7 @@ def ring_map(
     (18, 0.4096)
     """
     basis = ring.basis(tuple(sorted({kick.site for kick in kicks})))
-    z, lam = gamma * basis.lam, gamma * basis.unseen
+    z, unseen = spring + gamma * basis.lam, spring + gamma * basis.unseen
     times = [kick.time for kick in kicks]
     free = np.diff([*times, times[0] + period])
     last = int(np.argmax(free > _SHORT * free.max()))  # before it
@@ -315,7 +316,7 @@ def ring_map(
         ModalSaltation(shape, shape, saltation(k, kick.b))
         for shape, kick in zip(shapes, kicks, strict=True)
     )
-    return of(ring, gamma, 0.0, z, lam, turns, blows, period)
+    return of(ring, gamma, 0.0, z, unseen, turns, blows, period)
 
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------

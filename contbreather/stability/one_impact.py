@@ -47,7 +47,7 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOW
-from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.chain_map import RINGS, OrbitMap
 from contbreather.stability.modal_map import EPS, ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import Count, as_counted
@@ -414,12 +414,12 @@ class HalfMap(RealScalars):
         slack = NEXT_TO_EDGE if 0.25 * (1.0 - spring) - self.gamma < RISKY else ON_CIRCLE
         at = f"gamma = {self.gamma}, k = {self.k}, b = {self.b}: "
 
-        def look(more: int) -> Array:
+        def look(sites: int) -> Array:
             # on the circle to within rounding are multipliers that the count says are outside,
             # and at k = 1 neutral ones: the last to be looked for
-            return whole.zeros(more, ON_CIRCLE if more > 1 else -ON_CIRCLE)
+            return whole.zeros(sites, ON_CIRCLE if sites > RINGS[1] else -ON_CIRCLE)
 
-        return as_counted(self.count(), look, (0, 1, 2, 4), slack, at)
+        return as_counted(self.count(), look, RINGS, slack, at)
 
 
 @dataclass(frozen=True, eq=False)
