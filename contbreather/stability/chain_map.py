@@ -45,19 +45,16 @@ from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
-    APPROACH,
     AROUND,
     CERTAIN,
     CLOSED,
     END,
     EVERYWHERE,
     FAR,
-    FARTHEST,
     FLAT,
     HIGHEST,
     LEAST,
     NEAR,
-    ON_CIRCLE,
     ORDERS,
     POWERS,
     RESOLVED,
@@ -82,6 +79,8 @@ from contbreather.stability.zeros import (
 
 Array = NDArray[Any]
 
+ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
+FARTHEST = 0.25  # of a pair from the circle: beyond that it is all the same
 RINGS = (40, 80, 160, 320)  # sites of rings whose multipliers are where Newton's method begins
 DEEP = 1.0  # |Im kappa|, |mu| = 535, beyond which a ring is the infinite chain, and F loses digits
 
@@ -244,6 +243,8 @@ class OrbitMap:
         half_turns = round(summary[TURNING] / math.pi)
         certain = summary[RESOLVED] and summary[LEAST] > CERTAIN
         certain = certain and abs(summary[TURNING] / math.pi - half_turns) < 0.01
+        zeros, places, _ = self._near
+        certain = certain and abs(zeros - places).min() > ON_CIRCLE
         # D -> 1 far out: D < 0 at 1, where it has the sign of -F, or at -1 means one real beyond
         pairs = (1 - half_turns - int(summary[START] > 0.0) - int(summary[END] < 0.0)) // 2
         nu = 2.0 * float(summary[WHERE])
@@ -290,24 +291,30 @@ class OrbitMap:
 
     def nearest(self) -> float:
         """Angle, over pi, at which a multiplier is closest to passing the circle."""
-        x, F = self._samples
-        inner = np.flatnonzero((x > 0.0) & (x < 0.5))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = F / np.gradient(F, x)  # Newton's, from every sample
-        best = inner[int(np.nanargmin(np.abs(step[inner])))]
-        near = x[best] - step[best].real
-        kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
-        return 2.0 * float(kappa)
+        zero, place, _ = self._near
+        inner = (place > 0.0) & (place < 0.5)
+        return 2.0 * float(place[inner][abs(zero - place)[inner].argmin()])
 
     def approach(self) -> float:
-        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`.
-
-        The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
-        on straight lines between the samples, F/F' is how far off its zero is.
-        """
+        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`. The distance
+        of a zero of F from the circle over that from +1 and -1, which are not meant."""
         if self.gamma == 0.0:
             return FARTHEST
-        return float(self._circle.found[APPROACH])
+        zero, place, _ = self._near
+        inner = (place > 0.0) & (place < 0.5)
+        off, place = abs(zero - place)[inner], place[inner]
+        return float((off * (1.0 / place + 1.0 / (0.5 - place))).min(initial=FARTHEST))
+
+    @cached_property
+    def _near(self) -> tuple[Array, Array, Array]:
+        """kappa of zeros of F on straight lines between its samples, and of the places on the
+        circle next to them; and how far off these are, in units of the samples' distance."""
+        kappa, F = self._samples
+        step, rise = np.diff(kappa), np.diff(F)
+        apart = (step > 1e-14 * kappa[1:]) & (rise != 0.0)  # pieces of the circle share their ends
+        low, step, share = kappa[:-1][apart], step[apart], -F[:-1][apart] / rise[apart]
+        part = np.clip(share.real, 0.0, 1.0)
+        return low + share * step, low + part * step, abs(share - part)
 
     # --- sites without coupling ---
 
@@ -347,8 +354,8 @@ class OrbitMap:
         mu = ring_map(ring, self.gamma, self.k, self.kicks, self.period, spring=self.spring).coupled
         # most of a ring's band is on the circle, to within rounding
         kappa = np.log(mu[(abs(mu) > 1.0 + 1e-9) & (mu.imag >= 0.0)]) / (2j * math.pi)
-        deep = kappa.imag < -DEEP
-        starts = np.concatenate([kappa[~deep], self._next_to_circle()])
+        deep, (near, _, off) = kappa.imag < -DEEP, self._near
+        starts = np.concatenate([kappa[~deep], near[(near.imag < 0.0) & (off < 4.0)]])
         zeros = newton_from_all(self._step, starts, 40, 1e-11, 0.3, _outside, self._unit)
         zeros = np.concatenate([kappa[deep], zeros[zeros.imag < rim]])
         return multipliers_of(2.0 * distinct(zeros, 1e-7 * self._unit(zeros)))
@@ -365,20 +372,11 @@ class OrbitMap:
         F, after, before = self.F(np.concatenate([kappa, kappa + h, kappa - h])).reshape(3, -1)
         return np.asarray(F * 2.0 * h / (after - before))
 
-    def _next_to_circle(self) -> Array:
-        """kappa of zeros that look near: F is straight between its samples."""
-        kappa, F = self._samples
-        with np.errstate(all="ignore"):
-            share = -F[:-1] / np.diff(F)
-        near = np.abs(share) < 4.0
-        zeros = kappa[:-1][near] + share[near] * np.diff(kappa)[near]
-        return np.asarray(zeros[zeros.imag < 0.0])
-
 
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(6))
     AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
     return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 
