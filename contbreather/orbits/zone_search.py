@@ -139,7 +139,7 @@ class ZoneSearch:
                     self.kept.look(True, self.so_far)
 
     def _row(self, at: Mapping[str, float]) -> list[RowPiece] | None:
-        """All upper breathers at these two parameters, where they have closed forms."""
+        """Row of upper breathers at these two parameters, None where they have no closed forms."""
         closed = self.pair[1] == "a" and self.model["lattice"].sites is None
         if not closed or self.past_folds:
             return None
@@ -155,13 +155,14 @@ class ZoneSearch:
         return sorted(pieces, key=lambda piece: piece.z[-1, 2])  # a falls along each
 
     def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
-        """Whether a curve of this kind does."""
+        """Test whether a curve of this kind passes a place."""
         curves = (b for b in self.curves[kind] if b is not but)
         return any(_on_curve(b, place, self.pair, SAME) for b in curves)
 
     def _begins(self, point: Point) -> bool:
-        """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
-        where idle sites are held by their neighbours alone: the curve comes from a scan beside."""
+        """Test whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of
+        its own where idle sites are held by their neighbours alone: the curve comes from a scan
+        beside."""
         if point.kind != "PF" or point.event is None or point.event.locus is None:
             return True
         least, _ = point.event.locus(point.base_point).domain.get("gamma", (0.0, math.inf))
@@ -272,7 +273,7 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
 
 
 def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:
-    """Whether a traced curve passes a place."""
+    """Test whether a traced curve passes a place."""
     # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes p
     # takes long to say, and follows from the time
     names = (*pair, "p", "phi") if "phi" in curve.names else (*pair, "t1")
@@ -317,7 +318,7 @@ class RowPiece:
     values: Sequence[tuple[Event, Array, Any]]
 
     def is_known(self, least: float, known: Known) -> bool:
-        """Whether all events on it, from an amplitude on, lie on known curves."""
+        """Test whether all events on it, from an amplitude on, lie on known curves."""
         for event, test, count in self.values:
             changes = np.diff(test > 0.0)
             # at a zero a count changes by one: where it says more two are in one step
@@ -330,7 +331,8 @@ class RowPiece:
         return True
 
     def _is_on(self, event: Event, test: Array, step: int, least: float, known: Known) -> bool:
-        """Whether the zero of a test in a step is on a known curve, or below the amplitudes."""
+        """Test whether the zero of a test in a step is on a known curve, or below the
+        amplitudes."""
 
         def place(phi: float) -> Point:
             return Point(self.middle.curve, _at(self.middle.curve, np.array([phi]))[0])
@@ -347,7 +349,7 @@ class RowPiece:
 def row_pieces(
     problem: Any, events: Sequence[Event], least: float, largest: float
 ) -> Iterator[RowPiece]:
-    """All upper breathers between two amplitudes that are admissible."""
+    """Admissible upper breathers between two amplitudes."""
     curve = Curve(problem, ("a",))
     for low, high in problem.closure.upper_phases(curve.fixed, largest):
         phi = _evenly(curve, low, high, least)

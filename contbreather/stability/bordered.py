@@ -41,7 +41,7 @@ TWO_PI = 2.0 * math.pi
 
 
 class PairSeries(NamedTuple):
-    """What is the same for all orbits, see `contbreather.stability.chain_map`."""
+    """Tables that all orbits share, see `contbreather.stability.chain_map`."""
 
     number: Cube  # (3, ORDERS, POWERS): of turn, reach, pull the factor of kappa^p <w^2l>, and
     which: Cube  # with which of the sums over far aliases; -1 where there is none
@@ -50,7 +50,7 @@ class PairSeries(NamedTuple):
 
 
 class Impacts(NamedTuple):
-    """Those of one period; times and entries b in units of n forcing periods."""
+    """Impacts of one period; times and entries b in units of n forcing periods."""
 
     gamma: float
     floor: float  # lower edge of the band as a kappa, 0 where no spring holds the sites
@@ -74,7 +74,7 @@ class CountWorkspace(NamedTuple):
 
 
 class CircleSamples(NamedTuple):
-    """What the samples along half the circle tell."""
+    """Samples along half the circle, and their summary."""
 
     samples: Matrix  # as those of a piece, one after the other
     used: Counts
@@ -181,7 +181,7 @@ def edge_root(edge: float, kappa: complex) -> complex:
 
 
 def band_roots(orbit: Impacts, kappa: complex) -> tuple[complex, complex]:
-    """Those of both edges of the band: ``1/g`` is minus their product."""
+    """Square roots of both edges of the band: ``1/g`` is minus their product."""
     upper = math.sqrt(orbit.floor * orbit.floor + 4.0 * orbit.gamma)
     return edge_root(orbit.floor, kappa), edge_root(upper, kappa)
 
@@ -428,7 +428,7 @@ def sample_at(
 
 
 def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
-    """Whether F moves by much of its modulus over an interval or one next to it."""
+    """Test whether F moves by much of its modulus over an interval or one next to it."""
     if rows[i + 1, 0] - rows[i, 0] <= SHARP:
         return False
     for j in range(max(i - 1, 0), min(i + 2, count - 1)):
@@ -443,7 +443,7 @@ def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
 def tell(
     rows: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
 ) -> None:
-    """What the samples of one piece tell, of the first one from 1 on, of the last up to -1."""
+    """Add the samples of one piece to the summary; the first begins at 1, the last ends at -1."""
     summary = circle.found
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside

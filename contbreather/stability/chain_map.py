@@ -175,7 +175,7 @@ class OrbitMap:
 
     @cached_property
     def _impacts(self) -> Impacts:
-        """Those of the kernels, with room for what their propagators are expanded in."""
+        """Arguments of the kernels, with room for the expansions of their propagators."""
         m, n, sites = len(self.kicks), self.periods, self._sites[0]
         return Impacts(
             self.scaled,
@@ -251,11 +251,11 @@ class OrbitMap:
         return Count(1 - half_turns, bool(certain), float(summary[LEAST]), nu, pairs)
 
     def unstable(self, threshold: float) -> int:
-        """How many multipliers are outside the unit circle: exact, without a threshold."""
+        """Count the multipliers outside the unit circle: exact, without a threshold."""
         return self.count().count
 
     def beyond(self, place: float) -> int:
-        """The same, of which those beyond 1 or -1 are some: it changes where one passes there."""
+        """Count all outside, those beyond 1 or -1 among them: it changes where one passes there."""
         return self.count().count
 
     @property
@@ -274,8 +274,8 @@ class OrbitMap:
         return kappa, real + 1j * imag
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """How far the next pair is off the circle, negative while an odd number is outside, and
-        how many are."""
+        """Distance of the next pair from the circle, negative while an odd number is outside, and
+        their number."""
         outside = self.count().pairs
         return (-self.approach() if outside % 2 else self.approach()), outside
 
@@ -286,7 +286,7 @@ class OrbitMap:
         return complex(self.F(np.array([0.5 * angle + 0j]))[0])
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
-        """The same: it is smooth wherever it is evaluated."""
+        """Return `on_circle`: it is smooth wherever it is evaluated."""
         return OrbitMap.on_circle
 
     def nearest(self) -> float:
@@ -296,8 +296,8 @@ class OrbitMap:
         return 2.0 * float(place[inner][abs(zero - place)[inner].argmin()])
 
     def approach(self) -> float:
-        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`. The distance
-        of a zero of F from the circle over that from +1 and -1, which are not meant."""
+        """Closest approach of a complex pair to the circle: 0 on it, at most `FARTHEST`. The
+        distance of a zero of F from the circle over that from +1 and -1, which are not meant."""
         if self.gamma == 0.0:
             return FARTHEST
         zero, place, _ = self._near
@@ -348,8 +348,8 @@ class OrbitMap:
         return as_counted(self.count(), self.zeros, RINGS)
 
     def zeros(self, sites: int, rim: float = -ON_CIRCLE) -> Array:
-        """What Newton's method on F reaches outside the circle from the multipliers of a ring, as
-        multipliers, the largest first; as far in as Im kappa is a rim."""
+        """Multipliers that Newton's method on F reaches from those of a ring, the largest first,
+        outside the circle, or as far in as Im kappa is a rim."""
         ring = Ring(sites + 2 * int(self._sites[0].max()))
         mu = ring_map(ring, self.gamma, self.k, self.kicks, self.period, spring=self.spring).coupled
         # most of a ring's band is on the circle, to within rounding
@@ -426,7 +426,6 @@ def _expansions() -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def series() -> PairSeries:
-    """All of it."""
     which, number = _expansions()
     polynomials = np.zeros((CLOSED, CLOSED + 1))
     for p in range(1, CLOSED + 1):

@@ -81,13 +81,13 @@ def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
 def _on(
     gamma: float, k: float, spring: float
 ) -> tuple[band_pairs.ChainWithImpacts, band_pairs.BandWorkspace]:
-    """What kernels take first."""
+    """Make the first arguments of the kernels."""
     return band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
 
 
 @lru_cache(maxsize=16)
 def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
-    """What `band_pairs` ask for, with room for what a thread makes of it."""
+    """Expansions that `band_pairs` need, with a thread's room to evaluate them."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
     moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
     slopes = np.arange(ORDERS)[:, None] * np.roll(moments[:ORDERS], 1, axis=0)
@@ -147,7 +147,7 @@ class NeimarkSacker(NamedTuple):
 
 
 def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacker, ...]:
-    """All Neimark-Sacker points of the infinite chain at this coupling and restitution.
+    """Neimark-Sacker points of the infinite chain at this coupling and restitution.
 
     They are roots in one variable, the angle, each with an explicit b: no seed is needed. Sorted
     by angle; none, or two (at k = 1 none: the band is neutral there).
@@ -163,7 +163,7 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
 
 
 def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
-    """What `pair_window` fills in."""
+    """Call `pair_window`."""
     window, roots = np.empty(4), np.full((2, 2), math.nan)
     WINDOW(*_on(gamma, k, spring), window, roots)
     return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
@@ -187,8 +187,8 @@ class Window(NamedTuple):
         return ((b - self.centre) ** 2 - self.square) / (1.0 + b * b)
 
     def passed(self, b: Any) -> Any:
-        """How many of the two ends are below b; without a window what leads from none to both, as
-        smoothly as the distance from one allows."""
+        """Count the ends below b; without a window the number leads from none to both, as smoothly
+        as the distance from one allows."""
         off = b - self.centre
         if self.square < 0.0:
             return 1.0 + off / np.sqrt(off * off - self.square)
@@ -198,7 +198,7 @@ class Window(NamedTuple):
 
 @lru_cache(maxsize=64)
 def window(gamma: float, k: float, spring: float = 0.0) -> Window:
-    """Where a pair is outside at this coupling and restitution.
+    """Window of b in which a pair is outside, at this coupling and restitution.
 
     At k = 1 there are neutral multipliers between the band and -1. The pair that comes out of the
     band's edge for k < 1 is one of them, and leaves the circle only where two have met: beyond the
@@ -266,7 +266,7 @@ def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
 
 
 def _highest(needed: Callable[[Array], Array]) -> tuple[float, float]:
-    """Where a function on [0, 1] is largest, by a grid that closes in on it, and its value."""
+    """Maximum of a function on [0, 1], by a grid that closes in on it: the place and the value."""
     t = np.linspace(0.0, 1.0, GRID + 1)
     values = needed(t)
     for _ in range(4):  # each grid is 32 times finer: to 1e-8 in t, which a maximum feels as 1e-16
@@ -303,7 +303,7 @@ def ends_of(gamma: float, k: float, b: Any, lattice: Any) -> tuple[Any, ...]:
 
 
 class RealScalars:
-    """What real multipliers 1 and -1 say, of a chain and of a ring alike."""
+    """Scalars of the multipliers 1 and -1, of a chain and of a ring alike."""
 
     _ends: Any
 
@@ -314,7 +314,7 @@ class RealScalars:
         return fold if mu < 0.0 else -beta0
 
     def beyond(self, place: float) -> Any:
-        """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
+        """Count the real multipliers farther out than 1 or -1, on its side: one or none."""
         return 1 * (self.crosses(place) < 0.0)
 
 
@@ -351,7 +351,7 @@ class HalfMap(RealScalars):
         return window(self.gamma, self.k, self.lattice.spring)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """How far b is from the window in which a pair is outside, and how many of both ends are
+        """Distance of b from the window in which a pair is outside, and the number of its ends
         below b; two that are passed in one step are seen. At k = 1 it has an end where the
         pitchfork is: on a curve of pitchforks that is rounding."""
         off = self.window.miss(self.b)
@@ -375,7 +375,7 @@ class HalfMap(RealScalars):
         return on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
 
     def unstable(self, threshold: float) -> Any:
-        """How many multipliers are outside the unit circle: exact, without a threshold. One on the
+        """Count the multipliers outside the unit circle: exact, without a threshold. One on the
         circle to within rounding is not outside."""
         beta0, beta0_size, fold, fold_size = self._ends
         above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
@@ -386,7 +386,7 @@ class HalfMap(RealScalars):
         return self.window.miss(self.b) < -ROUNDING
 
     def count(self) -> Count:
-        """The same, and how sure that is."""
+        """Count them, and say how sure that is."""
         beta0, beta0_size, fold, fold_size = self._ends
         miss, room = self.window.miss(self.b), 0.25 * (1.0 - self.lattice.spring) - self.gamma
         off = (
@@ -424,8 +424,9 @@ class HalfMap(RealScalars):
 
 @dataclass(frozen=True, eq=False)
 class RingHalfMap(RealScalars, ModalMap):
-    """The same on a ring without losses between impacts: by its modes, with scalars of real
-    multipliers in closed form, and on a circle around all poles D for its determinant."""
+    """Small perturbations over half a period on a ring without losses between impacts: by its
+    modes, with scalars of real multipliers in closed form, and on a circle around all poles D for
+    its determinant."""
 
     sign: int = -1
 
@@ -439,7 +440,7 @@ class RingHalfMap(RealScalars, ModalMap):
 
     @property
     def rounding(self) -> float:
-        """Of all multipliers, whose matrix grows as the entry b."""
+        """Rounding of all multipliers: their matrix grows as the entry b."""
         return EPS * (1.0 + abs(self._impact[2]))
 
     @cached_property
