@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from contbreather.kernels import Kernel
 from contbreather.stability import ns_points
 from contbreather.stability.one_impact import HalfMap, on_arc, window
 from tests.stability.by_hand import b_of, slope
@@ -84,7 +83,7 @@ def test_without_coupling_or_losses_there_is_no_neimark_sacker_point():
     assert ns_points(0.1, 1.0) == ()
 
 
-# --- compiled or not ------------------------------------------------------------------------------
+# --- the window of b ------------------------------------------------------------------------------
 
 
 RANDOM = np.random.default_rng(3)
@@ -93,24 +92,6 @@ PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((12, 2))]
 # where two roots have met, to seven digits of k, and opened: both between two nodes
 PLACES += [(0.1, 0.781761944709733 + 1e-7), (0.1, 0.781761944709733 + 1e-5)]
 PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0.5)]
-
-
-@pytest.mark.parametrize("spring", [0.0, 0.3])
-@pytest.mark.parametrize(("gamma", "k"), PLACES)
-def test_compiled_or_not_the_equations_of_a_pair_and_its_window_are_the_same(
-    gamma: float, k: float, spring: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gamma *= 1.0 - spring
-    nu = math.sqrt(spring + 1.7 * gamma)
-
-    def told() -> tuple[list[complex], ...]:
-        window.cache_clear()
-        equations = [*on_arc(gamma, nu, k, 0.7 - 3.0 * gamma, spring)]
-        return equations, [*window(gamma, k, spring)]
-
-    found = told()
-    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
-    assert told() == found
 
 
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
