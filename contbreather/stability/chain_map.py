@@ -262,17 +262,6 @@ class OrbitMap:
     def _circle(self) -> CircleSamples:
         return _around(self)
 
-    @cached_property
-    def _terms(self) -> float:
-        """Size of what may cancel in F."""
-        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
-
-    @property
-    def _samples(self) -> tuple[Array, Array]:
-        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
-        _, kappa, real, imag = self._circle.samples.T
-        return kappa, real + 1j * imag
-
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """Distance of the next pair from the circle, negative while an odd number is outside, and
         their number."""
@@ -309,7 +298,8 @@ class OrbitMap:
     def _near(self) -> tuple[Array, Array, Array]:
         """kappa of zeros of F on straight lines between its samples, and of the places on the
         circle next to them; and how far off these are, in units of the samples' distance."""
-        kappa, F = self._samples
+        _, kappa, real, imag = self._circle.samples.T
+        F = real + 1j * imag
         step, rise = np.diff(kappa), np.diff(F)
         apart = (step > 1e-14 * kappa[1:]) & (rise != 0.0)  # pieces of the circle share their ends
         low, step, share = kappa[:-1][apart], step[apart], -F[:-1][apart] / rise[apart]
@@ -377,7 +367,8 @@ class OrbitMap:
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
     circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(6))
-    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
+    terms = float(np.prod([1.0 + abs(map.periods * kick.b) for kick in map.kicks]))
+    AROUND(map._impacts, series(), map._room(MOST + 1), terms, circle)
     return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 
 

@@ -132,13 +132,6 @@ class Gradient(NamedTuple):
     d_spring: complex
 
 
-def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
-    """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
-    out = np.empty((6, 2))
-    ON_ARC(*_on(gamma, k, spring), b, nu, out)
-    return Gradient(*(complex(*row) for row in out.tolist()))
-
-
 class NeimarkSacker(NamedTuple):
     """One Neimark-Sacker point at given gamma and k: its angle/pi and the b it needs."""
 
@@ -371,8 +364,10 @@ class HalfMap(RealScalars):
         return self.gradient(angle).value
 
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
-        """`on_circle` of a complex multiplier, with its derivatives."""
-        return on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
+        """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
+        out = np.empty((6, 2))
+        ON_ARC(*_on(self.gamma, self.k, self.lattice.spring), self.b, angle, out)
+        return Gradient(*(complex(*row) for row in out.tolist()))
 
     def unstable(self, threshold: float) -> Any:
         """Count the multipliers outside the unit circle: exact, without a threshold. One on the

@@ -9,7 +9,7 @@ import numpy as np
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.one_impact import HalfMap, half_map
+from contbreather.stability.one_impact import Gradient, HalfMap, half_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.scattering import OverReflection, Waves
 from contbreather.stability.scattering import over_reflection as reflection_of
@@ -55,6 +55,11 @@ def D(gamma: float, nu: Any, k: float, b: float, lattice: Any = CHAIN) -> Any:
     ring = half_map(gamma, k, b, lattice)
     depth = lambda one: ring.gradient(one.real, math.exp(-math.pi * one.imag)).value  # noqa: E731
     return np.vectorize(depth, otypes=[complex])(np.asarray(nu, dtype=complex))[()]
+
+
+def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
+    """F at an angle of the band, with its derivatives."""
+    return HalfMap(gamma, k, b, CHAIN.with_spring(spring)).gradient(nu)
 
 
 def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Any:

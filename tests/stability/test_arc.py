@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.stability import ns_points
-from contbreather.stability.one_impact import HalfMap, on_arc, window
+from contbreather.stability.one_impact import window
 from tests.stability.by_hand import b_of, slope
-from tests.stability.half import D, unstable_count
+from tests.stability.half import D, on_arc, unstable_count
 
 
 def test_the_two_equations_are_D_without_its_poles():
@@ -107,13 +107,6 @@ def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(
     for nu, b in points:
         assert abs(found.miss(b)) < 1e-13 * (1.0 + abs(found.centre))
         assert abs(on_arc(gamma, nu, k, b).value) < 1e-13 * (1.0 + b * b)
-
-
-@pytest.mark.parametrize("b", [-0.4, 0.6])
-def test_on_the_band_a_half_map_is_asked_by_its_equations(b: float) -> None:
-    half = HalfMap(0.1, 0.8, b)
-    for nu in (0.1, 0.4):
-        assert half.on_circle(nu) == on_arc(0.1, nu, 0.8, b).value
 
 
 def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
