@@ -25,7 +25,7 @@ from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.files import write_csv
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.orbits.closed_form import ClosedForm
-from contbreather.stability.one_impact import on_arc
+from tests.stability.half import on_arc
 
 from .typed import Run, strict, table
 

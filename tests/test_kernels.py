@@ -70,6 +70,13 @@ for on in ({}, {"lattice": cb.OpenChain(8), "k": 0.0}):
 smooth = cb.simulation.simulate_smooth((0.3 * u[:3], v[:3]), a=0.5, gamma=0.08, k=0.8, m=20,
                                              periods=1)
 print("smooth", told(smooth.final.u))
+kicks = [(2, 0.0, 0.9), (0, 1.1, -0.4), (3, 3.0, 0.9)]
+map = cb.stability.chain_map.OrbitMap(0.06, 0.8, kicks)
+print("count", map.count(), map.crosses(-1.0), map.pairs(), map.nearest(), map.on_circle(0.3))
+for spring in (0.0, 0.3):
+    for gamma, k in ((0.07, 0.8), (0.0699, 0.781762044709733), (0.0668, 0.8), (1e-6, 0.9)):
+        half = cb.stability.one_impact.HalfMap(gamma, k, 0.5, cb.InfiniteChain(spring))
+        print("half", half.window, half.gradient((spring + 1.7 * gamma) ** 0.5))
 print("tangent", told(cb.simulation.variation(run), cb.simulation.variation(smooth)))
 print("numba" in sys.modules, "llvmlite" in sys.modules and sys.modules["llvmlite"] is not None)
 """
@@ -81,7 +88,7 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
     *compiled, with_code = python("-c", BITS, "code").splitlines()
     *plain, without = python("-c", BITS, "plain").splitlines()
     assert (with_code, without) == ("False True", "False False")
-    assert len(plain) == 10
+    assert len(plain) == 19
     for ours, theirs in zip(compiled, plain, strict=True):
         if ours.startswith("["):
             np.testing.assert_allclose(json.loads(ours), json.loads(theirs), rtol=0, atol=1e-12)

@@ -49,7 +49,8 @@ def _even(s: int) -> Ball:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> dict[str, list[Ball]]:
-    """Of gamma^j, j = 0..J, the terms next to the band left out; beyond the precision in use."""
+    """Coefficients of gamma^j, j = 0..J, the terms next to the band left out; beyond the precision
+    in use."""
     with working():
         f = 4 / arb.pi()
         return {
@@ -60,7 +61,7 @@ def _coefficients() -> dict[str, list[Ball]]:
 
 
 def _cut(gamma: Value) -> Value:
-    """What the powers beyond J amount to."""
+    """Bound of the powers beyond J."""
     value, slope = (
         arb(0, 5 * arb(9) ** -(J + 1)),
         arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)),

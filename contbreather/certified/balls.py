@@ -30,7 +30,7 @@ BITS = 128  # of every midpoint: the truncated series of `averages` are as good
 
 
 class Interval(NamedTuple):
-    """All numbers from `low` to `high`, both of them floats rounded outwards."""
+    """Numbers from `low` to `high`, both of them floats rounded outwards."""
 
     low: float
     high: float
@@ -52,7 +52,7 @@ class Interval(NamedTuple):
 
 @contextmanager
 def working() -> Iterator[None]:
-    """With the precision that the bounds of this package are made for."""
+    """Set the precision that the bounds of this package are made for."""
     with ctx.workprec(BITS):
         yield
 

@@ -14,7 +14,7 @@ NAMES = {"LP": "a fold", "PF": "a pitchfork"}
 
 @dataclass(frozen=True, repr=False)
 class Certificate(HtmlRepr):
-    """What is proved of the symmetric breather next to a point; parameters are exact floats.
+    """Proof about the symmetric breather next to a point; parameters are exact floats.
 
     Attributes
     ----------
@@ -57,11 +57,11 @@ class Certificate(HtmlRepr):
     unproved: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether an exact breather is proved to be there, and to keep off the walls."""
+        """True if an exact breather is proved to be there, and to keep off the walls."""
         return bool(self.exists and self.unique and self.admissible)
 
     def table(self) -> Sheet:
-        """What is proved, with its enclosures, and what is not."""
+        """Tabulate what is proved, with its enclosures, and what is not."""
         rows: list[tuple[str, Cell]] = [
             ("exists", yes_or_no(self.exists)),
             ("the only one within", self.alone if self.unique else None),
@@ -75,7 +75,7 @@ class Certificate(HtmlRepr):
         return Sheet.of(rows, title="What is proved")
 
     def describe(self) -> str:
-        """What is proved, and what is not, in sentences."""
+        """Say in sentences what is proved, and what is not."""
         return " ".join([*self._proved(), *(f"Not proved: {why}." for why in self.unproved)])
 
     def _proved(self) -> Iterator[str]:
@@ -99,7 +99,7 @@ class Certificate(HtmlRepr):
 
 @dataclass(frozen=True)
 class Tile:
-    """What is proved of all breathers of a piece of a branch, in an interval of one coordinate.
+    """Proof about all breathers of a piece of a branch, in an interval of one coordinate.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Covering(HtmlRepr):
         return self._joined(bool)
 
     def counted(self, unstable: int | None) -> tuple[Interval, ...]:
-        """Those over which they are proved to have so many multipliers outside the circle; None:
+        """Tiles over which they are proved to have so many multipliers outside the circle; None:
         where their number is not proved."""
         return self._joined(lambda tile: bool(tile) and tile.unstable == unstable)
 

@@ -93,8 +93,8 @@ Settled = Callable[[float, float], bool | None]
 
 
 def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
-    """Whether something holds on all balls of times that cover the flight, halving those on which
-    it is not settled; and where it does not."""
+    """Test whether something holds on all balls of times that cover the flight, halving those on
+    which it is not settled; and where it does not."""
 
     def at(low: float, high: float) -> bool | None:
         return settled(HALF * (1.0 - low - high), HALF * (high - low) + OVERLAP)
@@ -106,7 +106,7 @@ def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
 
 
 def below(path: ProvenMotion, ceiling: Ball, pieces: int) -> tuple[bool | None, float]:
-    """Whether ``|u| < ceiling`` at all times."""
+    """Test whether ``|u| < ceiling`` at all times."""
     return everywhere(lambda middle, radius: _under(path, ceiling, middle, radius), pieces)
 
 
@@ -117,7 +117,7 @@ def _under(path: ProvenMotion, ceiling: Ball, middle: float, radius: float) -> b
 
 
 def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
-    """Whether site 0 is off both walls between the impact at +1 and the next, at -1.
+    """Test whether site 0 is off both walls between the impact at +1 and the next, at -1.
 
     At both ends of its flight it is at a wall. On a ball of times that holds an end it is proved
     to move from +1 towards -1: ``u' < 0`` or, after the impact, which it leaves with exactly
@@ -139,7 +139,7 @@ def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
 
 
 def admissible(values: Mapping[str, Ball]) -> Proven:
-    """Whether all sites keep off the walls at all times, except site 0 at its impacts.
+    """Test whether all sites keep off the walls at all times, except site 0 at its impacts.
 
     Far sites are bounded together: from site N on, ``|u_n| <= a max |f| + p reach(N)``. The sites
     before N are settled one by one.

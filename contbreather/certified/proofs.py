@@ -51,8 +51,7 @@ FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be t
 
 
 def parameters(orbit: Any) -> dict[str, float]:
-    """Those of a breather that are exactly what they are given as, by name; or why there is no
-    proof.
+    """Parameters of a breather that are exactly what they are given as, by name.
 
     Raises
     ------
@@ -111,7 +110,7 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
 
 
 def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
-    """Whether there is surely no zero in the box around a point."""
+    """Test whether there is surely no zero in the box around a point."""
     return any(not value.contains(0) for value in equations([arb(x, within) for x in point]))
 
 
@@ -143,7 +142,7 @@ def certify_point(
 
 
 def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
-    """Whether it keeps off the walls; if it may, its multipliers."""
+    """Prove that it keeps off the walls; if it may, count its multipliers."""
     verdict = admissible(values)
     entries: dict[str, Any] = {"admissible": verdict.holds}
     if verdict.holds is False:
@@ -251,8 +250,8 @@ class ProvenPiece:
 
 
 def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> ProvenPiece:
-    """What can be proved between two points without halving; at an outer end of the branch a tile
-    does not reach beyond it."""
+    """Prove as much as is possible between two points without halving; at an outer end of the
+    branch a tile does not reach beyond it."""
     along = sheet.coordinate(ends, any(outer))
     piece = ProvenPiece(ends, along, why="that breathers exist")
     chord = _halfway(*ends)
@@ -283,7 +282,7 @@ def _reach(
 
 
 def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
-    """With what is proved of all breathers of a tile."""
+    """Add the proofs about all breathers of a tile."""
     values = {**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))}
     clear = admissible(values)
     if not clear.holds:
@@ -317,7 +316,7 @@ def _halfway(begin: Place, end: Place) -> Place:
 
 
 def _joined(sheet: BranchSheet, first: ProvenPiece, second: ProvenPiece) -> bool:
-    """Whether the point that two tiles share is proved to be in both."""
+    """Test whether the point that two tiles share is proved to be in both."""
     place, along = first.ends[1], first.along
     if not (first.box and second.box):
         return False

@@ -66,7 +66,7 @@ DEEPEST = 26  # halvings
 
 
 class ProvenCount(NamedTuple):
-    """How many multipliers, or None with the reason."""
+    """Number of multipliers outside, or None with the reason."""
 
     unstable: int | None
     reason: str = ""
@@ -89,7 +89,7 @@ class Rectangle(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _weights() -> tuple[arb_mat, ...]:
-    """Of ``nu^2i gamma^j`` in pi R/nu, pi B and pi C - 1, the sums over |m| >= 2."""
+    """Coefficients of ``nu^2i gamma^j`` in pi R/nu, pi B and pi C - 1, the sums over |m| >= 2."""
     with working():
         R = [[_weight(2 * j + 1, 2 * i + 1, j) for j in _POWERS] for i in range(ALIASES)]
         B = [[_weight(2 * j + 2, 2 * i, j) for j in _POWERS] for i in range(ALIASES)]
@@ -160,13 +160,13 @@ class Circle:
 def _off_zero(
     curve: Callable[[float, float], Rectangle], low: float, high: float
 ) -> Rectangle | None:
-    """What encloses a curve over an arc, None where that holds 0."""
+    """Enclosure of a curve over an arc, None where that holds 0."""
     rectangle = curve(low, high)
     return None if all(part.contains(0) for part in rectangle) else rectangle
 
 
 def proven_count(values: Mapping[str, Ball]) -> ProvenCount:
-    """Those of a breather, or of all breathers in balls."""
+    """Count the multipliers outside of a breather, or of all breathers in balls."""
     return count(values["gamma"], values["k"], saltation_enclosure(values))
 
 

@@ -121,7 +121,7 @@ def slices_of(
     over: Mapping[str, float | Sequence[float]] | None,
     forcing: Forcing | str | None,
 ) -> list[Slice]:
-    """All planes, those of the first value first."""
+    """List the planes, those of the first value first."""
     over = {} if over is None else over
     check_kind(over, Mapping, "a dict of parameters of the forcing with their values")
     fixed = {name: values for name, values in values_of.items() if values is not None}

@@ -18,7 +18,6 @@ from contbreather.continuation.point import DefiningSystem, Implied, Point, Unst
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
@@ -28,7 +27,7 @@ from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import AT_ONCE, Section
 from contbreather.orbits.symmetries import images_of, simpler_than
-from contbreather.stability.one_impact import HalfMap, many_outside
+from contbreather.stability.one_impact import HalfMap
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
@@ -194,22 +193,10 @@ def _unstable(threshold: float, point: Point) -> float:
 
 
 def _rows(points: Points) -> NDArray[np.int64] | None:
-    """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
-    for symmetric breathers of the infinite chain without springs."""
-    curve, on = points.curve, points[0].solution
-    closed = on.symmetric and isinstance(on.lattice, InfiniteChain) and not on.spring
-    if not closed or not {*curve.free} <= {"a", "gamma", "k"}:
-        return None
-    p, phi, *free = points.z.T
-    values = curve.fixed | dict(zip(curve.free, free, strict=True))
-    a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
-    # b of (19) is infinite at p = 0, where an impact vanishes: those rows are not used
-    with np.errstate(all="ignore"):
-        # entries of (19), which with gamma and k say all about multipliers
-        eta = on.lattice.averages(gamma, "eta")
-        b = saltation_of(ClosureTerms(p, k, eta, w=a * on.forcing.d2f(phi)))
-    # an impact so weak is asked for itself: it may be none
-    return np.where(p > VANISHED, many_outside(gamma, k, b), -1)
+    """Of all points of a branch at once, -1 of an impact so weak that it may be none; None where
+    each has to be asked."""
+    along = breathers_along(points)
+    return None if along is None else np.where(along.p > VANISHED, along.map.unstable(1.0), -1)
 
 
 # --- many symmetric breathers at once -------------------------------------------------------------

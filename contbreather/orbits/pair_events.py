@@ -135,16 +135,16 @@ class _Pair:
 
 
 def _is_elastic(map: Any) -> bool:
-    """Where pairs meet beyond the band: over half a period."""
+    """Test whether pairs meet beyond the band, over half a period."""
     return map.lattice.sites is None and map.sign < 0 and map.k == 1.0
 
 
 @dataclass(frozen=True)
 class _Next:
-    """Where another pair of a ring reaches the circle as well: beyond, the one that was followed is
-    not the first to be there any more, and the rule's line goes on with the other. Of other pairs
-    so many were `outside` where it set out, two real multipliers alike in sign counting as one:
-    where these become a complex pair nothing ends."""
+    """Point at which another pair of a ring reaches the circle as well: beyond, the one that was
+    followed is not the first to be there any more, and the rule's line goes on with the other. Of
+    other pairs so many were `outside` where it set out, two real multipliers alike in sign counting
+    as one: where these become a complex pair nothing ends."""
 
     pair: _Pair
     radius: float
@@ -178,7 +178,7 @@ def _others(map: Any, radius: float, angle: float) -> NDArray[np.complex128]:
 
 
 def _real_pairs(mu: NDArray[np.complex128], radius: float) -> int:
-    """How many pairs the real multipliers outside a circle may become."""
+    """Count the pairs that the real multipliers outside a circle may become."""
     real = mu[abs(mu.imag) <= REAL].real
     return sum(int(np.count_nonzero(side * real > radius)) // 2 for side in (1, -1))
 

@@ -88,7 +88,7 @@ class Region:
 def regions(
     lines: Iterable[Array], box: Box, count: Count, lower: Lower | None = None
 ) -> tuple[Region, ...]:
-    """All pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
+    """Pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
 
     Where nothing is counted `lower` is asked, if given, what else there is.
 
@@ -122,7 +122,7 @@ def _pieces(lines: Sequence[Array]) -> Iterator[Any]:
 
 
 def _bridges(paths: Sequence[Any]) -> Iterator[Any]:
-    """From the ends of each line to what it ends on: a chord passes that by."""
+    """Bridge from the ends of each line to the one it ends on: a chord passes that by."""
     import shapely
 
     for path in paths[1:]:

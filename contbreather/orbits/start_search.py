@@ -219,8 +219,8 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
 
 
 def _combed(name: str, value: float | None, span: Window) -> Iterator[float]:
-    """Where to look for a first point: evenly spread, the middle first; damping and springs, which
-    need not be there, without them before that."""
+    """Values at which to look for a first point: evenly spread, the middle first; damping and
+    springs, which need not be there, without them before that."""
     if value is not None:
         if not span[0] <= value <= span[1]:
             raise BadInput(

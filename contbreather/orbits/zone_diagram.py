@@ -77,7 +77,8 @@ class Zones(Columns, HtmlRepr):
         return self.curves[kind]
 
     def columns(self) -> dict[str, Any]:
-        """Those of all curves, by their kind and the number of the piece; first where they are."""
+        """Columns of all curves, by their kind and the number of the piece; first where they
+        are."""
         curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
         table = stacked(
             ({"curve": kind, "piece": i}, {**b.columns(), "phi": phases_on(b)})
@@ -113,7 +114,7 @@ class Zones(Columns, HtmlRepr):
         return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
 
     def _same(self, point: Point, other: Point) -> bool:
-        """Whether two meetings are one, seen from either curve."""
+        """Test whether two meetings are one, seen from either curve."""
         kinds = [set(meeting.kind.split("-")) for meeting in (point, other)]
         return kinds[0] == kinds[1] and all(abs(point[n] - other[n]) < 1e-6 for n in self.pair)
 
@@ -124,7 +125,7 @@ class Zones(Columns, HtmlRepr):
         return self.regions_of(self.box()) if any(self.curves.values()) else ()
 
     def regions_of(self, box: Box) -> tuple[Region, ...]:
-        """Those of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
+        """Regions of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
         lines = [np.column_stack([branch[name] for name in self.pair]) for _, branch in self]
         if lines and self.ceiling is not None:
             # a max|f| = 1, where impacts vanish: no branch of breathers runs along p = 0
@@ -178,7 +179,7 @@ class Zones(Columns, HtmlRepr):
         return max(momenta, default=None)
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
-        """All admissible breathers at a place of the plane, of both families, by falling p."""
+        """Admissible breathers at a place of the plane, of both families, by falling p."""
         values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
         return admissible_roots(values, **self.model)
 
@@ -191,8 +192,8 @@ class Zones(Columns, HtmlRepr):
 
     @cached_property
     def model(self) -> dict[str, Any]:
-        """What its breathers live on, as `symmetric` takes it: forcing and lattice; where they are
-        evaluated by exact modes site, damping, spring and walls, too."""
+        """Lattice, forcing and losses of its breathers, as `symmetric` takes it: forcing and
+        lattice; where they are evaluated by exact modes site, damping, spring and walls, too."""
         branch = next((branch for _, branch in self), None)
         if branch is None:
             raise BadInput("this zone diagram has no curve")
@@ -228,7 +229,7 @@ class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
 
 
 def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
-    """All roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
+    """Roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""
     try:  # below the fold (14) no impulse solves (11)
         roots = symmetric_roots(at["a"], at["gamma"], at["k"], **model)

@@ -8,21 +8,19 @@ boundary, to the ends of the region where breathers exist.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from contbreather.continuation.boundary import boundary
 from contbreather.continuation.branch import Branch, Points
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.resume import refined
@@ -120,24 +118,18 @@ class ZoneSearch:
     def _scan(self, x: float, shown: Counter) -> bool:
         """Follow every new event of the admissible breathers at one value of the first parameter:
         by closed forms of all of them, or along branches."""
-        free, at = self.pair[1], {self.name: self.value, self.pair[0]: x}
-        starts = [*_comb(free, self.within), *self._next_to_folds(at)]
-        passed: list[Branch | Mapping[str, Array]] = []
-        closed = self._rows(at)
-        if closed is not None:
-            least = self.within[free][0]
-            pieces = [piece for row in closed for piece in row.pieces(least, self._passes)]
-            pieces.sort(key=partial(_first_of, starts))
-            for piece in pieces:
-                if piece.new is not None:
-                    passed.append(dict(zip(("p", "phi", "a"), piece.z.T, strict=True)))
-                    self._follow_all(piece.new, shown)
-            walked = [piece for piece in pieces if piece.new is None]
-            starts = [y for y in starts if any(p.low <= y <= p.high for p in walked)]
-        for branch in self._branches(at, starts, passed, shown):
-            passed.append(branch)
+        at = {self.name: self.value, self.pair[0]: x}
+        pieces = self._row(at)
+        if pieces is None:
+            branches = self._branches(at, shown)
+        else:
+            new = (p for p in pieces if not p.is_known(self.within["a"][0], self._passes))
+            branches = (self._branch(piece.middle.solution, shown) for piece in new)
+        looked_at = bool(pieces)
+        for branch in branches:
+            looked_at = True
             self._follow_all(branch.special, shown)
-        return bool(passed)
+        return looked_at
 
     def _follow_all(self, points: Iterable[Point], shown: Counter) -> None:
         for point in points:
@@ -146,8 +138,8 @@ class ZoneSearch:
                 if self.kept:
                     self.kept.look(True, self.so_far)
 
-    def _rows(self, at: Mapping[str, float]) -> list[Row] | None:
-        """All upper breathers at these two parameters, where they have closed forms."""
+    def _row(self, at: Mapping[str, float]) -> list[RowPiece] | None:
+        """Row of upper breathers at these two parameters, None where they have no closed forms."""
         closed = self.pair[1] == "a" and self.model["lattice"].sites is None
         if not closed or self.past_folds:
             return None
@@ -158,16 +150,19 @@ class ZoneSearch:
         except NoSolution:
             return []
         problem = self._problem(breather)
-        return rows(problem, self.events or (), self.within["a"][0], largest)
+        assert self.events is not None  # those of any problem
+        pieces = row_pieces(problem, self.events, self.within["a"][0], largest)
+        return sorted(pieces, key=lambda piece: piece.z[-1, 2])  # a falls along each
 
     def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
-        """Whether a curve of this kind does."""
+        """Test whether a curve of this kind passes a place."""
         curves = (b for b in self.curves[kind] if b is not but)
         return any(_on_curve(b, place, self.pair, SAME) for b in curves)
 
     def _begins(self, point: Point) -> bool:
-        """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
-        where idle sites are held by their neighbours alone: the curve comes from a scan beside."""
+        """Test whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of
+        its own where idle sites are held by their neighbours alone: the curve comes from a scan
+        beside."""
         if point.kind != "PF" or point.event is None or point.event.locus is None:
             return True
         least, _ = point.event.locus(point.base_point).domain.get("gamma", (0.0, math.inf))
@@ -186,32 +181,25 @@ class ZoneSearch:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
 
-    def _branches(
-        self,
-        at: Mapping[str, float],
-        starts: Sequence[float],
-        passed: Sequence[Any],
-        shown: Counter,
-    ) -> Iterator[Branch]:
+    def _branches(self, at: Mapping[str, float], shown: Counter) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first, from
         where it has one of several values, but for those that were passed."""
-        free = self.pair[1]
-        for y in starts:
+        free, passed = self.pair[1], list[Branch]()
+        for y in (*_comb(free, self.within), *self._next_to_folds(at)):
             for breather in admissible_roots({**at, free: y}, **self.model):
                 if not self.past_folds and breather.representation.family != "upper":
                     continue  # beyond the fold that ends the diagram
-                problem, phi = self._problem(breather), breather.phi
-                place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
-                if any(_on_curve(b, place, (free,), PASSED) for b in passed):
-                    continue
-                yield trace(
-                    problem,
-                    free,
-                    within={free: self.within[free]},
-                    events=self.events,
-                    steps=Steps(first=0.02, largest=0.1),
-                    progress=shown,
-                )
+                place = {free: y, "p": breather.p, "phi": breather.phi, "t1": breather.phi}
+                if not any(_on_curve(b, place, (free,), PASSED) for b in passed):
+                    passed.append(self._branch(breather, shown))
+                    yield passed[-1]
+
+    def _branch(self, breather: Orbit, shown: Counter) -> Branch:
+        free, problem = self.pair[1], self._problem(breather)
+        return trace(
+            problem, free, within={free: self.within[free]}, events=self.events,
+            steps=Steps(first=0.02, largest=0.1), progress=shown,
+        )  # fmt: skip
 
     def _next_to_folds(self, at: Mapping[str, float]) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
@@ -250,13 +238,6 @@ class ZoneSearch:
             ]
 
 
-def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
-    """Rank of a piece: the first start whose walk comes to it, then the largest p."""
-    reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
-    first = next(reached, len(starts) - 1)
-    return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
-
-
 def _followed(point: Point) -> str:
     """The kind of the curve that leads on from a special point."""
     event = point.event
@@ -291,14 +272,11 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
     return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
 
 
-def _on_curve(
-    curve: Branch | Mapping[str, Array], place: Place, pair: Sequence[str], near: float
-) -> bool:
-    """Whether a traced curve passes a place."""
+def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:
+    """Test whether a traced curve passes a place."""
     # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes p
     # takes long to say, and follows from the time
-    closed = "phi" in (curve.names if isinstance(curve, Branch) else curve)
-    names = (*pair, "p", "phi") if closed else (*pair, "t1")
+    names = (*pair, "p", "phi") if "phi" in curve.names else (*pair, "t1")
     nodes = np.stack([curve[name] for name in names], axis=-1)
     gap = np.array([place[name] for name in names]) - nodes
     gap[:, -1] -= 2.0 * math.pi * np.rint(gap[:, -1] / (2.0 * math.pi))
@@ -313,192 +291,109 @@ def _on_curve(
 
 # --- rows of a zone diagram -----------------------------------------------------------------------
 
-# Given phi, (11) is linear in 1/a and p/a: nobody has to walk along a row of the diagram to see
-# what happens on it, and whether that is on curves that are known.
+# Given phi, (11) is linear in 1/a and p/a: a row of the diagram is known without a walk along it.
+# Where every event on it lies on a curve that is known nobody has to walk there.
 
 POINTS = 48  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
-CLOSER = 17  # places at which a step is looked at closely
-ROUNDS = 5  # of that, after which a zero is sharp to rounding
-AHEAD = 1e-6  # of phi, which is next to an event
-ROUNDED = 1e-12  # phases that differ by less are one
-
-
-class Zero(NamedTuple):
-    """Place where a test changes sign."""
-
-    event: Event
-    z: Array
-    known: bool
-
-
-class RowPiece(NamedTuple):
-    """Admissible breathers that follow each other on a row."""
-
-    low: float  # its amplitudes, and those of the events that end it, are between these
-    high: float
-    z: Array  # p, phi, a of breathers and events, in order
-    new: Sequence[Point] | None  # events that are not known, by rising a; None: it has to be walked
+SHARP = 1e-5  # of phi, how well a zero is known: far below `SAME`, as phi weighs
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
-    """Breathers from the largest amplitude, or a fold, to the next fold, and one beyond a fold.
+class RowPiece:
+    """Admissible breathers that follow each other on a row, with one beyond at either end.
 
     Attributes
     ----------
-    curve : Curve
-        With free amplitude.
-    events : sequence of Event
+    middle : Point
+        On the curve with free amplitude.
     z : ndarray
         p, phi, a of each.
-    tests : ndarray
-        A row for each event.
-    counts : sequence
-        Beside them, None of events without one.
+    values : sequence of (Event, tests, counts)
+        At each of them; counts are None of events without one.
     """
 
-    curve: Curve
-    events: Sequence[Event]
+    middle: Point
     z: Array
-    tests: Array
-    counts: Sequence[Any]
+    values: Sequence[tuple[Event, Array, Any]]
 
-    @classmethod
-    def of(cls, curve: Curve, events: Sequence[Event], phi: Array) -> Row | None:
-        """The breathers with these phases; None unless all tests say many at once."""
-        z, none = _at(curve, phi), np.zeros(phi.size)
-        points = Points(curve, z, np.zeros_like(z), none, none)
-        asked = [answer for event in events if (answer := event.at_once(points))]
-        tests = np.array([test for test, _ in asked])
-        if len(asked) < len(events) or not np.isfinite(tests).all():
-            return None
-        return cls(curve, events, z, tests, [count for _, count in asked])
-
-    def pieces(self, least: float, known: Known) -> Iterator[RowPiece]:
-        """All admissible breathers of at least an amplitude, the smallest first."""
-        domain = [event.ends_domain for event in self.events]
-        inside = (self.tests[domain] > 0.0).all(axis=0) & (self.z[:, 2] >= least)
-        changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
-        for first, end in changes.reshape(-1, 2)[::-1].tolist():
-            # what ends a piece is in the steps to its neighbours
-            steps = slice(max(first - 1, 0), min(end, inside.size - 1))
-            resolved = self._is_resolved(steps)
-            found = self._zeros(steps, known) if resolved else ()
-            zeros = [zero for zero in found if zero.z[2] >= least]
-            z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
-            z = z[np.argsort(z[:, 1])]
-            a = self.z[steps.start : steps.stop + 1, 2]
-            new = self._new(zeros, self.z[(first + end) // 2, 1]) if resolved else None
-            # the zero of a fold is the breather at the fold, but for rounding
-            yield RowPiece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
-
-    def _is_resolved(self, steps: slice) -> bool:
-        """Whether no event can be on these steps but those that change a sign."""
-        for event, test, count in zip(self.events, self.tests, self.counts, strict=True):
-            if _may_touch_zero(test)[steps].any():
+    def is_known(self, least: float, known: Known) -> bool:
+        """Test whether all events on it, from an amplitude on, lie on known curves."""
+        for event, test, count in self.values:
+            changes = np.diff(test > 0.0)
+            # at a zero a count changes by one: where it says more two are in one step
+            passed = changes if count is None else np.rint(abs(np.diff(count)))
+            if (_may_touch_zero(test, changes) | (passed != changes)).any():
                 return False
-            # at a zero a count changes by one; where it says more the test is looked at closely
-            passed = _changes(test) if count is None else np.rint(abs(np.diff(count)))
-            jumps = _changes(test) != passed
-            for step in np.flatnonzero(jumps[steps]) + steps.start:
-                _, closer = self._closely(event, self.z[step : step + 2, 1])
-                if (_changes(closer) | _may_touch_zero(closer)).any():
-                    return False
+            steps = np.flatnonzero(changes).tolist()
+            if not all(self._is_on(event, test, step, least, known) for step in steps):
+                return False
         return True
 
-    def _zeros(self, steps: slice, known: Known) -> Iterator[Zero]:
-        for i, step in zip(*np.nonzero(_changes(self.tests)[:, steps]), strict=True):
-            event, ends = self.events[i], slice(steps.start + step, steps.start + step + 2)
-            phi, test = self.z[ends, 1], self.tests[i, ends]
-            for rounds in range(ROUNDS + 1):
-                # where the line through two values of the test vanishes
-                middle = phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi)
-                (z,) = _at(self.curve, middle)
-                is_known = known(event.kind, Point(self.curve, z))
-                if is_known or rounds == ROUNDS:
-                    break
-                phi, test = self._closely(event, phi)
-                change = int(_changes(test).argmax())
-                phi, test = phi[change : change + 2], test[change : change + 2]
-            yield Zero(event, z, is_known)
+    def _is_on(self, event: Event, test: Array, step: int, least: float, known: Known) -> bool:
+        """Test whether the zero of a test in a step is on a known curve, or below the
+        amplitudes."""
 
-    def _closely(self, event: Event, ends: Array) -> tuple[Array, Array]:
-        """Phases between two, and a test there."""
-        phi = np.linspace(ends[0], ends[1], CLOSER)
-        row = Row.of(self.curve, (event,), phi)
-        assert row is not None  # as all tests say many on the whole row
-        return phi, row.tests[0]
+        def place(phi: float) -> Point:
+            return Point(self.middle.curve, _at(self.middle.curve, np.array([phi]))[0])
 
-    def _new(self, zeros: Sequence[Zero], inside: float) -> list[Point] | None:
-        """What is not known of the events on a piece, up to what ends it on both sides of a phase
-        inside; None where one is not what its kind says."""
-        ends = [zero.z[1] for zero in zeros if zero.event.ends]
-        low = max((phi for phi in ends if phi < inside), default=-math.inf)
-        high = min((phi for phi in ends if phi >= inside), default=math.inf)
-        new, number = [], defaultdict[str, int](int)
-        for event, z, known in sorted(zeros, key=lambda zero: zero.z[2]):
-            number[event.kind] += 1
-            room = 0.0 if event.ends else AHEAD  # at a fold a curve would go on behind it
-            if not known and low + room <= z[1] <= high - room:
-                point = _special(self.curve, event, z)
-                if point is None:
-                    return None
-                new.append(replace(point, label=f"{point.kind}{number[event.kind]}"))
-        return new
+        low, high = self.z[step : step + 2, 1]
+        # where the line through two values of the test vanishes, and where the test does
+        near = low + test[step] / (test[step] - test[step + 1]) * (high - low)
+        if place(near)["a"] < least or known(event.kind, place(near)):
+            return True
+        zero = brentq(lambda phi: event.value(place(phi)), low, high, xtol=SHARP)
+        return known(event.kind, place(zero))
 
 
-def _special(curve: Curve, event: Event, z: Array) -> Point | None:
-    """An event as a point of a walk to larger amplitudes, once it has been verified."""
-    try:
-        # a rises against phi
-        tangent, _ = curve.tangent_at(z, (_at(curve, z[1:2] - AHEAD) - z)[0])
-        point = Point(curve, z, tangent, kind=event.kind, event=event)
-        detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
-        point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)
-        verdict = event.examine(point) if event.examine else {}
-    except OUT_OF_DOMAIN:
-        return None
-    if isinstance(verdict, str):
-        return None if verdict else point
-    kind = verdict.get("kind", event.kind)
-    return replace(point, kind=kind, detail={**detail, **verdict})
+def row_pieces(
+    problem: Any, events: Sequence[Event], least: float, largest: float
+) -> Iterator[RowPiece]:
+    """Admissible upper breathers between two amplitudes."""
+    curve = Curve(problem, ("a",))
+    for low, high in problem.closure.upper_phases(curve.fixed, largest):
+        phi = _evenly(curve, low, high, least)
+        if not phi.size:
+            continue
+        z = _at(curve, phi)
+        points = Points(curve, z, np.zeros_like(z), *np.zeros((2, len(z))))
+        answers = [event.values(points) for event in events]
+        tests = np.array([test for test, _ in answers])
+        # of upper breathers the test of the fold is positive, too
+        ends = [bool(event.ends) for event in events]
+        inside = (tests[ends] > 0.0).all(axis=0) & (z[:, 2] >= least)
+        changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+        for first, end in changes.reshape(-1, 2).tolist():
+            part = slice(max(first - 1, 0), end + 1)
+            counts = [None if count is None else count[part] for _, count in answers]
+            values = [*zip(events, tests[:, part], counts, strict=True)]
+            yield RowPiece(Point(curve, z[(first + end) // 2]), z[part], values)
+
+
+def _evenly(curve: Curve, low: float, high: float, least: float) -> Array:
+    """Phases evenly along a row down to an amplitude, and one beyond each fold."""
+    # where a is large it changes fast with phi
+    z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
+    z = z[z[:, 0] > 0.0]
+    z = z[: np.count_nonzero(z[:, 2] >= least) + 1]  # a falls along it
+    if len(z) < 2:
+        return np.empty(0)
+    length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
+    phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
+    ends = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both
+    before, after = _at(curve, ends)[:, 2]
+    # the first is a fold, too, where a falls before it; beyond a pole it is negative
+    first = ends[:1] if 0.0 < before < z[0, 2] else ends[:0]
+    return np.concatenate([first, phi, ends[1:] if after > 0.0 else ends[:0]])
 
 
 def _at(curve: Curve, phi: Array) -> Array:
     return np.asarray(curve.problem.closure.at_phases(phi, curve.fixed))
 
 
-def _changes(test: Array) -> Marked:
-    return np.asarray(np.diff(test > 0.0))
-
-
-def _may_touch_zero(test: Array) -> Marked:
-    """Steps within which a test may come to zero and back: on both sides a line through two values
-    leads there."""
+def _may_touch_zero(test: Array, changes: Marked) -> Marked:
+    """Steps within which a test may come to zero and back, as on both sides a line through two
+    values leads there; or has no value."""
     falls = np.append(True, test[1:] * (2.0 * test[1:] - test[:-1]) < 0.0)
     rises = np.append(test[:-1] * (2.0 * test[:-1] - test[1:]) < 0.0, True)
-    return ~_changes(test) & falls[:-1] & rises[1:]
-
-
-def rows(problem: Any, events: Sequence[Event], least: float, largest: float) -> list[Row] | None:
-    """One for each fold, between two amplitudes; None unless all tests say many at once."""
-    curve, closed = Curve(problem, ("a",)), []
-    for low, high in problem.closure.upper_phases(curve.fixed, largest):
-        # where a is large it changes fast with phi
-        z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
-        z = z[z[:, 0] > 0.0]
-        z = z[: np.count_nonzero(z[:, 2] >= least) + 1]  # a falls along it
-        if len(z) < 2:
-            continue
-        length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
-        phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
-        before, after = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both ends
-        beyond = _at(curve, np.array([before, after]))[:, 2]
-        if 0.0 < beyond[0] < z[0, 2]:  # the first is a fold, too; beyond a pole a is negative
-            phi = np.append(before, phi)
-        row = Row.of(curve, events, np.append(phi, after) if beyond[1] > 0.0 else phi)
-        if row is None:
-            return None
-        closed.append(row)
-    return closed
+    return (~changes & falls[:-1] & rises[1:]) | np.isnan(np.diff(test))

@@ -80,7 +80,7 @@ def zones(
     spring: float | None = None,
     walls: Any = None,
 ) -> Zones | ZoneDiagrams:
-    """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
+    """Draw all curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
     Parameters
     ----------
@@ -179,8 +179,9 @@ def model_of(
     spring: float | None = None,
     walls: Any = None,
 ) -> dict[str, Any]:
-    """What the breathers of a diagram live on, as `symmetric` takes it but for the forcing, checked
-    before anything is looked for: with `site` and the others they are evaluated by exact modes."""
+    """Lattice and losses of the breathers of a diagram, as `symmetric` takes it but for the
+    forcing, checked before anything is looked for: with `site` and the others they are evaluated by
+    exact modes."""
     place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
     site, damping = whole("site", site, -MOST), parameter("damping", damping)
     spring = None if spring is None else parameter("spring", spring)

@@ -65,7 +65,7 @@ def regular_sums(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
 
 @inlined
 def tails_at(tails: Cube, way: int, z: float) -> Any:
-    """Of R/nu, B, C or one of their slopes, with derivatives in ``z = nu^2``."""
+    """Evaluate R/nu, B, C or one of their slopes, with derivatives in ``z = nu^2``."""
     return polynomial(tails[way, 0], z), polynomial(tails[way, 1], z), polynomial(tails[way, 2], z)
 
 
@@ -104,7 +104,7 @@ def resolvent_changes(s: Any, A: Any, edge: Any) -> tuple[Any, Any, Any]:
 
 
 def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
-    """What an alias s adds to pi R, pi B and pi C, with a rest of 1; or how that changes as g does,
+    """Share of an alias s in pi R, pi B and pi C, with a rest of 1; or its change with g,
     without."""
     sg = s * g
     return sg, -g, rest + s * sg

@@ -36,14 +36,12 @@ GRID = 24  # samples between two singular places of the circle; refinement does 
 SHARP = 1e-13  # an interval that is not halved any more
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
-ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
-FARTHEST = 0.25  # of a pair from the circle: beyond that it is all the same
 HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside
 TWO_PI = 2.0 * math.pi
 
 
 class PairSeries(NamedTuple):
-    """What is the same for all orbits, see `contbreather.stability.chain_map`."""
+    """Tables that all orbits share, see `contbreather.stability.chain_map`."""
 
     number: Cube  # (3, ORDERS, POWERS): of turn, reach, pull the factor of kappa^p <w^2l>, and
     which: Cube  # with which of the sums over far aliases; -1 where there is none
@@ -52,7 +50,7 @@ class PairSeries(NamedTuple):
 
 
 class Impacts(NamedTuple):
-    """Those of one period; times and entries b in units of n forcing periods."""
+    """Impacts of one period; times and entries b in units of n forcing periods."""
 
     gamma: float
     floor: float  # lower edge of the band as a kappa, 0 where no spring holds the sites
@@ -76,16 +74,16 @@ class CountWorkspace(NamedTuple):
 
 
 class CircleSamples(NamedTuple):
-    """What the samples along half the circle tell."""
+    """Samples along half the circle, and their summary."""
 
     samples: Matrix  # as those of a piece, one after the other
     used: Counts
     # turning; least |F| over its terms, and where; real part of F at both ends; whether it was
-    # resolved; how close a pair comes to the circle
+    # resolved
     found: Vector
 
 
-TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(7)
+TURNING, LEAST, WHERE, START, END, RESOLVED = range(6)
 
 
 # --- what does not depend on kappa ----------------------------------------------------------
@@ -183,7 +181,7 @@ def edge_root(edge: float, kappa: complex) -> complex:
 
 
 def band_roots(orbit: Impacts, kappa: complex) -> tuple[complex, complex]:
-    """Those of both edges of the band: ``1/g`` is minus their product."""
+    """Square roots of both edges of the band: ``1/g`` is minus their product."""
     upper = math.sqrt(orbit.floor * orbit.floor + 4.0 * orbit.gamma)
     return edge_root(orbit.floor, kappa), edge_root(upper, kappa)
 
@@ -372,7 +370,7 @@ def circle_samples(
     first, second = min(first, second), max(first, second)
     summary = circle.found
     summary[TURNING], summary[LEAST] = 0.0, math.inf
-    summary[RESOLVED], summary[APPROACH] = 1.0, FARTHEST
+    summary[RESOLVED] = 1.0
     circle.used[0] = 0
     if first > 0.0:
         piece(orbit, room, terms, circle, 0.0, first)
@@ -430,7 +428,7 @@ def sample_at(
 
 
 def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
-    """Whether F moves by much of its modulus over an interval or one next to it."""
+    """Test whether F moves by much of its modulus over an interval or one next to it."""
     if rows[i + 1, 0] - rows[i, 0] <= SHARP:
         return False
     for j in range(max(i - 1, 0), min(i + 2, count - 1)):
@@ -445,10 +443,8 @@ def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
 def tell(
     rows: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
 ) -> None:
-    """What the samples of one piece tell, of the first one from 1 on, of the last up to -1."""
+    """Add the samples of one piece to the summary; the first begins at 1, the last ends at -1."""
     summary = circle.found
-    for i in range(count - 1):
-        distance_off_circle(rows, i, summary)
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside
     if first:
@@ -478,27 +474,6 @@ def signed_inside(
         if size > least:
             return
         rows[i, 2], rows[i, 3] = sign * max(size, 1e-300), 0.0
-
-
-def distance_off_circle(rows: Matrix, i: int, summary: Vector) -> None:
-    """How far a zero is off the circle, by a straight line between two samples, over its distance
-    from +1 and -1, which are not meant."""
-    step = rows[i + 1, 1] - rows[i, 1]
-    a, b = rows[i, 2], rows[i, 3]
-    rise, lift = rows[i + 1, 2] - a, rows[i + 1, 3] - b
-    square = rise * rise + lift * lift
-    # pieces of the circle share their ends: nothing is between them
-    if step <= 1e-14 * rows[i + 1, 1] or square == 0.0:
-        return
-    t = min(max(-(a * rise + b * lift) / square, 0.0), 1.0)
-    re, im = a + t * rise, b + t * lift
-    kappa = rows[i, 1] + t * step
-    off = math.sqrt((re * re + im * im) / square) * step
-    if off <= ON_CIRCLE:
-        summary[RESOLVED] = 0.0
-    if 0.0 < kappa < 0.5:
-        off *= 1.0 / kappa + 1.0 / (0.5 - kappa)
-        summary[APPROACH] = min(summary[APPROACH], off)
 
 
 EVERYWHERE, AROUND = Kernel(values_at), Kernel(circle_samples)

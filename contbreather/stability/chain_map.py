@@ -45,19 +45,16 @@ from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
-    APPROACH,
     AROUND,
     CERTAIN,
     CLOSED,
     END,
     EVERYWHERE,
     FAR,
-    FARTHEST,
     FLAT,
     HIGHEST,
     LEAST,
     NEAR,
-    ON_CIRCLE,
     ORDERS,
     POWERS,
     RESOLVED,
@@ -69,6 +66,7 @@ from contbreather.stability.bordered import (
     Impacts,
     PairSeries,
 )
+from contbreather.stability.modal_map import ring_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     MOST,
@@ -81,10 +79,10 @@ from contbreather.stability.zeros import (
 
 Array = NDArray[Any]
 
-ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
-DEEP = 0.5  # beyond this |Im kappa|, 40 modes are the infinite chain
-MODES = 40
-FROM_CIRCLE = np.geomspace(1e-9, 1e9, 91)  # of mu, where real multipliers are looked for
+ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
+FARTHEST = 0.25  # of a pair from the circle: beyond that it is all the same
+RINGS = (40, 80, 160, 320)  # sites of rings whose multipliers are where Newton's method begins
+DEEP = 1.0  # |Im kappa|, |mu| = 535, beyond which a ring is the infinite chain, and F loses digits
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ class OrbitMap:
 
     @cached_property
     def _impacts(self) -> Impacts:
-        """Those of the kernels, with room for what their propagators are expanded in."""
+        """Arguments of the kernels, with room for the expansions of their propagators."""
         m, n, sites = len(self.kicks), self.periods, self._sites[0]
         return Impacts(
             self.scaled,
@@ -198,58 +196,14 @@ class OrbitMap:
             np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4))
         )
 
-    def _deep(self, kappa: Array) -> Array:
-        """``det(1 - X (S - 1))`` far off the circle."""
-        m, apart = len(self.kicks), self._sites[1]
-        times = self._impacts.times[:, None] - self._impacts.times
-        X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
-        for distance in np.unique(apart):
-            i, j = np.nonzero(apart == distance)
-            turn, reach, pull = deep(self, int(distance), times[i, j], kappa)
-            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = turn.T
-            X[:, i, 0, j, 1] = reach.T
-            X[:, i, 1, j, 0] = pull.T
-        jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
-        # D = det(1 - X (S - 1)): far off all of X is small, and nothing has a pole to border
-        kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
-        return np.asarray(np.linalg.det(np.eye(2 * m) - kicked))
-
-    def D(self, kappa: Any) -> Array:
-        """The reduced determinant at ``mu = exp(2 pi i kappa)``, Im kappa <= 0.
-
-        On the chain's band it is the limit from |mu| > 1; infinite at mu = 1 and at its edges.
-        """
-        values = np.atleast_1d(np.asarray(kappa, dtype=complex))
-        values = values - np.round(values.real)
-        mirrored = values.real < 0.0  # D at -conj(kappa) is conj(D)
-        values = np.abs(values.real) + 1j * values.imag
-        out = np.empty_like(values)
-        far = values.imag <= -DEEP
-        if np.any(far):
-            out[far] = self._deep(values[far])
-        if not np.all(far):
-            near = values[~far]
-            poles = [self.inverse(near + alias) for alias in ALIASES]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                out[~far] = -self.F(near) / np.prod(poles, axis=0)
-        return np.where(mirrored, out.conj(), out).reshape(np.shape(kappa))
-
     def F(self, kappa: Array) -> Array:
-        """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]."""
+        """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]. For
+        Im kappa <= 0; on the band the limit from |mu| > 1."""
         places = np.ascontiguousarray(kappa, dtype=complex)
         values = np.empty(places.shape, dtype=complex)
         pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
         EVERYWHERE(self._impacts, series(), self._room(0), *pairs)
         return values
-
-    def inverse(self, kappa: Array) -> Array:
-        """``1/<1/(w^2 - kappa^2)>`` for Im kappa <= 0, on the band its limit from below. With
-        products of two roots it is exact next to either edge, and zero at them."""
-        above = kappa.real + 1j * np.abs(kappa.imag)  # the conjugate, on the upper side of the cut
-        low, high = (
-            np.sqrt(above - edge) * np.sqrt(above + edge) for edge in (self.floor, self.edge)
-        )
-        return np.asarray(-(low * high).conj())
 
     # --- real multipliers as scalars ---
 
@@ -289,37 +243,28 @@ class OrbitMap:
         half_turns = round(summary[TURNING] / math.pi)
         certain = summary[RESOLVED] and summary[LEAST] > CERTAIN
         certain = certain and abs(summary[TURNING] / math.pi - half_turns) < 0.01
+        zeros, places, _ = self._near
+        certain = certain and abs(zeros - places).min() > ON_CIRCLE
         # D -> 1 far out: D < 0 at 1, where it has the sign of -F, or at -1 means one real beyond
         pairs = (1 - half_turns - int(summary[START] > 0.0) - int(summary[END] < 0.0)) // 2
         nu = 2.0 * float(summary[WHERE])
         return Count(1 - half_turns, bool(certain), float(summary[LEAST]), nu, pairs)
 
     def unstable(self, threshold: float) -> int:
-        """How many multipliers are outside the unit circle: exact, without a threshold."""
+        """Count the multipliers outside the unit circle: exact, without a threshold."""
         return self.count().count
 
     def beyond(self, place: float) -> int:
-        """The same, of which those beyond 1 or -1 are some: it changes where one passes there."""
+        """Count all outside, those beyond 1 or -1 among them: it changes where one passes there."""
         return self.count().count
 
     @property
     def _circle(self) -> CircleSamples:
         return _around(self)
 
-    @cached_property
-    def _terms(self) -> float:
-        """Size of what may cancel in F."""
-        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
-
-    @property
-    def _samples(self) -> tuple[Array, Array]:
-        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
-        _, kappa, real, imag = self._circle.samples.T
-        return kappa, real + 1j * imag
-
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """How far the next pair is off the circle, negative while an odd number is outside, and
-        how many are."""
+        """Distance of the next pair from the circle, negative while an odd number is outside, and
+        their number."""
         outside = self.count().pairs
         return (-self.approach() if outside % 2 else self.approach()), outside
 
@@ -330,29 +275,36 @@ class OrbitMap:
         return complex(self.F(np.array([0.5 * angle + 0j]))[0])
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
-        """The same: it is smooth wherever it is evaluated."""
+        """Return `on_circle`: it is smooth wherever it is evaluated."""
         return OrbitMap.on_circle
 
     def nearest(self) -> float:
         """Angle, over pi, at which a multiplier is closest to passing the circle."""
-        x, F = self._samples
-        inner = np.flatnonzero((x > 0.0) & (x < 0.5))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = F / np.gradient(F, x)  # Newton's, from every sample
-        best = inner[int(np.nanargmin(np.abs(step[inner])))]
-        near = x[best] - step[best].real
-        kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
-        return 2.0 * float(kappa)
+        zero, place, _ = self._near
+        inner = (place > 0.0) & (place < 0.5)
+        return 2.0 * float(place[inner][abs(zero - place)[inner].argmin()])
 
     def approach(self) -> float:
-        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`.
-
-        The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
-        on straight lines between the samples, F/F' is how far off its zero is.
-        """
+        """Closest approach of a complex pair to the circle: 0 on it, at most `FARTHEST`. The
+        distance of a zero of F from the circle over that from +1 and -1, which are not meant."""
         if self.gamma == 0.0:
             return FARTHEST
-        return float(self._circle.found[APPROACH])
+        zero, place, _ = self._near
+        inner = (place > 0.0) & (place < 0.5)
+        off, place = abs(zero - place)[inner], place[inner]
+        return float((off * (1.0 / place + 1.0 / (0.5 - place))).min(initial=FARTHEST))
+
+    @cached_property
+    def _near(self) -> tuple[Array, Array, Array]:
+        """kappa of zeros of F on straight lines between its samples, and of the places on the
+        circle next to them; and how far off these are, in units of the samples' distance."""
+        _, kappa, real, imag = self._circle.samples.T
+        F = real + 1j * imag
+        step, rise = np.diff(kappa), np.diff(F)
+        apart = (step > 1e-14 * kappa[1:]) & (rise != 0.0)  # pieces of the circle share their ends
+        low, step, share = kappa[:-1][apart], step[apart], -F[:-1][apart] / rise[apart]
+        part = np.clip(share.real, 0.0, 1.0)
+        return low + share * step, low + part * step, abs(share - part)
 
     # --- sites without coupling ---
 
@@ -383,15 +335,19 @@ class OrbitMap:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
             return mu[np.argsort(-np.abs(mu), kind="stable")]
-        return as_counted(self.count(), self.zeros, (0, 1, 2, 4))
+        return as_counted(self.count(), self.zeros, RINGS)
 
-    def zeros(self, more: int, rim: float = -ON_CIRCLE) -> Array:
-        """What Newton's method reaches outside the circle, as multipliers, the largest first; as
-        far in as Im kappa is a rim."""
-        zeros = newton_from_all(
-            self._step, self._starts(more), 40, 1e-11, 0.3, _outside, self._unit
-        )
-        zeros = zeros[zeros.imag < rim]
+    def zeros(self, sites: int, rim: float = -ON_CIRCLE) -> Array:
+        """Multipliers that Newton's method on F reaches from those of a ring, the largest first,
+        outside the circle, or as far in as Im kappa is a rim."""
+        ring = Ring(sites + 2 * int(self._sites[0].max()))
+        mu = ring_map(ring, self.gamma, self.k, self.kicks, self.period, spring=self.spring).coupled
+        # most of a ring's band is on the circle, to within rounding
+        kappa = np.log(mu[(abs(mu) > 1.0 + 1e-9) & (mu.imag >= 0.0)]) / (2j * math.pi)
+        deep, (near, _, off) = kappa.imag < -DEEP, self._near
+        starts = np.concatenate([kappa[~deep], near[(near.imag < 0.0) & (off < 4.0)]])
+        zeros = newton_from_all(self._step, starts, 40, 1e-11, 0.3, _outside, self._unit)
+        zeros = np.concatenate([kappa[deep], zeros[zeros.imag < rim]])
         return multipliers_of(2.0 * distinct(zeros, 1e-7 * self._unit(zeros)))
 
     def _unit(self, kappa: Array) -> Array:
@@ -399,50 +355,20 @@ class OrbitMap:
         return np.asarray(np.maximum(np.abs(kappa), self.edge))
 
     def _step(self, kappa: Array) -> Array:
-        """Newton's. From the outside D goes on smoothly through the band, but for its ends."""
+        """Newton's. From the outside F goes on smoothly through the band, but for its ends."""
         ends = np.array([0.0, self.floor, self.edge])
         ends = np.abs(ends - np.round(ends))[:, None]
         h = np.minimum(1e-5, 0.03 * np.abs(kappa - ends).min(axis=0))
-        return self._smooth(kappa) * 2.0 * h / (self._smooth(kappa + h) - self._smooth(kappa - h))
-
-    def _smooth(self, kappa: Array) -> Array:
-        """D off the circle without its poles at the ends of the band."""
-        poles = [self.inverse(kappa + alias) for alias in ALIASES]
-        return np.asarray(self.D(kappa) * np.prod(poles, axis=0))
-
-    def _starts(self, more: int) -> Array:
-        """kappa of the upper half plane of mu, outside the circle: where a zero looks near, and
-        all around, also in units of the band."""
-        kappa, F = self._samples
-        # F is straight between its samples: those next to a zero know where it is
-        step = np.diff(kappa)
-        with np.errstate(all="ignore"):
-            share = -F[:-1] / np.diff(F)
-        near = np.abs(share) < 4.0 * max(more, 1)
-        zeros = kappa[:-1][near] + share[near] * step[near]
-        starts = [zeros[zeros.imag < 0.0], *(self._changes(end) for end in (0.0, 0.5))]
-        if more:
-            depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
-            across = np.linspace(0.0, 1.0, 8 * more + 1)[:, None]
-            starts += [(0.5 * across - 1j * depth).ravel()]
-            along = self.floor + (self.edge - self.floor) * across
-            starts += [(along - 1j * self.edge * depth).ravel()]
-        return np.concatenate(starts)
-
-    def _changes(self, end: float) -> Array:
-        """Where D changes its sign on the real axis, beyond 1 or -1, at ``exp(2 pi i end)``."""
-        depth = np.log1p(FROM_CIRCLE) / (2.0 * math.pi)
-        values = self.D(end - 1j * depth).real
-        i = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-        share = values[i] / (values[i] - values[i + 1])
-        return np.asarray(end - 1j * (depth[i] + share * (depth[i + 1] - depth[i])))
+        F, after, before = self.F(np.concatenate([kappa, kappa + h, kappa - h])).reshape(3, -1)
+        return np.asarray(F * 2.0 * h / (after - before))
 
 
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
-    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
+    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(6))
+    terms = float(np.prod([1.0 + abs(map.periods * kick.b) for kick in map.kicks]))
+    AROUND(map._impacts, series(), map._room(MOST + 1), terms, circle)
     return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 
 
@@ -469,38 +395,11 @@ def _counted(mu: Array) -> Count:
 
 def _outside(kappa: Array) -> Array:
     """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
-    kappa = kappa[(kappa.imag < ON_CIRCLE) & (kappa.imag > -6.0)]
+    kappa = kappa[(kappa.imag < ON_CIRCLE) & (kappa.imag > -1.1 * DEEP)]
     return np.abs(kappa.real - np.round(kappa.real)) + 1j * np.minimum(kappa.imag, 0.0)
 
 
-# --- mean propagators -----------------------------------------------------------------------------
-
-
-def deep(map: OrbitMap, distance: int, times: Array, kappa: Array) -> tuple[Array, Array, Array]:
-    """Turn, reach and pull of pairs of impacts the times apart, at one distance, shape (pairs, K),
-    for |Im kappa| >= `DEEP`: by modes."""
-    theta, weight, w = Ring(MODES + 2 * distance).nodes(map.scaled)
-    w = np.hypot(w, map.floor)
-    amplitude = weight * np.cos(distance * theta)
-    late = np.where(times <= 0.0, 1.0, 0.0)
-    mu = np.exp(2j * math.pi * kappa)
-    now = (times + 2.0 * math.pi * late)[:, None, None]
-    before = now - 2.0 * math.pi
-    slope = 1.0 - 2.0 * np.cos(2.0 * math.pi * w) / mu[:, None] + mu[:, None] ** -2
-    share = amplitude / slope
-    back = np.exp(-1j * kappa * now[:, 0])  # mu^-1 exp(-i kappa s) for the late ones
-
-    def mean(now_part: Array, before_part: Array) -> Array:
-        return np.sum((now_part - before_part / mu[:, None]) * share, axis=-1) * back
-
-    def reach(s: Array) -> Array:
-        return s * np.sinc(w * s / math.pi)
-
-    return (
-        mean(np.cos(w * now), np.cos(w * before)),
-        mean(reach(now), reach(before)),
-        mean(-w * np.sin(w * now), -w * np.sin(w * before)),
-    )
+# --- series of the mean propagators ---------------------------------------------------------------
 
 
 def _expansions() -> tuple[Array, Array]:
@@ -518,7 +417,6 @@ def _expansions() -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def series() -> PairSeries:
-    """All of it."""
     which, number = _expansions()
     polynomials = np.zeros((CLOSED, CLOSED + 1))
     for p in range(1, CLOSED + 1):

@@ -69,21 +69,21 @@ class Map(Protocol):
 
     @property
     def period(self) -> float:
-        """Of the orbit."""
+        """Period of the orbit."""
 
     def crosses(self, mu: float) -> float:
         """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
 
     def unstable(self, threshold: float) -> float:
-        """How many multipliers are outside: on the infinite chain of the unit circle, on a finite
+        """Count the multipliers outside: on the infinite chain of the unit circle, on a finite
         lattice of that of a threshold over the period."""
 
     def beyond(self, place: float) -> int:
         """A count that changes where a real multiplier passes 1 or -1."""
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """Of complex pairs: a float that changes sign where one leaves a circle, negative outside,
-        and on the infinite chain a number that changes wherever one does."""
+        """Two numbers of complex pairs: a float that changes sign where one leaves a circle,
+        negative outside, and on the infinite chain a number that changes wherever one does."""
 
     def nearest(self) -> float:
         """Angle, over pi, of the pair that is closest to leaving; NaN where there is none."""
@@ -93,7 +93,8 @@ class Map(Protocol):
         that is."""
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
-        """The same of maps and angles next to this one, exact to first order where it vanishes."""
+        """Linearise `on_circle` for maps and angles next to this one, exact to first order where it
+        vanishes."""
 
 
 class ModalSaltation(NamedTuple):
@@ -166,7 +167,6 @@ class ModalMap:
 
     @cached_property
     def over_period(self) -> ComplexArray:
-        """The same over the period."""
         return self.coupled if self.sign > 0 else self.coupled**2
 
     @cached_property
@@ -181,7 +181,7 @@ class ModalMap:
         return float(abs(self._others).max(initial=0.0)) ** (1 if self.sign > 0 else 2)
 
     def multipliers(self) -> ComplexArray:
-        """All over a section: first those of the modes that impacts see."""
+        """Multipliers over a section: first those of the modes that impacts see."""
         return np.concatenate([self.coupled, self._others])
 
     def crosses(self, mu: float) -> float:
@@ -191,8 +191,8 @@ class ModalMap:
 
     @cached_property
     def _tied(self) -> ModalMap:
-        """With springs next to none where several modes only drift, as they do without coupling:
-        all but one have a double multiplier 1 there, and the determinant is 0/0."""
+        """Add springs next to none where several modes only drift, as they do without coupling: all
+        but one have a double multiplier 1 there, and the determinant is 0/0."""
         drifts = self.z < DRIFTS
         if np.count_nonzero(drifts) < 2:
             return self
@@ -219,13 +219,14 @@ class ModalMap:
         return outermost(self.coupled, radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
-        """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can
-        be told from two real ones."""
+        """Distance of the first pair inside a circle, and nothing that counts; NaN where no pair
+        can be told from two real ones."""
         return (math.nan if self.rounding > REAL else -float(self.outermost(radius))), 0
 
     @cached_property
     def rounding(self) -> float:
-        """Of all multipliers: where an impact loses its velocity one grows beyond all bounds."""
+        """Rounding of all multipliers: where an impact loses its velocity one grows beyond all
+        bounds."""
         return float(EPS * np.linalg.norm(self.matrix))
 
     def nearest(self) -> float:
@@ -233,13 +234,13 @@ class ModalMap:
         return farthest(self.coupled)
 
     def beyond(self, place: float) -> int:
-        """How many real multipliers are farther out than 1 or -1, on its side."""
+        """Count the real multipliers farther out than 1 or -1, on its side."""
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
             return beyond(self.coupled, place * (1.0 + BESIDE))
         return self.reduced.beyond(place * (1.0 + BESIDE))
 
     def unstable(self, threshold: float) -> float:
-        """How many multipliers over the period are beyond a threshold; NaN where damping ends, and
+        """Count the multipliers over the period beyond a threshold; NaN where damping ends, and
         free modes are on it."""
         if threshold == 1.0 and self.idle == 1.0:
             return math.nan
@@ -285,6 +286,7 @@ def ring_map(
     kicks: tuple[Saltation, ...],
     period: float = 2.0 * math.pi,
     of: type[ModalMap] = ModalMap,
+    spring: float = 0.0,
 ) -> ModalMap:
     """The map of a ring over a section of an orbit, from within a flight that is not short: next
     to an impact, others at the same time would move from one end of the section to the other.
@@ -299,7 +301,7 @@ def ring_map(
     (18, 0.4096)
     """
     basis = ring.basis(tuple(sorted({kick.site for kick in kicks})))
-    z, lam = gamma * basis.lam, gamma * basis.unseen
+    z, unseen = spring + gamma * basis.lam, spring + gamma * basis.unseen
     times = [kick.time for kick in kicks]
     free = np.diff([*times, times[0] + period])
     last = int(np.argmax(free > _SHORT * free.max()))  # before it
@@ -315,7 +317,7 @@ def ring_map(
         ModalSaltation(shape, shape, saltation(k, kick.b))
         for shape, kick in zip(shapes, kicks, strict=True)
     )
-    return of(ring, gamma, 0.0, z, lam, turns, blows, period)
+    return of(ring, gamma, 0.0, z, unseen, turns, blows, period)
 
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------
@@ -336,7 +338,7 @@ FLAT = 2.0  # a dip from this many times its depth has been seen to the bottom
 
 
 class NearestMultipliers(NamedTuple):
-    """What is known of multipliers next to a circle."""
+    """Multipliers next to a circle."""
 
     zeros: Array  # in the upper half plane, as many as were found
     outside: int  # how many are outside, pairs and real ones
@@ -406,8 +408,8 @@ class ReducedDeterminant:
         return np.asarray(np.linalg.det(matrix))
 
     def beyond(self, place: float) -> int:
-        """How many real multipliers are farther out than a place on the real axis off all poles,
-        on its side."""
+        """Count the real multipliers farther out than a place on the real axis off all poles, on
+        its side."""
         beside = np.append(0.0, np.geomspace(CLOSE, FAR, 199))  # poles are next to the place
         x = place * (1.0 + beside)
         D = self.D(x + 0j).real
@@ -445,7 +447,7 @@ class ReducedDeterminant:
         return None
 
     def around(self, radius: float) -> NearestMultipliers | None:
-        """What is next to a circle around all poles."""
+        """Find the multipliers next to a circle around all poles, None if it cannot be resolved."""
         x, D, enough = refined_samples(
             self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST
         )
@@ -467,7 +469,7 @@ class ReducedDeterminant:
         return np.sort(np.concatenate([x, 0.5 * (x[1:] + x[:-1])]))
 
     def _zeros(self, mu: Array) -> Array:
-        """What Newton's method finds in the upper half plane, each once."""
+        """Zeros that Newton's method finds in the upper half plane, each once."""
 
         def step(mu: Array) -> Array:
             at, after, before = self.D(np.concatenate([mu, mu + SLOPE, mu - SLOPE])).reshape(3, -1)
@@ -479,7 +481,8 @@ class ReducedDeterminant:
 
 
 def _local_minima(D: Array) -> Array:
-    """Where it comes so close to zero, of one sign, that two zeros may be between two places."""
+    """Places where D comes so close to zero, of one sign, that two zeros may be between two
+    places."""
     size, sign = abs(D), D > 0.0
     low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])
     alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])

@@ -47,7 +47,7 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOW
-from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.chain_map import RINGS, OrbitMap
 from contbreather.stability.modal_map import EPS, ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import Count, as_counted
@@ -56,8 +56,6 @@ Array = NDArray[Any]
 
 ROUNDING = 1e-13  # of the terms of what vanishes at a multiplier: closer, a count is not certain
 EDGE = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
-CLOSE = 1e-5  # of its terms: what many counts at once leave to one by one
-LARGEST = 1e15  # entry b that many counts are told of
 ON_CIRCLE = 4e-13  # of |mu| - 1 of a zero that may be on the circle
 RISKY = 1e-6  # of 1/4 - gamma: nearer, zeros next to -1 are found that are none
 NEXT_TO_EDGE = 1e-7  # how far outside they are
@@ -83,13 +81,13 @@ def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
 def _on(
     gamma: float, k: float, spring: float
 ) -> tuple[band_pairs.ChainWithImpacts, band_pairs.BandWorkspace]:
-    """What kernels take first."""
+    """Make the first arguments of the kernels."""
     return band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
 
 
 @lru_cache(maxsize=16)
 def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
-    """What `band_pairs` ask for, with room for what a thread makes of it."""
+    """Expansions that `band_pairs` need, with a thread's room to evaluate them."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
     moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
     slopes = np.arange(ORDERS)[:, None] * np.roll(moments[:ORDERS], 1, axis=0)
@@ -134,13 +132,6 @@ class Gradient(NamedTuple):
     d_spring: complex
 
 
-def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
-    """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
-    out = np.empty((6, 2))
-    ON_ARC(*_on(gamma, k, spring), b, nu, out)
-    return Gradient(*(complex(*row) for row in out.tolist()))
-
-
 class NeimarkSacker(NamedTuple):
     """One Neimark-Sacker point at given gamma and k: its angle/pi and the b it needs."""
 
@@ -149,7 +140,7 @@ class NeimarkSacker(NamedTuple):
 
 
 def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacker, ...]:
-    """All Neimark-Sacker points of the infinite chain at this coupling and restitution.
+    """Neimark-Sacker points of the infinite chain at this coupling and restitution.
 
     They are roots in one variable, the angle, each with an explicit b: no seed is needed. Sorted
     by angle; none, or two (at k = 1 none: the band is neutral there).
@@ -165,7 +156,7 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
 
 
 def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
-    """What `pair_window` fills in."""
+    """Call `pair_window`."""
     window, roots = np.empty(4), np.full((2, 2), math.nan)
     WINDOW(*_on(gamma, k, spring), window, roots)
     return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
@@ -189,8 +180,8 @@ class Window(NamedTuple):
         return ((b - self.centre) ** 2 - self.square) / (1.0 + b * b)
 
     def passed(self, b: Any) -> Any:
-        """How many of the two ends are below b; without a window what leads from none to both, as
-        smoothly as the distance from one allows."""
+        """Count the ends below b; without a window the number leads from none to both, as smoothly
+        as the distance from one allows."""
         off = b - self.centre
         if self.square < 0.0:
             return 1.0 + off / np.sqrt(off * off - self.square)
@@ -200,7 +191,7 @@ class Window(NamedTuple):
 
 @lru_cache(maxsize=64)
 def window(gamma: float, k: float, spring: float = 0.0) -> Window:
-    """Where a pair is outside at this coupling and restitution.
+    """Window of b in which a pair is outside, at this coupling and restitution.
 
     At k = 1 there are neutral multipliers between the band and -1. The pair that comes out of the
     band's edge for k < 1 is one of them, and leaves the circle only where two have met: beyond the
@@ -268,7 +259,7 @@ def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
 
 
 def _highest(needed: Callable[[Array], Array]) -> tuple[float, float]:
-    """Where a function on [0, 1] is largest, by a grid that closes in on it, and its value."""
+    """Maximum of a function on [0, 1], by a grid that closes in on it: the place and the value."""
     t = np.linspace(0.0, 1.0, GRID + 1)
     values = needed(t)
     for _ in range(4):  # each grid is 32 times finer: to 1e-8 in t, which a maximum feels as 1e-16
@@ -305,7 +296,7 @@ def ends_of(gamma: float, k: float, b: Any, lattice: Any) -> tuple[Any, ...]:
 
 
 class RealScalars:
-    """What real multipliers 1 and -1 say, of a chain and of a ring alike."""
+    """Scalars of the multipliers 1 and -1, of a chain and of a ring alike."""
 
     _ends: Any
 
@@ -316,7 +307,7 @@ class RealScalars:
         return fold if mu < 0.0 else -beta0
 
     def beyond(self, place: float) -> Any:
-        """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
+        """Count the real multipliers farther out than 1 or -1, on its side: one or none."""
         return 1 * (self.crosses(place) < 0.0)
 
 
@@ -353,7 +344,7 @@ class HalfMap(RealScalars):
         return window(self.gamma, self.k, self.lattice.spring)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """How far b is from the window in which a pair is outside, and how many of both ends are
+        """Distance of b from the window in which a pair is outside, and the number of its ends
         below b; two that are passed in one step are seen. At k = 1 it has an end where the
         pitchfork is: on a curve of pitchforks that is rounding."""
         off = self.window.miss(self.b)
@@ -373,15 +364,24 @@ class HalfMap(RealScalars):
         return self.gradient(angle).value
 
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
-        """`on_circle` of a complex multiplier, with its derivatives."""
-        return on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
+        """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
+        out = np.empty((6, 2))
+        ON_ARC(*_on(self.gamma, self.k, self.lattice.spring), self.b, angle, out)
+        return Gradient(*(complex(*row) for row in out.tolist()))
 
-    def unstable(self, threshold: float) -> int:
-        """How many multipliers are outside the unit circle: exact, without a threshold."""
-        return self.count().count
+    def unstable(self, threshold: float) -> Any:
+        """Count the multipliers outside the unit circle: exact, without a threshold. One on the
+        circle to within rounding is not outside."""
+        beta0, beta0_size, fold, fold_size = self._ends
+        above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
+        return 1 * above + 1 * below + 2 * self._pair_is_outside
+
+    @property
+    def _pair_is_outside(self) -> Any:
+        return self.window.miss(self.b) < -ROUNDING
 
     def count(self) -> Count:
-        """The same, and how sure that is."""
+        """Count them, and say how sure that is."""
         beta0, beta0_size, fold, fold_size = self._ends
         miss, room = self.window.miss(self.b), 0.25 * (1.0 - self.lattice.spring) - self.gamma
         off = (
@@ -390,11 +390,9 @@ class HalfMap(RealScalars):
             (abs(fold) / fold_size, 1.0),
         )
         distance, nu = min(off)
-        # a multiplier on the circle is not outside
-        above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
-        pairs = int(miss < -ROUNDING)
         certain = bool(distance > ROUNDING + 1e-16 / room and room > EDGE)
-        return Count(int(above) + int(below) + 2 * pairs, certain, float(distance), nu, pairs)
+        pairs = int(self._pair_is_outside)
+        return Count(int(self.unstable(1.0)), certain, float(distance), nu, pairs)
 
     def unstable_multipliers(self) -> Array:
         """The multipliers outside the unit circle, largest first.
@@ -411,18 +409,19 @@ class HalfMap(RealScalars):
         slack = NEXT_TO_EDGE if 0.25 * (1.0 - spring) - self.gamma < RISKY else ON_CIRCLE
         at = f"gamma = {self.gamma}, k = {self.k}, b = {self.b}: "
 
-        def look(more: int) -> Array:
+        def look(sites: int) -> Array:
             # on the circle to within rounding are multipliers that the count says are outside,
             # and at k = 1 neutral ones: the last to be looked for
-            return whole.zeros(more, ON_CIRCLE if more > 1 else -ON_CIRCLE)
+            return whole.zeros(sites, ON_CIRCLE if sites > RINGS[1] else -ON_CIRCLE)
 
-        return as_counted(self.count(), look, (0, 1, 2, 4), slack, at)
+        return as_counted(self.count(), look, RINGS, slack, at)
 
 
 @dataclass(frozen=True, eq=False)
 class RingHalfMap(RealScalars, ModalMap):
-    """The same on a ring without losses between impacts: by its modes, with scalars of real
-    multipliers in closed form, and on a circle around all poles D for its determinant."""
+    """Small perturbations over half a period on a ring without losses between impacts: by its
+    modes, with scalars of real multipliers in closed form, and on a circle around all poles D for
+    its determinant."""
 
     sign: int = -1
 
@@ -436,7 +435,7 @@ class RingHalfMap(RealScalars, ModalMap):
 
     @property
     def rounding(self) -> float:
-        """Of all multipliers, whose matrix grows as the entry b."""
+        """Rounding of all multipliers: their matrix grows as the entry b."""
         return EPS * (1.0 + abs(self._impact[2]))
 
     @cached_property
@@ -484,27 +483,3 @@ def half_map(gamma: float, k: float, b: float, lattice: Any = InfiniteChain()) -
     if lattice.sites is None:
         return HalfMap(gamma, k, b, lattice)
     return ring_map(lattice, gamma, k, (Saltation(0, 0.0, b),), math.pi, RingHalfMap)
-
-
-def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
-    """Counts of many maps of the chain without springs at once; -1 where that is too close to call,
-    or not for such numbers."""
-    counts = np.full(b.size, -1)
-    inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < LARGEST)
-    if inside.any():
-        counts[inside] = _outside(gamma[inside], k[inside], b[inside])
-    return counts
-
-
-def _outside(gamma: Array, k: Array, b: Array) -> Array:
-    places, which = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
-    windows = np.array([window(*place)[:2] for place in places.T.tolist()])
-    centre, square = windows[which.ravel()].T
-    psi, eta, chi = (InfiniteChain().averages(gamma, name) for name in ("psi", "eta", "chi"))
-    beta0, beta0_size, fold, fold_size = values_at_ends(k, b, psi, eta, chi)
-    # each as a sum of terms, whose size is known
-    signs = beta0, -fold, square - (b - centre) ** 2
-    sizes = beta0_size, fold_size, 1.0 + b * b
-    certain = np.all([abs(x) > CLOSE * size for x, size in zip(signs, sizes, strict=True)], axis=0)
-    above, below, pairs = (x > 0.0 for x in signs)
-    return np.where(certain, above + 1 * below + 2 * pairs, -1)

@@ -36,7 +36,7 @@ ZOOMS = 8  # each narrows the bracket of a maximum eight times
 
 @dataclass(frozen=True)
 class OverReflection(HtmlRepr):
-    """How much the breather amplifies waves of the band of the infinite chain.
+    """Amplification by the breather of waves of the band of the infinite chain.
 
     ``gain = max ln|S|`` at the angle ``nu`` (times pi), both 0 if nothing is amplified;
     ``growth = max pi v_g ln|S|`` at ``growth_nu``: on long rings the band's multipliers of QS reach
@@ -63,7 +63,7 @@ class OverReflection(HtmlRepr):
 
 @dataclass(frozen=True)
 class Waves:
-    """Those of the infinite chain that meet a symmetric breather, by ``alpha = theta/2``."""
+    """Waves of the infinite chain that meet a symmetric breather, by ``alpha = theta/2``."""
 
     map: HalfMap
 
@@ -104,7 +104,7 @@ class Waves:
 
 
 def over_reflects(map: HalfMap) -> bool:
-    """Whether waves of some angle come back larger than they went in: W < 0 somewhere on the
+    """Test whether waves of some angle come back larger than they went in: W < 0 somewhere on the
     band."""
     if map.gamma == 0.0 or map.k == 1.0:  # no waves; nothing lost and nothing won
         return False

@@ -38,7 +38,7 @@ _ABOVE = (
 
 @dataclass(frozen=True, repr=False)
 class Verdict(HtmlRepr):
-    """Whether an orbit is stable: on which lattice, and by which threshold.
+    """Stability of an orbit: on which lattice, and by which threshold.
 
     Attributes
     ----------
@@ -70,7 +70,6 @@ class Verdict(HtmlRepr):
         return None if math.isnan(self.unstable) else self.unstable == 0
 
     def __bool__(self) -> bool:
-        """Whether it is stable, for all that can be said."""
         return bool(self.stable)
 
     def blank(self) -> Verdict:
@@ -79,8 +78,8 @@ class Verdict(HtmlRepr):
 
     @cached_property
     def multipliers(self) -> Array:
-        """Those beyond the threshold over the period, largest first; on the infinite chain those
-        outside the unit circle, of a symmetric breather over half its period (QS)."""
+        """Multipliers beyond the threshold over the period, largest first; on the infinite chain
+        those outside the unit circle, of a symmetric breather over half its period (QS)."""
         if self.stable is None:
             return np.empty(0, dtype=complex)
         if self.threshold is None:
@@ -100,7 +99,7 @@ class Verdict(HtmlRepr):
 
     @cached_property
     def over_reflecting(self) -> bool:
-        """Whether waves come back amplified: if so, long enough rings are weakly unstable.
+        """True if waves come back amplified: long enough rings are weakly unstable.
 
         Raises
         ------

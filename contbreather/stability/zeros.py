@@ -95,7 +95,7 @@ def newton_from_all(
     within: Callable[[Array], Array] = np.asarray,
     unit: Callable[[Array], Any] = lambda x: 1.0,
 ) -> Array:
-    """What Newton's method reaches from all these starts at once, with repetitions.
+    """Run Newton's method from all these starts at once; zeros come with repetitions.
 
     A start is done with a step below `rough`, and lost where a step is not finite. Longer steps
     than `longest` are shortened: a start stays in its own neighbourhood. `within` brings places
@@ -130,7 +130,7 @@ def as_counted(
     wanted: Any, look: Callable[[int], Array], rounds: Iterable[int], slack: float = 0, at: str = ""
 ) -> Array:
     """The multipliers outside the unit circle that Newton's method finds, largest first: held to
-    the winding number, as many as that says, and each time looked for from more starts.
+    the winding number, as many as that says, and each round looked for from more starts.
 
     Raises
     ------
@@ -178,7 +178,7 @@ REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 
 
 def beyond(mu: Array, place: float) -> int:
-    """How many real multipliers are farther out than a place on the real axis, on its side."""
+    """Count the real multipliers farther out than a place on the real axis, on its side."""
     real = mu[mu.imag == 0.0].real
     return int(np.count_nonzero(real > place if place > 0.0 else real < place))
 
@@ -192,7 +192,7 @@ def outermost(mu: Array, radius: float = 1.0) -> float:
 
 
 def passing(mu: Array, radius: float = 1.0) -> tuple[float, int]:
-    """How far off a circle the nearest pair is, with a sign that changes wherever one passes it,
+    """Distance of the nearest pair from a circle, with a sign that changes wherever one passes it,
     positive where none is outside, 1 if there is none; and how many are outside."""
     off = np.abs(upper(mu)) / radius - 1.0
     outside = int(np.count_nonzero(off > 0.0))
@@ -210,7 +210,7 @@ def farthest(mu: Array) -> float:
 
 
 def nearest_pair(mu: Array, radius: float) -> float:
-    """The same of the pair that is nearest to a circle."""
+    """Angle, over pi, of the pair nearest to a circle."""
     return _angle(mu, lambda pairs: -abs(abs(pairs) - radius))
 
 

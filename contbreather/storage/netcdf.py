@@ -49,7 +49,7 @@ _LENGTH = len(_CHECKSUM % bytes(64))
 
 
 def target_of(path: str | Path) -> Path:
-    """Where a file is to be, or what is wrong with that: a table is something else."""
+    """Path of a file to be written, or a refusal: a table is something else."""
     target = writable(path)
     if stream_of(target):
         raise BadInput(
@@ -224,7 +224,7 @@ def checked_file(path: str | Path) -> Iterator[h5py.Group]:
 
 
 def _root() -> dict[str, Any]:
-    """What others, and later versions, are told of the whole file."""
+    """Attributes of the whole file, for others and for later versions."""
     from importlib.metadata import PackageNotFoundError, version  # a tenth of a first breather
 
     made_by = [f"Python {platform.python_version()}"]
@@ -276,8 +276,8 @@ def read_file(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
 
 
 def _all(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What is in a group. h5py holds its lock until it has named all of it: if reading fails
-    before that, every other thread waits for ever."""
+    """List a group. h5py holds its lock until it has named all of it: if reading fails before that,
+    every other thread waits for ever."""
     return list(group.items())
 
 

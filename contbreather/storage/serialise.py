@@ -55,7 +55,7 @@ def serialised(
 
 
 def later(imports: Callable[[], object]) -> None:
-    """What to call, an import, before anything is unknown: it enters more kinds."""
+    """Register an import to call before anything is unknown: it enters more kinds."""
     _LATER.append(imports)
 
 
@@ -86,7 +86,7 @@ def to_dict(value: Any) -> Any:
 
 
 def can_read(content: Content | None) -> bool:
-    """Whether this is a dict of a kind that is known here."""
+    """Test whether this is a dict of a kind that is known here."""
     return content is not None and _is_known(content["kind"])
 
 

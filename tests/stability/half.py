@@ -9,7 +9,7 @@ import numpy as np
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.one_impact import HalfMap, half_map
+from contbreather.stability.one_impact import Gradient, HalfMap, half_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.scattering import OverReflection, Waves
 from contbreather.stability.scattering import over_reflection as reflection_of
@@ -32,13 +32,34 @@ def by_impacts(gamma: float, k: float, b: float, spring: float = 0.0) -> OrbitMa
     return OrbitMap(gamma, k, [Saltation(0, 0.0, b)], 0.5, spring)
 
 
+def determinant(map: OrbitMap, kappa: Any) -> Any:
+    """``D = -F g g g`` of three aliases at ``mu = exp(2 pi i kappa)``, Im kappa <= 0, where
+    ``1/g^2 = (kappa^2 - floor^2) (kappa^2 - edge^2)``."""
+    at = np.asarray(kappa, dtype=complex) - np.round(np.real(kappa))
+    mirrored = at.real < 0.0  # D at -conj(kappa) is conj(D)
+    at = np.atleast_1d(np.abs(at.real) + 1j * at.imag)
+    poles = 1.0
+    for s in (at - 1.0, at, at + 1.0):
+        above = s.real + 1j * np.abs(s.imag)  # the conjugate, on the upper side of the cut
+        low, high = (np.sqrt(above - e) * np.sqrt(above + e) for e in (map.floor, map.edge))
+        poles = poles * -(low * high).conj()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = (-map.F(at) / poles).reshape(np.shape(kappa))
+    return np.where(mirrored, values.conj(), values)[()]
+
+
 def D(gamma: float, nu: Any, k: float, b: float, lattice: Any = CHAIN) -> Any:
     """The determinant at ``mu = exp(i pi nu)``."""
     if lattice.sites is None:
-        return by_impacts(gamma, k, b, lattice.spring).D(0.5 * np.asarray(nu, dtype=complex))
+        return determinant(by_impacts(gamma, k, b, lattice.spring), 0.5 * np.asarray(nu))
     ring = half_map(gamma, k, b, lattice)
     depth = lambda one: ring.gradient(one.real, math.exp(-math.pi * one.imag)).value  # noqa: E731
     return np.vectorize(depth, otypes=[complex])(np.asarray(nu, dtype=complex))[()]
+
+
+def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
+    """F at an angle of the band, with its derivatives."""
+    return HalfMap(gamma, k, b, CHAIN.with_spring(spring)).gradient(nu)
 
 
 def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Any:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from contbreather.kernels import Kernel
 from contbreather.stability import ns_points
-from contbreather.stability.one_impact import HalfMap, on_arc, window
+from contbreather.stability.one_impact import window
 from tests.stability.by_hand import b_of, slope
-from tests.stability.half import D, unstable_count
+from tests.stability.half import D, on_arc, unstable_count
 
 
 def test_the_two_equations_are_D_without_its_poles():
@@ -84,7 +83,7 @@ def test_without_coupling_or_losses_there_is_no_neimark_sacker_point():
     assert ns_points(0.1, 1.0) == ()
 
 
-# --- compiled or not ------------------------------------------------------------------------------
+# --- the window of b ------------------------------------------------------------------------------
 
 
 RANDOM = np.random.default_rng(3)
@@ -93,24 +92,6 @@ PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((12, 2))]
 # where two roots have met, to seven digits of k, and opened: both between two nodes
 PLACES += [(0.1, 0.781761944709733 + 1e-7), (0.1, 0.781761944709733 + 1e-5)]
 PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0.5)]
-
-
-@pytest.mark.parametrize("spring", [0.0, 0.3])
-@pytest.mark.parametrize(("gamma", "k"), PLACES)
-def test_compiled_or_not_the_equations_of_a_pair_and_its_window_are_the_same(
-    gamma: float, k: float, spring: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gamma *= 1.0 - spring
-    nu = math.sqrt(spring + 1.7 * gamma)
-
-    def told() -> tuple[list[complex], ...]:
-        window.cache_clear()
-        equations = [*on_arc(gamma, nu, k, 0.7 - 3.0 * gamma, spring)]
-        return equations, [*window(gamma, k, spring)]
-
-    found = told()
-    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
-    assert told() == found
 
 
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
@@ -126,13 +107,6 @@ def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(
     for nu, b in points:
         assert abs(found.miss(b)) < 1e-13 * (1.0 + abs(found.centre))
         assert abs(on_arc(gamma, nu, k, b).value) < 1e-13 * (1.0 + b * b)
-
-
-@pytest.mark.parametrize("b", [-0.4, 0.6])
-def test_on_the_band_a_half_map_is_asked_by_its_equations(b: float) -> None:
-    half = HalfMap(0.1, 0.8, b)
-    for nu in (0.1, 0.4):
-        assert half.on_circle(nu) == on_arc(0.1, nu, 0.8, b).value
 
 
 def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():

@@ -11,12 +11,13 @@ import pytest
 import contbreather as cb
 from contbreather.lattice import InfiniteChain
 from contbreather.stability import ns_points, stability
-from contbreather.stability.one_impact import HalfMap, on_arc, window
+from contbreather.stability.one_impact import HalfMap, window
 from tests.lattice.by_hand import response
 from tests.stability.by_hand import even_half_map, slope
 from tests.stability.half import (
     D,
     amplified,
+    on_arc,
     over_reflection,
     over_reflects,
     unstable_count,
