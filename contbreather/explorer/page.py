@@ -136,7 +136,7 @@ class Page:
         sites = ", ".join(map(str, self.explorer.state.sites))
         self.asked = {
             "sites": Field(
-                "motion of sites", sites, some_sites, hint="that which hits, and the next"
+                "motion of sites", sites, some_sites, hint="around the impact"
             ),
             "ring": Field(
                 "judge a ring of", str(self.explorer.state.ring), a_count("ring", 3, 2000)

@@ -50,7 +50,7 @@ GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
 MARKS = {
     "s": "square", "D": "diamond", "^": "triangle", "o": "circle", "v": "inverted_triangle",
     "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
-    "<": "triangle_pin", ">": "square_pin", "d": "diamond_dot",
+    "<": "y", ">": "square_pin", "d": "diamond_dot",
 }  # fmt: skip
 MARGIN = 0.08
 ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
@@ -112,7 +112,7 @@ def _legend(fig: Any, theme: Theme) -> None:
     legend.background_fill_color = theme.paper
     legend.background_fill_alpha = 0.75
     legend.border_line_color = None
-    legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
+    legend.padding, legend.margin, legend.spacing, legend.glyph_width = 4, 4, 0, 26
 
 
 def _reach(axis: Range1d, values: Iterable[float]) -> None:
