@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -542,11 +541,9 @@ def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
         plot_profile(on_grid, shape=(4, 4))
 
 
-@pytest.mark.parametrize("dense", [True, False])
-def test_a_run_over_space_and_time_has_its_sites_in_order(run, dense: bool) -> None:
-    shown = run if dense else replace(run, record=None)
-    (mesh,) = plot_space_time(shown).axes.collections
-    want = run.record.u[:, [0, 1, 2]] if dense else run.strobe.u
+def test_a_run_over_space_and_time_has_its_sites_in_order(run) -> None:
+    (mesh,) = plot_space_time(run).axes.collections
+    want = run.record.u[:, [0, 1, 2]]
     assert run.record.sites == (0, 1, 9)
     np.testing.assert_array_equal(np.reshape(mesh.get_array(), want.shape), want)
     assert mesh.get_clim() == (-np.abs(want).max(), np.abs(want).max())

@@ -30,7 +30,9 @@ from contbreather.plotting.canvas import (
     to_the_rim,
 )
 from contbreather.plotting.envelopes import LONG, ROWS, largest
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
+from contbreather.simulation.integrator import Sample
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
+from contbreather.simulation.states import State
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -252,9 +254,10 @@ def plot_space_time(
     Parameters
     ----------
     motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
-        An orbit is shown over its period; a run as its sites were recorded densely, or else once a
-        period, which the scale says. Of more than 20 recorded periods, or 300 of the others, it is
-        the largest size of each site in a period, or in several.
+        An orbit is shown over its period; a run as its sites were recorded densely, of more than
+        20 periods by the largest size of each site in a period, or in several. Of a run without a
+        record the last 20 periods are shown, simulated again from its state before them; under
+        noise, its states once a period, which the scale says.
     sites : sequence of int, optional
         As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
         that of the site that hits, of a run that of the site that moves most, if all
@@ -270,15 +273,17 @@ def plot_space_time(
     ('$n$', '$t/2\\\\pi$')
     """
     row, title = _row_of_grid(motion) if sites is None else (None, "")
-    times, there, u = _field(motion, sites if row is None else row)
+    shown, periods = _with_record(motion)
+    title = ", ".join(filter(None, (title, periods)))
+    times, there, u = _field(shown, sites if row is None else row)
     words, signed = "$u_n$", True
-    if not isinstance(motion, Orbit | Point):
-        once = getattr(motion, "record", motion) is None  # a record is one itself
+    if not isinstance(shown, Orbit | Point):
+        once = getattr(shown, "record", shown) is None  # a record is one itself
         long = float(times[-1] - times[0]) / math.tau
         if once:
             words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
         if long > (ROWS if once else LONG):
-            times, u, words = largest(times, there, u, motion)
+            times, u, words = largest(times, there, u, shown)
             signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
     with drawing(ax, height=8.0) as (drawn, axes):
@@ -292,6 +297,24 @@ def plot_space_time(
         _whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label=words)
     return drawn
+
+
+def _with_record(motion: Any) -> tuple[Any, str]:
+    """The end of a run without a record, simulated again with all sites recorded, and which of its
+    periods these are; anything else as it is.
+
+    At the strobe every site of a breather has one sign.
+    """
+    strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
+    if not strobed or getattr(motion, "noise", False):  # noise would be another one
+        return motion, ""
+    first = max(0, motion.periods - int(LONG))
+    state = State(motion.strobe.u[first], motion.strobe.v[first])
+    again = let_go(
+        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
+        sample=Sample(range(motion.sites)), progress=False,
+    )  # fmt: skip
+    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
 
 
 def _row_of_grid(motion: Any) -> tuple[range | None, str]:
