@@ -40,14 +40,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PIECES = 400  # of a period
 TIME = "t"
+PERIODS = r"$t/2\pi$"  # the title of times
 BESIDE = 10  # sites of the infinite chain on each side of the first that hits
-MOMENTS = 200  # of a period of the forcing, in a picture over time
-COLOURS = "RdBu_r"  # white where a site is at rest
-SIZES = "Blues"  # as well
-UNLIKE = 10.0  # how much more than the swing of a state an axis reaches, if it has one of its own
-HIGH, LOW = 6.5, 3.0  # cm: a figure with one row of states, and what each further one adds
+MOMENTS = 400  # of a period, in a picture over time
 FINE = 12  # lines in an interval of a mesh, or in a step of the integrator
 
 
@@ -108,8 +104,12 @@ def plot_orbit(
     if x is not None or y is not None:
         raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
-    chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
-    t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
+    if sites is None:  # two beside the first that hits, as far as there are any
+        beside = [n % (whole.lattice.sites or n + 1) for n in (hit[0] + 1, hit[0] + 2)]
+        chosen = list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
+    else:
+        chosen = chosen_sites(sites)
+    t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with drawing(ax) as (drawn, axes):
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
@@ -119,20 +119,20 @@ def plot_orbit(
         # others may stand farther off
         for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
             axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
-        axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
+        axes.set(xlabel=PERIODS, ylabel="$u_n$")
         axes.margins(x=0.0)
         legend_above(axes)
     return drawn
 
 
 def solution_of(value: Any) -> Any:
-    """What a point of a branch is to its user; all else itself."""
+    """Return the solution of a point of a branch, if its problem has one; all else itself."""
     interpreted = isinstance(value, Point) and value.base_point.curve.problem.interpret is not None
     return value.solution if interpreted else value
 
 
 def drawn_orbit(value: object) -> Orbit:
-    """An orbit, or that of a point of a branch of orbits."""
+    """Return an orbit, or that of a point of a branch of orbits."""
     orbit = solution_of(value)
     if not isinstance(orbit, Orbit):
         raise no_orbit(orbit, "an orbit of a lattice")
@@ -140,7 +140,7 @@ def drawn_orbit(value: object) -> Orbit:
 
 
 def no_orbit(value: object, wanted: str) -> BadInput:
-    """What was given in place of an orbit, and where there is one or what draws this."""
+    """Error that names what was given in place of an orbit, and what draws it."""
     kind, instead = kind_of(value), "symmetric() finds breathers, cycle() cycles of flows"
     if isinstance(value, Branch):
         instead = "take one of its points, branch[0] for instance, or plot(branch)"
@@ -155,7 +155,7 @@ def no_orbit(value: object, wanted: str) -> BadInput:
 
 
 def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:
-    """Sites that move alike, mirror images for instance, with their motion: one line is seen."""
+    """Group sites that move alike, as mirror images do, with their motion: one line is seen."""
     motions: list[tuple[list[int], Array]] = []
     for n in chosen:
         u = orbit.displacement(n, t)
@@ -168,16 +168,8 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
 
 
 def chosen_sites(sites: object) -> list[int]:
-    """Sites that were asked for, one or several."""
+    """Check sites that were asked for, one or several."""
     return [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
-
-
-def _near(hit: list[int], sites: int | None) -> list[int]:
-    """The sites that hit, and two beside the first of them, as far as there are any."""
-    beside = [hit[0] + 1, hit[0] + 2]
-    if sites is not None:
-        beside = [n % sites for n in beside]
-    return list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
 
 
 def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
@@ -233,8 +225,8 @@ def plot_profile(
     chosen = _all_sites(motion) if sites is None else chosen_sites(sites)
     if sites is None and shape is None:
         shape = getattr(motion.lattice, "shape", None)
-    u = np.array([motion.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
-                  for n in chosen])  # fmt: skip
+    time = number("t", t, -math.inf, math.inf, "a time")
+    u = np.array([motion.displacement(n, time) for n in chosen])
     with drawing(ax) as (drawn, axes):
         if shape is None:
             _stems(axes, chosen, u, motion)
@@ -287,12 +279,10 @@ def plot_space_time(
             signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
     with drawing(ax, height=8.0) as (drawn, axes):
-        limit = float(np.abs(u).max()) or 1.0
-        look = {"cmap": COLOURS, "vmin": -limit} if signed else {"cmap": SIZES, "vmin": 0.0}
         mesh = axes.pcolormesh(
-            there, times / math.tau, u, **look, vmax=limit, shading="nearest", rasterized=True
+            there, times / math.tau, u, **_colours(u, signed), shading="nearest", rasterized=True
         )
-        axes.set(xlabel=label, ylabel=r"$t/2\pi$")
+        axes.set(xlabel=label, ylabel=PERIODS)
         axes.set_title(title, loc="left")
         _whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label=words)
@@ -352,9 +342,8 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
             raise BadInput(
                 f"sites = {sites}: site {missing[0]} was not recorded; there are {motion.sites}"
             )
-        order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
-                       key=lambda i: motion.sites[i])  # fmt: skip
-        return motion.times, np.array(motion.sites)[order], motion.u[:, order]
+        there = np.sort([n for n in motion.sites if n in wanted])
+        return motion.times, there, motion.u[:, [motion.sites.index(n) for n in there]]
     orbit = drawn_orbit(motion)
     drawn = sorted(_all_sites(orbit) if sites is None else chosen_sites(sites))
     times = np.linspace(0.0, orbit.period, MOMENTS * orbit.section.turns + 1)
@@ -384,12 +373,21 @@ def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
     rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
     if rows * columns != u.size:
         raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
-    limit = float(np.abs(u).max()) or 1.0
-    image = ax.imshow(u.reshape(rows, columns), cmap=COLOURS, vmin=-limit, vmax=limit)
+    image = ax.imshow(u.reshape(rows, columns), **_colours(u))
     ax.set(xlabel="column", ylabel="row")
     _whole_numbers(ax.xaxis)
     _whole_numbers(ax.yaxis)
     ax.figure.colorbar(image, ax=ax, label="$u_n$")
+
+
+def _colours(u: Array, signed: bool = True) -> dict[str, Any]:
+    """Colours of displacements, white where a site is at rest."""
+    limit = float(np.abs(u).max()) or 1.0
+    return {
+        "cmap": "RdBu_r" if signed else "Blues",
+        "vmin": -limit if signed else 0.0,
+        "vmax": limit,
+    }
 
 
 def _whole_numbers(axis: Axis) -> None:
@@ -425,13 +423,20 @@ def draw_states(
     for name in (x, *chosen):
         if name not in (TIME, *names):
             raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")
-    pieces = _of_cycle(motion) if isinstance(motion, Cycle) else _of_run(motion, within)
+    if isinstance(motion, Cycle):
+        pieces = [
+            Stretch(flight.start + flight.duration * s, states, flow.until is not None)
+            for flow, flight in zip(motion.equations.flows, motion.flights, strict=True)
+            for s, states in [flight.sampled(FINE)]
+        ]
+    else:
+        pieces = _of_run(motion, within)
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     together = _of_one_size(
         {name: np.concatenate([_column(piece, names, name) for piece in pieces]) for name in chosen}
     )
-    with drawing(ax, HIGH + LOW * (len(together) - 1)) as (drawn, axes):
+    with drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = _panels(axes, len(together))
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
@@ -460,7 +465,7 @@ def draw_states(
 
 
 def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
-    """States that can be read on one axis: the smallest swing fills a tenth of it, or more."""
+    """Group states that can be read on one axis: the smallest swing fills a tenth of it."""
     together: list[list[str]] = []
     spans = {name: (float(np.nanmin(u)), float(np.nanmax(u))) for name, u in columns.items()}
     # of a state at rest, but for rounding, there is nothing to be read
@@ -468,7 +473,7 @@ def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
     for name in columns:
         for its in together:
             lows, highs = zip(*(spans[n] for n in (*its, name)), strict=True)
-            reach = (max(highs) - min(lows)) / UNLIKE
+            reach = (max(highs) - min(lows)) / 10.0
             if all(spans[n][1] - spans[n][0] >= reach for n in (*its, name) if n in moving):
                 its.append(name)
                 break
@@ -498,16 +503,8 @@ def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:
     return piece.states[i] if i < len(piece.states) else np.full(piece.t.size, np.nan)
 
 
-def _of_cycle(orbit: Cycle) -> list[Stretch]:
-    pieces = []
-    for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
-        s, states = flight.sampled(FINE)
-        pieces.append(Stretch(flight.start + flight.duration * s, states, flow.until is not None))
-    return pieces
-
-
 def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Stretch]:
-    """Between the steps of the integrator by its own interpolant."""
+    """Sample each flow between the steps of the integrator, by its own interpolant."""
     first, last = (-np.inf, np.inf) if within is None else within
     pieces = []
     for piece in run.pieces:
