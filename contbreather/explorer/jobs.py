@@ -22,7 +22,7 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, Interrupted
-from contbreather.explorer.state import Chosen, watched
+from contbreather.explorer.state import Chosen, small, watched
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits.orbit import Orbit
@@ -166,7 +166,7 @@ class OnLattice:
     @classmethod
     def typed(cls, text: str) -> OnLattice:
         """By what is typed at the command line, too; the infinite chain for nothing."""
-        return cls(lattice_by(text or None), as_code(text) if text else "")
+        return cls(small(lattice_by(text or None, option="lattice")), as_code(text) if text else "")
 
 
 def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
@@ -228,7 +228,7 @@ def simulated(
     if chosen.orbit is None:
         raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
     infinite = chosen.orbit.lattice.sites is None
-    orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
+    orbit = chosen.orbit.on(small(Ring(sites))) if infinite else chosen.orbit
     site, sample = orbit.section.hit[0], Sample(watched(orbit, sampled), MOMENTS)
 
     def job(progress: Progress) -> Any:

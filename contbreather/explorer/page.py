@@ -135,12 +135,8 @@ class Page:
     def _words(self) -> None:
         sites = ", ".join(map(str, self.explorer.state.sites))
         self.asked = {
-            "sites": Field(
-                "motion of sites", sites, some_sites, hint="around the impact"
-            ),
-            "ring": Field(
-                "judge a ring of", str(self.explorer.state.ring), a_count("ring", 3, 2000)
-            ),
+            "sites": Field("motion of sites", sites, some_sites, hint="around the impact"),
+            "ring": Field("judge a ring of", str(self.explorer.state.ring), a_count),
         }
         for field in self.asked.values():
             field.input.param.watch(self._asked, "value")
@@ -239,7 +235,7 @@ class Page:
     def _asked(self, _: object) -> None:
         typed = read_all(self.asked)
         if typed is not None:
-            self.explorer.watch(**typed)
+            tried(lambda: self.explorer.watch(**typed), self.asked["ring"].trouble.say)
 
     # -------------------------------------------------------------------------------- what is seen
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contbreather.checks import whole
 from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.jobs import (
@@ -21,7 +20,7 @@ from contbreather.explorer.jobs import (
     Progress,
     arguments,
 )
-from contbreather.explorer.state import Chosen, PageState, point_of
+from contbreather.explorer.state import Chosen, PageState, point_of, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -266,7 +265,7 @@ class Session:
 
     def watch(self, sites: tuple[int, ...], ring: int) -> None:
         """Draw the motion of these sites, and judge a ring of so many."""
-        self.change(sites=sites, ring=whole("sites of the ring", ring, 3))
+        self.change(sites=sites, ring=small(Ring(ring)).sites)
 
     # ---------------------------------------------------------------------------------- long work
 

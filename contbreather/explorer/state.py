@@ -24,6 +24,7 @@ from contbreather.parameters import NUMBERS, OPTIONAL
 from contbreather.simulation.simulate import SimulationRun
 
 RING = 400  # sites of the ring that is judged besides, the paper's
+MOST = 2000  # sites, whose multipliers a page waits for
 
 
 @dataclass(frozen=True)
@@ -259,6 +260,13 @@ def watched(orbit: Orbit, sites: Sequence[int]) -> tuple[int, ...]:
     size, hit = orbit.lattice.sites, orbit.section.hit[0]
     wanted = sites or (hit, hit + 1, hit + 2)
     return tuple(n for n in wanted if size is None or -size <= n < size) or (hit,)
+
+
+def small(lattice: Any) -> Any:
+    """Refuse a lattice that is too large for a page."""
+    if (lattice.sites or 0) > MOST:
+        raise BadInput(f"{lattice.describe()}: at most {MOST} sites are shown here.")
+    return lattice
 
 
 # --- in words -------------------------------------------------------------------------------------
