@@ -15,6 +15,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Branch
+from contbreather.continuation.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
@@ -29,7 +30,7 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting.canvas import BLUE, MARKERS, MEETING, PAGE, VERMILLION, marker, size
+from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, size
 from contbreather.plotting.multipliers import band
 from contbreather.stability.one_impact import HalfMap
 
@@ -165,7 +166,7 @@ def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
     points = [line for line in ax.get_lines() if line.get_linestyle() == "None"]
     shown = {line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0]) for line in points}
     for point in in_a.special:
-        assert shown[marker(point.kind)] == pytest.approx((point["a"], point["p"]))
+        assert shown[look_of(point.kind).marker] == pytest.approx((point["a"], point["p"]))
     assert {text.get_text() for text in words(ax)} == {p.label for p in in_a.special}
 
 
@@ -173,7 +174,7 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
     ax = plot(in_a, other).axes
     assert not any(text.get_text().startswith("EP") for text in words(ax))
-    dots = [line for line in ax.get_lines() if line.get_marker() == marker("EP")]
+    dots = [line for line in ax.get_lines() if line.get_marker() == look_of("EP").marker]
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
 
 
@@ -243,14 +244,14 @@ def test_every_marker_covers_about_the_same_area() -> None:
     from matplotlib.markers import MarkerStyle
 
     def ink(kind: str) -> float:
-        style = MarkerStyle(marker(kind))
+        style = MarkerStyle(look_of(kind).marker)
         path = style.get_path().transformed(style.get_transform())
         (polygon,) = path.to_polygons()[:1]
         x, y = polygon.T
         area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
         return float(area * size(kind) ** 2)
 
-    areas = {kind: ink(kind) for kind in MARKERS if kind not in ("EP", "MX")}
+    areas = {kind: ink(kind) for kind in LOOKS if kind not in ("EP", "MX")}
     assert max(areas.values()) < 2.5 * min(areas.values()), areas
 
 
@@ -474,7 +475,7 @@ def test_a_region_within_another_is_a_hole_of_it() -> None:
 
 def test_meetings_are_marked_once(diagram: Zones) -> None:
     ax = plot_zones(diagram).axes
-    marked = [line for line in ax.get_lines() if line.get_marker() == MEETING]
+    marked = [line for line in ax.get_lines() if line.get_marker() == MEETING.marker]
     assert len(marked) == 3
     for line in marked:
         near = [

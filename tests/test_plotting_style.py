@@ -16,6 +16,7 @@ from matplotlib.text import Text
 
 import contbreather as cb
 from contbreather.cli.simulate import draw
+from contbreather.continuation.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
@@ -35,7 +36,7 @@ from contbreather.plotting import (
     save_figure,
 )
 from contbreather.plotting import zones as zones_drawn
-from contbreather.plotting.canvas import CYCLE, MARKERS, marker, size, style, symbol
+from contbreather.plotting.canvas import CYCLE, size, style, symbol
 from contbreather.plotting.multipliers import off_the_band
 from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
@@ -103,13 +104,13 @@ def test_names_are_written_as_in_the_paper() -> None:
 
 
 def test_kinds_have_markers_and_those_with_little_inside_are_larger() -> None:
-    assert marker("LP") == "s"
-    assert marker("GR") == "X"
-    assert marker("HB") == "*"
-    assert marker("something") == "d"
-    assert marker("NS-GR") == marker("LP-NS") == "p"
-    assert len({*MARKERS.values(), "p"}) == len(MARKERS) + 1
-    sizes = {kind: size(kind) for kind in (*MARKERS, "something", "NS-GR")}
+    assert look_of("LP").marker == "s"
+    assert look_of("GR").marker == "X"
+    assert look_of("HB").marker == "*"
+    assert look_of("something").marker == "d"
+    assert look_of("NS-GR").marker == look_of("LP-NS").marker == "p"
+    assert len({look.marker for look in (*LOOKS.values(), MEETING)}) == len(LOOKS) + 1
+    sizes = {kind: size(kind) for kind in (*LOOKS, "something", "NS-GR")}
     assert sizes["HB"] == 2 * sizes["LP"] == 9.0
     assert all(4.5 <= one <= 9.0 for one in sizes.values())
 

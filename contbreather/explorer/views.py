@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
+from contbreather.continuation.kinds import look_of
 from contbreather.continuation.point import Point
 from contbreather.explorer.state import (
     Chosen,
@@ -25,7 +26,7 @@ from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
-from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting.branches import (
     BEYOND,
     STABLE,
@@ -35,7 +36,6 @@ from contbreather.plotting.branches import (
     pieces,
     value_of,
 )
-from contbreather.plotting.canvas import marker
 from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
@@ -60,7 +60,6 @@ MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 STOPPED = ", stopped: curves may be missing"
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted", UNKNOWN: "dashdot"}
-LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
 BESIDE = 10  # sites on either side of the one that impacts
 MOMENTS = 401  # of a period
 
@@ -151,13 +150,13 @@ class ZonesView:
             fig, "multi_polygons", "xs", "ys", also=["colour"], fill_color="colour",
             line_color="colour",
         )  # fmt: skip
-        colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
+        colours = {"black": theme.line, "vermillion": theme.vermillion, "blue": theme.blue}
         self.curves = {
             kind: _drawn(
-                fig, "multi_line", "xs", "ys", color=colours[kind], line_width=2,
-                line_dash=dash, legend_label=LINES[kind]["label"],
+                fig, "multi_line", "xs", "ys", color=colours[look_of(kind).colour], line_width=2,
+                line_dash=look_of(kind).line, legend_label=LINES[kind]["label"],
             )
-            for kind, dash in LIMITS.items()
+            for kind in KINDS
         }  # fmt: skip
         self.letters = _drawn(
             fig, "text", "x", "y", "text", text_color=theme.text, text_align="center",
@@ -337,7 +336,7 @@ def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, .
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
-    mark = MARKS[marker(point.kind)]
+    mark = MARKS[look_of(point.kind).marker]
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
 
 

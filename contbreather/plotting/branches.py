@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.kinds import look_of
 from contbreather.continuation.point import Point
 from contbreather.continuation.resume import refined, with_columns
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
@@ -31,7 +32,6 @@ from contbreather.plotting.canvas import (
     drawing,
     lay_out,
     legend_size,
-    marker,
     name_axes,
     place_words,
     size,
@@ -379,7 +379,7 @@ def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> 
     for point in points:
         plain, edge = point.kind == "EP", ax.get_facecolor()
         mark = ax.plot(
-            value_of(point, x), value_of(point, y), marker(point.kind),
+            value_of(point, x), value_of(point, y), look_of(point.kind).marker,
             color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
             markeredgecolor=colour if point.kind == "MX" else "none" if plain else edge,
             markeredgewidth=0.5, zorder=3,
@@ -425,7 +425,8 @@ def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict
     kinds = {p.kind for points in marked for p in points} - {"EP"}
     look = {"color": colour, "linestyle": "none"}
     return {
-        kind: {**look, "marker": marker(kind), "markersize": size(kind)} for kind in sorted(kinds)
+        kind: {**look, "marker": look_of(kind).marker, "markersize": size(kind)}
+        for kind in sorted(kinds)
     }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, number, one_of, whole
+from contbreather.continuation.kinds import look_of
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
 from contbreather.progress import in_notebook
@@ -37,13 +38,6 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#777777"
 CYCLE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES = ("-", "--", "-.")  # once around all colours the next lines are dashed
-
-# One marker for each kind of special point; kinds that are not listed get the last one.
-MARKERS = {
-    "LP": "s", "BP": "D", "PF": "^", "NS": "o", "PD": "v", "GR": "X", "HB": "*", "UZ": "P",
-    "EP": ".", "MX": "x", "CP": "h", "VI": "<", "SL": ">",
-}  # fmt: skip
-MEETING = "p"
 
 _ITALIC = (  # words that are letters
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu",
@@ -300,14 +294,9 @@ def to_the_rim(artists: Iterable[Artist]) -> None:
         artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
 
 
-def marker(kind: str) -> str:
-    """The marker of a kind of special point; meetings of two kinds share one."""
-    return MEETING if "-" in kind else MARKERS.get(kind, "d")
-
-
 def size(kind: str) -> float:
     """Points across the marker of a kind: those with little inside are larger."""
-    return {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}.get(marker(kind), 4.5)
+    return {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}.get(look_of(kind).marker, 4.5)
 
 
 # --- words beside points --------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, kind_of
 from contbreather.continuation.branch import Branch
+from contbreather.continuation.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
@@ -25,7 +26,6 @@ from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
     COLUMN,
-    MEETING,
     PAGE,
     VERMILLION,
     Drawn,
@@ -49,11 +49,19 @@ Array = NDArray[np.float64]
 Window = Mapping[str, tuple[float, float]]
 Lines = Mapping[str, Mapping[float, Sequence[Array]]]  # of a kind, at each value: (n, 3) arrays
 
+_DASHES: dict[str, Any] = {
+    "solid": "-",
+    "dashed": (0, (5, 1.5)),
+    "dashdot": (0, (6, 1.2, 1.2, 1.2)),
+}
+_COLOURS = {"black": BLACK, "vermillion": VERMILLION, "blue": BLUE}
 LINES: dict[str, dict[str, Any]] = {
-    "LP": {"color": BLACK, "linestyle": "-", "label": "fold (LP)"},
-    "GR": {"color": BLACK, "linestyle": (0, (5, 1.5)), "label": "grazing (GR)"},
-    "PF": {"color": VERMILLION, "linestyle": (0, (6, 1.2, 1.2, 1.2)), "label": "pitchfork (PF)"},
-    "NS": {"color": BLUE, "linestyle": "-", "label": "Neimark\N{EN DASH}Sacker (NS)"},
+    kind: {
+        "color": _COLOURS[look_of(kind).colour],
+        "linestyle": _DASHES[look_of(kind).line],
+        "label": f"{look_of(kind).name} ({kind})",
+    }
+    for kind in KINDS
 }
 CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impact left, $p \to 0$"}
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
@@ -187,8 +195,8 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     ax.set(xlim=window[:2], ylim=window[2:])
     for point in zones.special:
         to_the_rim(ax.plot(
-            point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
-            markersize=5, markeredgewidth=0.8, zorder=4,
+            point[horizontal], point[vertical], MEETING.marker, color=BLACK, zorder=4,
+            markerfacecolor="white", markersize=5, markeredgewidth=0.8,
         ))  # fmt: skip
 
 

@@ -13,12 +13,12 @@ from bokeh.models import GlyphRenderer, HoverTool
 from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
+from contbreather.continuation.kinds import LOOKS, look_of
 from contbreather.explorer import views
 from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import plot
-from contbreather.plotting.canvas import MARKERS, marker
 from contbreather.plotting.zones import LINES, SHADES
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
@@ -252,8 +252,10 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         np.testing.assert_equal((view.here.data["x"], view.here.data["y"]), place)
     cusp = replace(branch[5], kind="CP", label="CP1")
     view.show({"one": replace(branch, points=(branch[0], cusp, branch[-1]))}, "a", "p")
-    assert view.special.data["mark"][1] == views.MARKS[marker("CP")]
-    assert {*views.MARKS} == {*map(marker, (*MARKERS, "LP-GR", "of somebody"))}  # those of print
+    assert view.special.data["mark"][1] == views.MARKS[look_of("CP").marker]
+    assert {*views.MARKS} == {
+        *(look_of(kind).marker for kind in (*LOOKS, "LP-GR", "of somebody"))
+    }  # those of print
     assert {*views.MARKS.values()} <= {*MarkerType}
     for name in ("gamma", "phi", "mu", "nu"):
         assert unicodedata.name(views.letter(name)) == f"GREEK SMALL LETTER {name.upper()}"
