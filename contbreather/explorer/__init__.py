@@ -131,8 +131,8 @@ def server_for(
 
 
 def _by_no_other_name(application: Any, hosts: Sequence[str]) -> None:
-    """Refuse what is asked for by another name, before any handler of a page, a file or a
-    websocket; ports do not matter, the request has come to this one."""
+    """Refuse requests under another name, before any handler of a page, a file or a websocket;
+    ports do not matter, the request has come to this one."""
     from tornado.web import RequestHandler
 
     names = [re.escape(host.split(":")[0]).replace(r"\*", ".*") for host in hosts]
@@ -160,7 +160,6 @@ def _panel() -> Any:
 
 
 def _free(address: str, port: int) -> int:
-    """The port, or a free one for 0; asked before anything is loaded for it."""
     try:
         info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(info[0], info[1]) as probe:

@@ -42,19 +42,17 @@ def a_count(text: str) -> int:
 
 
 def some_sites(text: str) -> tuple[int, ...]:
-    """Read numbers of sites, apart by commas or blanks."""
     return tuple(dict.fromkeys(map(a_count, text.replace(",", " ").split())))
 
 
 def a_lattice(text: str) -> str:
-    """Read a lattice as it is typed at the command line, too; a number is a ring of so many."""
+    """Read a lattice as at the command line, or the size of a ring."""
     typed = f"ring:{text.strip()}" if text.strip().isdecimal() else text.strip()
     jobs.OnLattice.typed(typed)
     return typed
 
 
 def optional(read: Read) -> Read:
-    """Reader of text that may be empty, for None."""
     return lambda text: read(text) if text.strip() else None
 
 
@@ -98,7 +96,6 @@ class Words:
         self.html = ""
 
     def show(self, html: str) -> None:
-        """Show something else."""
         if html == self.html:
             return
         self.html, document = html, self.text.document
@@ -116,7 +113,6 @@ class ErrorLabel(Words):
     """Sentence that is there when something is wrong; screen readers say it."""
 
     def say(self, sentence: str) -> None:
-        """Another sentence, or none."""
         html = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
         self.show(html if sentence else "")
 
@@ -144,7 +140,6 @@ def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
 
 
 def in_rows(fields: Iterable[Field], across: int) -> Any:
-    """Fields in rows of so many."""
     views = [field.view for field in fields]
     rows = [pn.Row(*views[i : i + across], margin=0) for i in range(0, len(views), across)]
     return pn.Column(*rows, sizing_mode="stretch_width", margin=0)
@@ -154,7 +149,6 @@ def in_rows(fields: Iterable[Field], across: int) -> Any:
 
 
 def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
-    """A box with a heading."""
     head = pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[WORDS], margin=(0, 5))
     return pn.Column(
         head, *parts, sizing_mode="stretch_width", stylesheets=[CARD], css_classes=["card", *css]
@@ -162,7 +156,7 @@ def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
 
 
 class PageForms:
-    """All of them, below each other in `view`."""
+    """Cards of fields and buttons, below each other in `view`."""
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
@@ -177,8 +171,8 @@ class PageForms:
         )  # fmt: skip
 
     def _card(self, title: str, *parts: Any) -> Any:
-        """A card: for a name, what it does and the fields that this takes there is a button, and
-        below all of it is said why not."""
+        """Make a card. A name, what it does and the fields that this takes are a button; below all
+        of it is said why not."""
         trouble = self.troubles[title] = ErrorLabel()
         shown = [self._button(trouble, *p) if isinstance(p, tuple) else p for p in parts]
         return titled_box(title, *shown, trouble.view)
@@ -317,7 +311,8 @@ class PageForms:
     # --- what can be done now ---------------------------------------------------------------------
 
     def render(self, state: PageState) -> None:
-        """Buttons that can do something now, and the parameters that what is looked at has."""
+        """Enable the buttons that can do something now, and show the parameters of what is
+        chosen."""
         chosen, busy = state.chosen, self.explorer.busy
         can = {
             "Continue": chosen is not None and chosen.orbit is not None,
@@ -334,7 +329,6 @@ class PageForms:
             self._say_where(chosen)
 
     def _say_where(self, chosen: Chosen) -> None:
-        """In the fields are the parameters of what is looked at, however it was chosen."""
         orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
@@ -350,8 +344,8 @@ class PageForms:
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:
-    """What a select offers; what was selected stays where it can. Nothing is left unselected: a
-    browser would select the first by itself, and say so as if a person had done it."""
+    """Offer names in a select, and keep what was selected where it is among them. Nothing is left
+    unselected: a browser would select the first, and say so as if a person had done it."""
     wanted = select.value if value is None else value
     if select.options != names:
         select.options = names

@@ -67,7 +67,7 @@ PAUSE = 400  # milliseconds without a move, until the browser is told again wher
 
 
 class Page:
-    """The figures, the fields and the buttons, and what they do."""
+    """Figures, fields and buttons, and what they do."""
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
@@ -209,7 +209,7 @@ class Page:
             self.explorer.tell(trouble)
 
     def _other_plane(self, name: str) -> None:
-        """The plane through what is looked at, if the slider reaches it."""
+        """Show the plane through what is chosen, if the slider reaches it."""
         value, (start, end, step) = NUMBERS[name].first, NUMBERS[name].slider
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
@@ -241,11 +241,10 @@ class Page:
 
     @property
     def _served(self) -> bool:
-        """Whether a browser looks at it by a server, not a notebook or a test."""
         return self.document is not None and self.document.session_context is not None
 
     def _heard(self, _: PageState) -> None:
-        """Something has changed, in whatever thread: draw it as soon as this page may."""
+        """Draw a change, in whatever thread it happened, as soon as this page may."""
         if self._later is None:
             self.render()
         elif not self._due:
@@ -253,15 +252,15 @@ class Page:
             self._later(self.render)
 
     def _in_its_thread(self) -> Callable[[Callable[[], None]], object] | None:
-        """What has something done in the thread of this page; None where any will do."""
+        """Scheduler of this page's thread; None where any will do."""
         if self._served:
             return self.document.add_next_tick_callback
         return asyncio.get_running_loop().call_soon_threadsafe if in_notebook() else None
 
     @contextmanager
     def _quietly(self) -> Iterator[None]:
-        """Changes as the page's own: as one, for otherwise Bokeh goes through all models at each,
-        and a notebook has a message of each."""
+        """Make changes that are the page's own, all at once: else Bokeh goes through all models at
+        each, and a notebook has a message of each."""
         with self.drawing, ExitStack() as all_at_once:
             self._quiet = True
             all_at_once.callback(setattr, self, "_quiet", False)
@@ -272,7 +271,6 @@ class Page:
             yield
 
     def render(self) -> None:
-        """Draw what has changed."""
         self._due = False
         busy = self.explorer.busy
         if self.explorer.state is self.drawn and busy == self.busy:
@@ -336,7 +334,6 @@ class Page:
         self._render_place(new)
 
     def _render_place(self, new: PageState) -> None:
-        """Which point of which curve is looked at."""
         if not self.curve.value:
             self.label.options, self.label.value = {"\N{EN DASH}": NOWHERE}, NOWHERE
             return
@@ -369,13 +366,12 @@ class Page:
 
 def _put(slider: Any, value: float, **more: Any) -> None:
     """Move a slider, unless a person has just done so: Panel has that in a moment, or would drop
-    it for this older value."""
+    it."""
     if "value" not in slider._events:
         slider.param.update(value=value, **more)
 
 
 def _described(state: PageState) -> str:
-    """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
     if chosen is None:
         return ""
@@ -390,8 +386,7 @@ def _described(state: PageState) -> str:
 
 
 def in_template(explorer: Session) -> Any:
-    """A new page of an explorer in a browser: below a heading with the switch between light and
-    dark."""
+    """Page in a browser, below a heading with the switch between light and dark."""
     dark = pn.config.theme == "dark"
     other = "default" if dark else "dark"
     link = pn.pane.HTML(
@@ -409,7 +404,6 @@ def in_template(explorer: Session) -> Any:
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
-    """The page as a notebook shows it."""
     pn.extension(inline=True)  # its scripts come from this machine, too
     page = Page(explorer)
     shown: Any = InKernel(page)
@@ -418,8 +412,8 @@ def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
 
 
 class InKernel(pn.Column):
-    """What a notebook shows. Messages of the browser may come in a thread of their own, and Panel
-    then drops what is drawn by half: so they wait for that."""
+    """Page in a notebook. Messages of the browser may come in a thread of their own, and Panel then
+    drops what is drawn by half: so they wait for that."""
 
     def __init__(self, page: Page) -> None:
         super().__init__(page.layout, sizing_mode="stretch_width", hooks=[_styled])
@@ -431,7 +425,7 @@ class InKernel(pn.Column):
 
 
 def _styled(_: Any, root: Any) -> None:
-    """Have all styles in the page, as Panel has a moment later: then there is a document, which
-    goes through all models at each change."""
+    """Put styles into all models now: Panel would later, when there is a document that goes through
+    all models at each change."""
     for model in root.select({"type": UIElement}):
         patch_inline_stylesheets(model)

@@ -65,25 +65,22 @@ MOMENTS = 401  # of a period
 
 
 def _drawn(fig: Any, glyph: str, *columns: str, also: Sequence[str] = (), **look: Any) -> Any:
-    """The source of a glyph that is drawn by it: empty columns, in an order that `_fill` keeps."""
+    """Draw a glyph of no data, and return its source: columns in an order that `_fill` keeps."""
     source = ColumnDataSource({name: [] for name in dict.fromkeys((*columns, *also))})
     getattr(fig, glyph)(*columns, source=source, **look)
     return source
 
 
 def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
-    """Other rows, or none."""
     every = list(rows)
     source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
 def letter(name: str) -> str:
-    """The letter of a parameter."""
     return GREEK.get(name, name)
 
 
 def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any:
-    """An empty figure."""
     fig: Any = figure(
         height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
         tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
@@ -129,7 +126,7 @@ def _bounded(axis: Range1d, low: float, high: float) -> None:
 
 
 def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataSource:
-    """Marks with words beside them, and more of it under the pointer."""
+    """Draw marks with words beside them, and more of it under the pointer."""
     columns = ("text", *also, "what")
     source: ColumnDataSource = _drawn(fig, "scatter", "x", "y", also=columns, size=9, **look)
     fig.add_tools(HoverTool(renderers=fig.renderers[-1:], tooltips=[("", "@what")]))
@@ -141,7 +138,7 @@ def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataS
 
 
 class ZonesView:
-    """The plane of two parameters: regions, their limits, where these meet, what is looked at."""
+    """Plane of two parameters: regions, their limits, where these meet, what is chosen."""
 
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "γ", "a", 470)
@@ -171,8 +168,6 @@ class ZonesView:
         fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
 
     def show(self, drawn: Zones) -> None:
-        """Another diagram; of one that was cut short no regions, for curves that are missing would
-        bound them."""
         shaded = [region for region in drawn.regions if region.verdict and not drawn.interrupted]
         lines = {kind: [_line(drawn, branch) for branch in drawn[kind]] for kind in self.curves}
         _fill(self.regions, (self._region(region) for region in shaded))
@@ -194,7 +189,6 @@ class ZonesView:
         return xs, ys, self.shades[region.verdict]
 
     def title(self, wanted: PageState) -> None:
-        """Say what is shown, and what is on its way."""
         drawn = wanted.plane
         words = (
             "no diagram yet" if drawn is None else f"{plane_in_words(drawn)}, {_at(drawn.fixed)}"
@@ -215,7 +209,6 @@ class ZonesView:
         self.figure.title.text = "\n".join((*lines, "")[:2])
 
     def boundaries(self, curves: Iterable[Branch], drawn: Zones) -> None:
-        """Draw the traced curves that lie in this plane, on those of the diagram."""
         name, value = drawn.fixed
         traced = (
             branch
@@ -225,7 +218,6 @@ class ZonesView:
         _fill(self.traced, (_line(drawn, branch).T for branch in traced))
 
     def choose(self, chosen: Chosen | None, drawn: Zones) -> None:
-        """Mark what is looked at, if it lies in this plane and is of this lattice."""
         name, value = drawn.fixed
         orbit = None if chosen is None else chosen.orbit
         here = []
@@ -244,8 +236,7 @@ def _at(fixed: tuple[str, float]) -> str:
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
-    """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
-    behind."""
+    """Mark what is chosen; at the level of annotations Bokeh would leave grey rims behind."""
     edge: dict[str, Any] = {"size": 15, "fill_color": None}
     source = _drawn(fig, "scatter", "x", "y", line_color=theme.paper, line_width=5, **edge)
     fig.scatter("x", "y", source=source, line_color=theme.vermillion, line_width=2.5, **edge)
@@ -253,13 +244,13 @@ def _here(fig: Any, theme: Theme) -> ColumnDataSource:
 
 
 def marked(branch: Branch) -> list[tuple[int, Point]]:
-    """The special points with their numbers; those between are not made for that."""
+    """Special points with their numbers; those between are not made for that."""
     places = np.searchsorted(branch["arclength"], [p.arclength for p in branch.special])
     return list(zip(places.tolist(), branch.special, strict=True))
 
 
 class BranchView:
-    """The bifurcation diagram: solid where stable, special points labelled."""
+    """Bifurcation diagram: solid where stable, special points labelled."""
 
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
@@ -274,7 +265,6 @@ class BranchView:
         self.here = _here(fig, theme)
 
     def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
-        """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
         marks = []
         for i, (code, branch) in enumerate(curves.items()):
@@ -292,13 +282,12 @@ class BranchView:
         _fill(self.special, _named(self.figure, marks))
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
-        """Mark the point that is looked at."""
         point = None if chosen is None else chosen.point
         _fill(self.here, [] if point is None else [(_value(point, x), _value(point, y))])
 
     def nearest(self, curves: Mapping[str, Branch], x: str, y: str, at: tuple[float, float]) -> Any:
-        """The curve and the number of the point next to a place of the figure; None if there is
-        none. Special points draw a little more."""
+        """Curve and number of the point next to a place of the figure. Special points draw a little
+        more."""
         width = self.figure.x_range.end - self.figure.x_range.start
         height = self.figure.y_range.end - self.figure.y_range.start
         candidates = []
@@ -312,8 +301,8 @@ class BranchView:
 
 
 def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
-    """Marks with the words beside them, (x, y, word, ...), without a word that would cover one
-    before: the mark has to do there, which says what it is under the pointer."""
+    """Leave out words that would cover one before: (x, y, word, ...); the mark has to do there,
+    which says what it is under the pointer."""
     seen: list[tuple[float, float]] = []
     rows = []
     for x, y, word, *more in marks:
@@ -341,13 +330,11 @@ def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, .
 
 
 class OrbitView:
-    """What is seen of the orbit that is looked at."""
-
     figure: Any
     empty = ""  # the title where there is none
 
     def nothing(self, why: str = "") -> None:
-        """No orbit is looked at, or nothing is known of it, for this reason."""
+        """Show no orbit, and why."""
         for source in vars(self).values():
             if isinstance(source, ColumnDataSource):
                 _fill(source, [])
@@ -366,8 +353,6 @@ class ProfileView(OrbitView):
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
     def show(self, orbit: Orbit) -> None:
-        """The sites around the first that impacts, all of a small lattice; a wall that is not there
-        is NaN."""
         size, middle = orbit.lattice.sites, orbit.section.hit[0]
         n = np.arange(middle - BESIDE, middle + BESIDE + 1)
         if size is not None and (size <= n.size or not isinstance(orbit.lattice, Ring)):
@@ -393,8 +378,6 @@ def _moments(orbit: Orbit) -> Array:
 
 
 class MotionView(OrbitView):
-    """Some sites over a period of an orbit, or over all of a simulation."""
-
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.figure = fig = _sheet(theme, "t/2π", "u", 260)
@@ -408,8 +391,6 @@ class MotionView(OrbitView):
         fig.add_layout(fig.legend[0], "above")
 
     def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
-        """An orbit at those of the sites that there are, its walls and impacts, and what is said of
-        it."""
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
@@ -421,7 +402,6 @@ class MotionView(OrbitView):
         self._bound(wall for n in real for wall in orbit.walls.at(n))
 
     def run(self, name: str, run: SimulationRun, outcome: str) -> None:
-        """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
@@ -446,7 +426,7 @@ class MotionView(OrbitView):
 
 
 def thinned(times: Array, u: Array) -> tuple[Array, Array]:
-    """Of a long line what a figure can show: the lowest and the highest point of each stretch."""
+    """Thin a long line to the lowest and the highest point of each stretch."""
     length = -(-times.size // SEEN)
     if length == 1:
         return times, u
@@ -476,8 +456,6 @@ class MultipliersView(OrbitView):
         self.dots = _drawn(fig, "scatter", "x", "y", also=["colour", "size"], **look)
 
     def show(self, orbit: Orbit, ring: int) -> None:
-        """Those over a section, half a period of a symmetric orbit: on its own lattice if that is
-        finite, otherwise on a ring of so many sites."""
         finite = map_on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
         mu, waves, alone = with_band(finite, None, orbit.symmetric)
         out = alone & (np.abs(mu) > 1.0)

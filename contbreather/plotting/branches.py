@@ -175,7 +175,7 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
 
 
 def _families(branches: Iterable[Branch]) -> list[int]:
-    """A number for each branch, the same for the arms that leave one point: mirror images."""
+    """Number the branches, alike the arms that leave one point: mirror images."""
     parents = [next((p.parent for p in branch.special if p.parent), None) for branch in branches]
     return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
 
@@ -235,13 +235,11 @@ def _of_breathers(branches: Sequence[Branch]) -> str:
 
 
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
-    """Columns that are drawn for `y`: of a state of cycles its envelope."""
     envelope = f"max({y})", f"min({y})"
     return envelope if y not in branch.names and {*envelope} <= {*branch.names} else (y,)
 
 
 def axis_title(branch: Branch, name: str) -> str:
-    """Title of a column on its axis."""
     array = np.ndim(branch.problem.start.get(name, 0.0)) > 0
     return f"{symbol(name)} (entry of largest size)" if array else symbol(name)
 
@@ -253,7 +251,7 @@ def column_of(branch: Branch, name: str) -> Array:
 
 
 def _largest(rows: Array) -> Array:
-    """The first of the largest entries: those of waves are equal but for rounding, and not of one
+    """First of the largest entries: those of waves are equal but for rounding, and not of one
     sign."""
     sizes = abs(rows)
     first = (sizes >= (1.0 - AS_LARGE) * sizes.max(axis=1, keepdims=True)).argmax(axis=1)
@@ -349,7 +347,6 @@ def _unstable(branch: Branch) -> Array:
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
-    """Styles of the line between each two points."""
     if _is_boundary(branch):  # on boundaries rounding would decide the count
         count = np.zeros(len(branch) - 1)
     else:
@@ -421,7 +418,6 @@ def _legend_entries(
 
 
 def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict[str, Any]]:
-    """Markers that say their kinds, in place of words beside each; ends are dots everywhere."""
     kinds = {p.kind for points in marked for p in points} - {"EP"}
     look = {"color": colour, "linestyle": "none"}
     return {
@@ -431,7 +427,7 @@ def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict
 
 
 def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
-    """Inside the axes where it is small and covers no curve, else above them."""
+    """Draw a legend inside the axes where it is small and covers no curve, else above them."""
     from matplotlib.lines import Line2D
 
     if not entries:
@@ -476,7 +472,6 @@ def _words(
 
 
 def name_of(point: Point) -> str:
-    """Label of a special point, in doubt where it was not located."""
     return point.label if point.located else f"{point.label}?"
 
 

@@ -163,7 +163,6 @@ class Drawn(list["Artist"]):
 
     @property
     def figure(self) -> Figure:
-        """The figure that they are in."""
         figure: Figure = self.axes.get_figure(root=True)
         return figure
 
@@ -190,20 +189,20 @@ def drawing(
 
 
 def legend_size(axes: Axes) -> float:
-    """Size of the words of a legend: a little smaller than those of the axes."""
     return 0.875 * float(axes.xaxis.label.get_fontsize())
 
 
 def type_size(axes: Axes, name: str) -> float:
-    """One of matplotlib's sizes, "small" for instance, beside the words of the axes: these may be
-    of another style than the one in force."""
+    """Size by one of matplotlib's names, "small" for instance, beside the words of the axes: these
+    may be of another style than the one in force."""
     from matplotlib.font_manager import font_scalings
 
     return font_scalings[name] * float(axes.xaxis.label.get_fontsize())
 
 
 def legend_above(axes: Any, **more: Any) -> None:
-    """Over the right end of the axes, in as few rows as fit; of very many lines the first."""
+    """Draw a legend over the right end of the axes, in as few rows as fit; of very many lines the
+    first."""
     look = {"frameon": False, "handlelength": 1.3, **more}
     handles, names = axes.get_legend_handles_labels()
     for columns in range(len(names), 0, -1):
@@ -245,7 +244,6 @@ def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Pa
 
 
 def figure_path(path: str | Path) -> Path:
-    """Check the path of a figure, whose suffix says the format."""
     target = writable(path)
     if target.suffix.lower() not in FIGURES:
         raise BadInput(
@@ -255,8 +253,8 @@ def figure_path(path: str | Path) -> Path:
 
 
 def symbol(name: str) -> str:
-    """A name as it is written on an axis: letters, Greek ones too, in italics, with their numbers
-    as indices; words upright."""
+    """Write a name as on an axis: letters, Greek ones too, in italics, with their numbers as
+    indices; words upright."""
     letter = name.rstrip(digits)
     index = f"_{{{name[len(letter) :]}}}" if letter != name else ""
     if letter in _ITALIC:
@@ -265,7 +263,7 @@ def symbol(name: str) -> str:
 
 
 def name_axes(ax: Axes, x: str, y: str) -> None:
-    """Say what is drawn; axes with something of another quantity in them are refused."""
+    """Label axes; those with something of another quantity in them are refused."""
     for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
         there = axis.label.get_text()
         if there not in ("", name) and ax.has_data():
@@ -277,7 +275,6 @@ def name_axes(ax: Axes, x: str, y: str) -> None:
 
 
 def text_colour(ax: Axes) -> str:
-    """The colour of words that stand out from the ground of these axes, black on white."""
     from matplotlib.colors import to_hex
 
     return to_hex(ax.xaxis.label.get_color())

@@ -142,8 +142,8 @@ def plot_spectrum(
     half: bool = False,
     ax: Axes | None = None,
 ) -> Drawn:
-    """What decides on stability along a branch: of orbits the moduli of their multipliers, with the
-    circle they cross, far outside by their logarithm; of other problems the real parts of the
+    """Draw the spectrum along a branch: of orbits the moduli of their multipliers, with the circle
+    they cross, far outside by their logarithm; of other problems the real parts of the
     eigenvalues, with 0.
 
     Parameters
@@ -241,8 +241,8 @@ def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:
 
 
 def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[complex, complex]]:
-    """The multipliers to name and their places: those farthest off the circle, of these the
-    tightest place first."""
+    """Multipliers to name and their places: those farthest off the circle, of these the tightest
+    place first."""
     off = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
     chosen = sorted(np.flatnonzero(which), key=lambda i: off[i])[-NAMED:]
     return [(complex(mu[i]), complex(shown[i])) for i in chosen]

@@ -168,12 +168,11 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
 
 
 def chosen_sites(sites: object) -> list[int]:
-    """Check sites that were asked for, one or several."""
     return [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
 
 
 def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
-    """Each impact of these sites: its site as it was asked for, its time in units of 2 pi, and the
+    """Impacts of these sites: the site as it was asked for, its time in units of 2 pi, and the
     wall."""
     size = orbit.lattice.sites
     asked = {n if size is None else n % size: n for n in sites}
@@ -308,7 +307,7 @@ def _with_record(motion: Any) -> tuple[Any, str]:
 
 
 def _row_of_grid(motion: Any) -> tuple[range | None, str]:
-    """The sites of one row of a grid, and which it is; None of what is on no grid."""
+    """Sites of one row of a grid, and which it is; None off a grid."""
     if isinstance(motion, Record):
         return None, ""
     if isinstance(motion, SimulationRun | SmoothRun):
@@ -381,7 +380,6 @@ def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
 
 
 def _colours(u: Array, signed: bool = True) -> dict[str, Any]:
-    """Colours of displacements, white where a site is at rest."""
     limit = float(np.abs(u).max()) or 1.0
     return {
         "cmap": "RdBu_r" if signed else "Blues",
@@ -400,7 +398,7 @@ def _whole_numbers(axis: Axis) -> None:
 
 
 class Stretch(NamedTuple):
-    """One flow: times, states of shape (n, len(t)), and whether a condition ended it."""
+    """Flow: times, states of shape (n, len(t)), and whether a condition ended it."""
 
     t: Array
     states: Array
@@ -414,8 +412,8 @@ def draw_states(
     y: str | Sequence[str] | None,
     within: tuple[float, float] | None = None,
 ) -> Drawn:
-    """Lines of the flows; a dot where a condition ends one, and from there a dotted line to where
-    the next one begins."""
+    """Draw lines of the flows; a dot where a condition ends one, and from there a dotted line to
+    where the next one begins."""
     cycle = isinstance(motion, Cycle)
     names = motion.equations.states if isinstance(motion, Cycle) else motion.names
     x = TIME if x is None else x
@@ -496,7 +494,6 @@ def _panels(axes: Axes, count: int) -> list[Axes]:
 
 
 def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:
-    """The time or a state; nothing where this flow has fewer of them."""
     if name == TIME:
         return piece.t
     i = names.index(name)

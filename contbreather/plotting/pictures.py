@@ -139,7 +139,7 @@ def plot(
 
 
 def _drawn(value: Any) -> tuple[Any, Any]:
-    """What is drawn of a value, and what draws it: of what is on disk the first result."""
+    """Choose what is drawn of a value, and what draws it: of what is on disk the first result."""
     match value:
         case Kept():
             return _drawn(next(iter(value.values()), None))
@@ -166,7 +166,7 @@ _PLOTS: dict[type, Any] = {
 
 
 def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
-    """A point of anybody's problem: an array unknown as a profile, numbers as a place."""
+    """Draw a point of anybody's problem: an array unknown as a profile, numbers as a place."""
     start = point.curve.problem.start
     name = next(iter(start))
     with drawing(ax) as (drawn, axes):
@@ -241,7 +241,6 @@ def _sentence(value: Any) -> str:
 
 
 def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
-    """Its forcing, its impacts and its verdicts."""
     yield "forcing", orbit.forcing.describe()
     for impact in orbit.hits:
         values = f"wall {impact.wall:+d}, t = {impact.time:.6g}, velocity {impact.before:.6g}"

@@ -156,14 +156,14 @@ def _sheet(count: int) -> tuple[Figure, list[Axes]]:
 def draw_panels(
     several: Sequence[Zones], panels: Sequence[Axes], within: Window | None = None
 ) -> None:
-    """Everything but words and legend, which come last, when all else has its place."""
+    """Draw everything but words and legend, which come last, when all else has its place."""
     for i, (diagram, panel) in enumerate(zip(several, panels, strict=True)):
         letter = f"({ascii_lowercase[i % 26]}) " if len(several) > 1 else ""
         _panel(diagram, panel, letter, within)
 
 
 def _chain(zones: Zones) -> str:
-    """What the zones are about, where it is not the infinite chain under the paper's forcing."""
+    """Model of the zones, where it is not the infinite chain under the paper's forcing."""
     model = zones.model
     words = []
     if model["lattice"].sites is not None:
@@ -226,7 +226,7 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
 
 
 def _letter(ax: Axes, region: Region) -> None:
-    """As large as fits into the region; none where none fits."""
+    """Letter a region as large as fits; not where none fits."""
     for size, room in LETTERS:
         if region.room > room:
             ax.text(
@@ -257,7 +257,7 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
 
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
-    """Codim-2 points as words: where, and the two kinds that meet, stability first."""
+    """Places and names of codim-2 points, the kinds that meet, stability first."""
     x, y = zones.pair
     words = (name.replace("-", "\N{EN DASH}") for name in zones.meetings())
     return [
@@ -336,7 +336,6 @@ def plot_atlas(
 
 
 def _words(atlas: Any, name: str) -> list[str]:
-    """Of an attribute."""
     try:
         words: str = getattr(atlas, "attrs", {})[name]
     except KeyError as error:
@@ -346,7 +345,6 @@ def _words(atlas: Any, name: str) -> list[str]:
 
 
 def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
-    """The parameter that has several values."""
     fixed = _words(atlas, "fixed")
     names = [*fixed, *(_words(atlas, "over") if "over" in atlas.attrs else ())]
     several = [name for name in names if name not in at and len(np.unique(atlas[name])) > 1]
@@ -361,7 +359,7 @@ def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
 def _lines(
     atlas: Dataset, names: Sequence[str], at: Mapping[str, float], kinds: Sequence[str]
 ) -> Lines:
-    """The curves of each kind at each value of the third parameter."""
+    """Curves of each kind at each value of the third parameter."""
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
             there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)
@@ -384,7 +382,6 @@ def _lines(
 def _draw(
     ax: Any, kind: str, lines: Mapping[float, Sequence[Array]], values: Sequence[float]
 ) -> None:
-    """All curves of a kind, and the surfaces between them."""
     strips = [_strips(lines.get(low, ()), lines.get(high, ())) for low, high in pairwise(values)]
     bare = sum(not strip for strip in strips)
     missing = f", {'partly ' * (bare < len(strips))}curves alone" if bare else ""
@@ -404,7 +401,7 @@ def _draw(
 
 
 def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, Array]]:
-    """Curves at two neighbouring values side by side, if there are equally many."""
+    """Pair curves at two neighbouring values, if there are equally many."""
     if len(here) != len(there):
         return []
     left, pairs = [_even(points) for points in there], []
@@ -416,7 +413,6 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
 
 
 def _even(points: Array) -> Array:
-    """As many nodes for each curve, at equal distances in units of its extent."""
     extent = np.ptp(points, axis=0)
     return evenly(points, NODES, np.where(extent > 0, extent, 1.0))
 
