@@ -21,7 +21,6 @@ from contbreather.explorer.session import Session
 __all__ = ["Explorer", "server_for"]
 
 LOOPBACK = "127.0.0.1"
-HIGHEST = 65535
 
 
 class Explorer(Session):
@@ -104,10 +103,8 @@ def server_for(
     panel = _panel()
     from bokeh.server.util import create_hosts_allowlist
 
-    if whole("port", port, 0) > HIGHEST:
-        raise BadInput(
-            f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
-        )
+    if whole("port", port, 0) > 65535:
+        raise BadInput(f"port = {port}: ports are whole numbers up to 65535, 0 for any free one")
     port = _free(address, port)
     own = (f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address)))
     hosts = [host.lower() for host in (*own, *origins)]

@@ -20,6 +20,7 @@ from bokeh.models.ui import UIElement
 from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.errors import ContbreatherError
+from contbreather.explorer import style
 from contbreather.explorer.forms import (
     ErrorLabel,
     Field,
@@ -31,20 +32,9 @@ from contbreather.explorer.forms import (
     some_sites,
     titled_box,
     tried,
-)
+)  # fmt: skip
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import PageState, names, verdict_in_words, verdicts
-from contbreather.explorer.style import (
-    DARK,
-    FOCUSED,
-    FOLLOW,
-    GRID,
-    LIGHT,
-    LINK,
-    NAMES,
-    OUTER,
-    STUCK,
-)
 from contbreather.explorer.views import (
     BranchView,
     MotionView,
@@ -53,7 +43,7 @@ from contbreather.explorer.views import (
     ZonesView,
     letter,
     marked,
-)
+)  # fmt: skip
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
 from contbreather.progress import in_notebook
@@ -73,7 +63,7 @@ class Page:
         self.explorer = explorer
         self.drawn, self.busy = PageState(), False  # what is drawn by now
         self.document: Any = pn.state.curdoc
-        theme = DARK if pn.config.theme == "dark" else LIGHT
+        theme = style.DARK if pn.config.theme == "dark" else style.LIGHT
         self.zones, self.branches = ZonesView(theme), BranchView(theme)
         self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
         self.motion, self.run = MotionView(theme), MotionView(theme)
@@ -119,8 +109,10 @@ class Page:
         )
         self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
-        self.remove = pn.widgets.Button(label="Remove curve", width=120, stylesheets=[FOCUSED])
-        self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[FOCUSED])
+        self.remove = pn.widgets.Button(
+            label="Remove curve", width=120, stylesheets=[style.FOCUSED]
+        )
+        self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[style.FOCUSED])
         self.remove.on_click(lambda _: explorer.remove(self.curve.value))
         self.undo.on_click(lambda _: tried(explorer.undo, self._tell))
         self._on(self.x, lambda x: explorer.change(axes=(x, self.y.value)))
@@ -142,7 +134,7 @@ class Page:
             field.input.param.watch(self._asked, "value")
         self.words, self.status = Words(), Words()
         self.stop = pn.widgets.Button(
-            label="Stop", color="danger", width=90, visible=False, stylesheets=[FOCUSED]
+            label="Stop", color="danger", width=90, visible=False, stylesheets=[style.FOCUSED]
         )
         self.stop.on_click(lambda _: self.explorer.stop())
 
@@ -171,13 +163,13 @@ class Page:
         self.run_card = titled_box("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
-            stylesheets=[STUCK], min_height=40,
+            stylesheets=[style.STUCK], min_height=40,
         )  # fmt: skip
         grid = pn.Column(
             top, *figures, self.run_card, self.forms.view,
-            sizing_mode="stretch_width", stylesheets=[GRID],
+            sizing_mode="stretch_width", stylesheets=[style.GRID],
         )  # fmt: skip
-        return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[OUTER], margin=0)
+        return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[style.OUTER], margin=0)
 
     # ----------------------------------------------------------------------------- what is done
 
@@ -391,8 +383,8 @@ def in_template(explorer: Session) -> Any:
     other = "default" if dark else "dark"
     link = pn.pane.HTML(
         f'<a href="?theme={other}">{"light" if dark else "dark"}</a>'
-        f"<script>{FOLLOW}{NAMES}</script>",
-        stylesheets=[LINK],
+        f"<script>{style.FOLLOW}{style.NAMES}</script>",
+        stylesheets=[style.LINK],
         align="end",
     )  # fmt: skip
     return pn.template.BootstrapTemplate(

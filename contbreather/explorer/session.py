@@ -12,14 +12,7 @@ from typing import Any
 
 from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.jobs import (
-    Computation,
-    Job,
-    JobThread,
-    OnLattice,
-    Progress,
-    arguments,
-)
+from contbreather.explorer.jobs import Computation, Job, JobThread, OnLattice, Progress, arguments
 from contbreather.explorer.state import Chosen, PageState, point_of, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
@@ -38,7 +31,6 @@ from contbreather.runs import load, save
 Listener = Callable[[PageState], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
 UNDONE = ("curves", "listed", "hidden", "axes", "run", "outcome", "lines")  # of a state
-DIGITS = 6  # of what is clicked at: a pixel has no more
 
 
 class Session:
@@ -189,7 +181,8 @@ class Session:
         if {*place} != {*pair}:
             wanted, got = " and ".join(pair), " and ".join(place)
             raise BadInput(f"at {state.title} a place has {wanted}; {got} were given")
-        params = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
+        # a pixel has no more digits
+        params = {name: float(f"{value:.6g}") for name, value in place.items()}
         params |= [state.fixed]
         values: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
         values |= {name: params[name] for name in NEEDED}

@@ -27,18 +27,10 @@ from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
-from contbreather.plotting.branches import (
-    BEYOND,
-    STABLE,
-    UNKNOWN,
-    UNSTABLE,
-    column_of,
-    pieces,
-    value_of,
-)
+from contbreather.plotting import branches
 from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.multipliers import with_band
-from contbreather.plotting.orbits import impacts_of
+from contbreather.plotting.orbits import BESIDE, MOMENTS, impacts_of
 from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
@@ -52,16 +44,11 @@ MARKS = {
     "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
     "<": "y", ">": "square_pin", "d": "diamond_dot",
 }  # fmt: skip
-MARGIN = 0.08
 ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
-SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 33  # letters of a title in a line, of the zones and of the multipliers
-MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
-STOPPED = ", stopped: curves may be missing"
-DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted", UNKNOWN: "dashdot"}
-BESIDE = 10  # sites on either side of the one that impacts
-MOMENTS = 401  # of a period
+DASHES = {branches.STABLE: "solid", branches.UNSTABLE: "dashed", branches.BEYOND: "dotted",
+          branches.UNKNOWN: "dashdot"}  # fmt: skip
 
 
 def _drawn(fig: Any, glyph: str, *columns: str, also: Sequence[str] = (), **look: Any) -> Any:
@@ -87,28 +74,27 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any
         x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
         background_fill_color=None, border_fill_color=None, outline_line_color=theme.faint, **more,
     )  # fmt: skip
-    fig.toolbar.logo = None
-    fig.toolbar.autohide = True
-    fig.title.text_color = theme.text
-    fig.title.text_font_size = "13px"
+    fig.toolbar.update(logo=None, autohide=True)
+    fig.title.update(text_color=theme.text, text_font_size="13px")
     for axis in (*fig.xaxis, *fig.yaxis):
-        axis.axis_label_text_color = axis.major_label_text_color = theme.text
-        axis.axis_label_text_font_size = "14px"
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = theme.faint
-        axis.axis_label_standoff = 2
+        axis.update(
+            axis_label_text_color=theme.text, axis_label_text_font_size="14px",
+            axis_label_standoff=2, major_label_text_color=theme.text, axis_line_color=theme.faint,
+            major_tick_line_color=theme.faint, minor_tick_line_color=theme.faint,
+        )  # fmt: skip
     fig.grid.grid_line_color = theme.grid
     return fig
 
 
-def _legend(fig: Any, theme: Theme) -> None:
-    legend = fig.legend[0]
-    legend.location = "top_right"
-    legend.label_text_color = theme.text
-    legend.label_text_font_size = "11px"
-    legend.background_fill_color = theme.paper
-    legend.background_fill_alpha = 0.75
-    legend.border_line_color = None
-    legend.padding, legend.margin, legend.spacing, legend.glyph_width = 4, 4, 0, 26
+def _legend(fig: Any, theme: Theme, place: str, **more: Any) -> None:
+    """Put the legend beside the axes: inside it would cover curves."""
+    look: dict[str, Any] = {"padding": 4, "margin": 4, "glyph_width": 26, "spacing": 12, **more}
+    fig.legend[0].update(
+        location="top_right", label_text_color=theme.text, label_text_font_size="11px",
+        background_fill_color=theme.paper, background_fill_alpha=0.75, border_line_color=None,
+        **look,
+    )  # fmt: skip
+    fig.add_layout(fig.legend[0], place)
 
 
 def _reach(axis: Range1d, values: Iterable[float]) -> None:
@@ -117,7 +103,7 @@ def _reach(axis: Range1d, values: Iterable[float]) -> None:
     if not finite.size:
         return
     low, high = float(finite.min()), float(finite.max())
-    room = max(MARGIN * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
+    room = max(0.08 * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
     _bounded(axis, low - room, high + room)
 
 
@@ -163,9 +149,7 @@ class ZonesView:
         self.meetings = _named_marks(fig, theme, **look)
         self.traced = _drawn(fig, "multi_line", "xs", "ys", color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
-        _legend(fig, theme)
-        fig.legend[0].update(ncols=2, spacing=12)
-        fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
+        _legend(fig, theme, "below", ncols=2)
 
     def show(self, drawn: Zones) -> None:
         shaded = [region for region in drawn.regions if region.verdict and not drawn.interrupted]
@@ -189,20 +173,14 @@ class ZonesView:
         return xs, ys, self.shades[region.verdict]
 
     def title(self, wanted: PageState) -> None:
-        drawn = wanted.plane
-        words = (
-            "no diagram yet" if drawn is None else f"{plane_in_words(drawn)}, {_at(drawn.fixed)}"
-        )
-        words += STOPPED * (drawn is not None and drawn.interrupted)
-        orbit = None if wanted.chosen is None else wanted.chosen.orbit
+        drawn, orbit = wanted.plane, None if wanted.chosen is None else wanted.chosen.orbit
+        here = "no diagram yet" if drawn is None else plane_in_words(drawn)
+        words = here if drawn is None else f"{here}, {_at(drawn.fixed)}"
+        words += ", stopped: curves may be missing" * (drawn is not None and drawn.interrupted)
         if wanted.awaited:
             elsewhere = drawn is None or drawn.fixed != wanted.fixed
             words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
-        elif (
-            drawn is not None
-            and orbit is not None
-            and plane_in_words(drawn) != model_in_words(orbit)
-        ):
+        elif drawn is not None and orbit is not None and here != model_in_words(orbit):
             words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
@@ -269,13 +247,13 @@ class BranchView:
         marks = []
         for i, (code, branch) in enumerate(curves.items()):
             colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in pieces(branch, x, y):
+            for style, xs, ys in branches.pieces(branch, x, y):
                 drawn[style].append((xs, ys, colour))
             marks += [_special(point, code, x, y, colour) for point in branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
-        many = f"{len(curves)} curves" if len(curves) > MANY else ", ".join(curves)
+        many = f"{len(curves)} curves" if len(curves) > 4 else ", ".join(curves)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
@@ -292,8 +270,8 @@ class BranchView:
         height = self.figure.y_range.end - self.figure.y_range.start
         candidates = []
         for code, branch in curves.items():
-            across = (column_of(branch, x) - at[0]) / (width or 1.0)
-            up = (column_of(branch, y) - at[1]) / (height or 1.0)
+            across = (branches.column_of(branch, x) - at[0]) / (width or 1.0)
+            up = (branches.column_of(branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
             far[[i for i, _ in marked(branch)]] *= 0.5
             candidates.append((float(far.min()), code, int(far.argmin())))
@@ -315,18 +293,24 @@ def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
 
 def _value(point: Any, name: str) -> float:
     try:
-        return value_of(point, name)
+        return branches.value_of(point, name)
     except ValueError:  # of a column that this curve does not have
         return float("nan")
 
 
 def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
-    text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
     mark = MARKS[look_of(point.kind).marker]
-    return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
+    return (
+        _value(point, x),
+        _value(point, y),
+        "" if quiet else branches.name_of(point),
+        colour,
+        mark,
+        what,
+    )
 
 
 class OrbitView:
@@ -374,7 +358,7 @@ class ProfileView(OrbitView):
 def _moments(orbit: Orbit) -> Array:
     """Times of a period, its impacts among them: there sites turn round sharply."""
     hits = [hit.time % orbit.period for hit in orbit.hits]
-    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
+    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS + 1), hits]))
 
 
 class MotionView(OrbitView):
@@ -386,9 +370,7 @@ class MotionView(OrbitView):
         look = {"color": "colour", "line_width": 1.8, "legend_field": "site"}
         self.lines = _drawn(fig, "multi_line", "xs", "ys", also=["colour", "site"], **look)
         self.hits = _drawn(fig, "scatter", "x", "y", also=["colour"], color="colour", size=8)
-        _legend(fig, theme)
-        fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
-        fig.add_layout(fig.legend[0], "above")
+        _legend(fig, theme, "above", orientation="horizontal")
 
     def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
         size, there = orbit.lattice.sites, watched(orbit, sites)
@@ -427,7 +409,7 @@ class MotionView(OrbitView):
 
 def thinned(times: Array, u: Array) -> tuple[Array, Array]:
     """Thin a long line to the lowest and the highest point of each stretch."""
-    length = -(-times.size // SEEN)
+    length = -(-times.size // 2000)  # a figure has fewer pixels
     if length == 1:
         return times, u
     blocks = u[: u.size // length * length].reshape(-1, length)

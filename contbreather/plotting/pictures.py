@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LISTS = (list, tuple)
-MOST = 30  # rows
-ROOM = 90  # characters in a row of a table
-SMALL = 100  # sites of a lattice whose multipliers are found at once
 
 
 def plot(
@@ -213,7 +210,7 @@ def card(value: Any) -> str:
         f"<div><p>{escape(_sentence(value))}</p>"
         '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
         f'<div style="background:white">{picture}</div>'
-        f'<div style="overflow-x:auto;max-width:40em">{table.html(ROOM, MOST)}</div></div></div>'
+        f'<div style="overflow-x:auto;max-width:40em">{table.html(90, 30)}</div></div></div>'
     )
 
 
@@ -246,5 +243,5 @@ def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
         values = f"wall {impact.wall:+d}, t = {impact.time:.6g}, velocity {impact.before:.6g}"
         yield f"impact of site {impact.site}", values
     yield "admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]
-    if orbit.lattice.sites is None or orbit.lattice.sites <= SMALL:
+    if orbit.lattice.sites is None or orbit.lattice.sites <= 100:  # multipliers found at once
         yield "stability", repr(orbit.stability()).strip("<>")

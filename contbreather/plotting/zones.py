@@ -67,11 +67,6 @@ CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impac
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
 # Sizes of letters, and how far away the edge of the region must be for each.
 LETTERS = (("large", 0.048), ("small", 0.031), ("xx-small", 0.019))
-NODES = 60  # along a curve, on its surface
-FAINT = 0.25
-ZOOM = 0.82
-PADS = {"x": 4.0, "y": 4.0, "z": 0.0}  # points from the numbers to the name
-CROWDED, HEADROOM = 0.05, 0.08  # of the height: what a meeting below the top needs, and gets
 
 
 def plot_zones(
@@ -208,8 +203,8 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
         top = NUMBERS[name].high if name in NUMBERS else float("inf")
         limits += [start, min(high + 0.04 * (high - low), top)]
     low, high = box[1]
-    if any(point[zones.pair[1]] > high - CROWDED * (high - low) for point in zones.special):
-        limits[3] += HEADROOM * (high - low)  # for the names of the meetings
+    if any(point[zones.pair[1]] > high - 0.05 * (high - low) for point in zones.special):
+        limits[3] += 0.08 * (high - low)  # for the names of the meetings
     return limits[0], limits[1], limits[2], limits[3]
 
 
@@ -327,9 +322,9 @@ def plot_atlas(
         for kind, curves in lines.items():
             _draw(panel, kind, curves, values)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
-            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
+            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=0.0 if axis == "z" else 4.0)
             panel.locator_params(axis=axis, nbins=5)
-        panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
+        panel.set_box_aspect(None, zoom=0.82)  # the layout does not know of the labels
         small = legend_size(panel)
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize=small)
     return drawn
@@ -394,7 +389,7 @@ def _draw(
         ax.plot_surface(
             *np.stack([curve, partner]).transpose(2, 0, 1),
             color=style["color"],
-            alpha=FAINT,
+            alpha=0.25,
             linewidth=0,
             shade=False,
         )
@@ -414,7 +409,7 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
 
 def _even(points: Array) -> Array:
     extent = np.ptp(points, axis=0)
-    return evenly(points, NODES, np.where(extent > 0, extent, 1.0))
+    return evenly(points, 60, np.where(extent > 0, extent, 1.0))
 
 
 def _apart(curve: Array, other: Array) -> float:
