@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -35,8 +34,7 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting import zones as zones_drawn
-from contbreather.plotting.canvas import CYCLE, size, style, symbol
+from contbreather.plotting.canvas import CYCLE, style, symbol
 from contbreather.plotting.multipliers import off_the_band
 from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
@@ -44,21 +42,6 @@ HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 
 
 # --- the style ------------------------------------------------------------------------------------
-
-
-def test_type_and_widths_are_those_of_a_journal_column() -> None:
-    with style():
-        own = dict(mpl.rcParams)
-    for name in ("font.size", "axes.labelsize", "axes.titlesize"):
-        assert own[name] == 8.0
-    for name in ("xtick.labelsize", "ytick.labelsize", "legend.fontsize"):
-        assert own[name] == 7.0
-    assert own["axes.linewidth"] == own["xtick.major.width"] == own["ytick.major.width"] == 0.6
-    assert own["xtick.major.size"] == own["ytick.major.size"] == 2.5
-    assert own["lines.linewidth"] == 2 * own["axes.linewidth"]
-    assert own["xtick.direction"] == own["ytick.direction"] == "in"
-    assert own["xtick.top"] is own["ytick.right"] is True
-    assert (own["pdf.fonttype"], own["svg.fonttype"]) == (42, "none")
 
 
 # What red-blind, green-blind and other eyes see of linear red, green and blue (Machado, Oliveira,
@@ -103,16 +86,9 @@ def test_names_are_written_as_in_the_paper() -> None:
     assert {name: symbol(name) for name in written} == written
 
 
-def test_kinds_have_markers_and_those_with_little_inside_are_larger() -> None:
-    assert look_of("LP").marker == "s"
-    assert look_of("GR").marker == "X"
-    assert look_of("HB").marker == "*"
-    assert look_of("something").marker == "d"
-    assert look_of("NS-GR").marker == look_of("LP-NS").marker == "p"
+def test_kinds_that_have_an_entry_have_a_marker_each() -> None:
     assert len({look.marker for look in (*LOOKS.values(), MEETING)}) == len(LOOKS) + 1
-    sizes = {kind: size(kind) for kind in (*LOOKS, "something", "NS-GR")}
-    assert sizes["HB"] == 2 * sizes["LP"] == 9.0
-    assert all(4.5 <= one <= 9.0 for one in sizes.values())
+    assert look_of("NS-GR") is look_of("LP-NS") is MEETING
 
 
 # --- sheets ---------------------------------------------------------------------------------------
@@ -393,18 +369,18 @@ def test_axes_of_zones_go_a_little_beyond_them(gamma, a, limits) -> None:
     assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(limits, abs=1e-4)
 
 
-def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -> None:
-    _, (ax,) = new_figure()
-    rooms = (0.2, 0.0481, 0.0479, 0.0311, 0.0309, 0.0191, 0.0189, 0.0)
-    for room in rooms:
-        zones_drawn._letter(ax, SimpleNamespace(room=room, x=room, y=0.7, verdict="US"))
-    sizes = [mpl.font_manager.font_scalings[n] for n in ("large", "small", "xx-small")]
-    wanted = [
-        ("US", (room, 0.7), size) for room, size in zip(rooms, np.repeat(sizes, 2), strict=False)
-    ]
-    unit = ax.xaxis.label.get_fontsize()
-    shown = [(w.get_text(), w.get_position(), w.get_fontsize() / unit) for w in ax.texts]
-    assert shown == wanted
+def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diagram) -> None:
+    ax = plot_zones(diagram).axes
+    ax.figure.draw_without_rendering()
+    for region in diagram.regions:
+        words = [w for w in ax.texts if w.get_position() == (region.x, region.y) and w.get_text()]
+        assert [word.get_text() for word in words] == [region.verdict] * bool(region.verdict)
+        for word in words:
+            corners = ax.transData.inverted().transform(word.get_window_extent().corners())
+            assert mpl.path.Path(region.outline).contains_points(corners).all()
+    thin = replace(diagram)
+    vars(thin)["regions"] = tuple(replace(region, room=0.0) for region in diagram.regions)
+    assert not {"S", "US"} & {word.get_text() for word in plot_zones(thin).axes.texts}
 
 
 @pytest.mark.parametrize(("sites", "edge"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
