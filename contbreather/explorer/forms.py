@@ -22,7 +22,6 @@ Read = Callable[[str], Any]
 # where walks go unless a window is typed
 REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
 FIRST = ("Show", "Continue")  # the buttons that most begin with
-BUTTON = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
 
 
 def a_number(text: str) -> float:
@@ -117,6 +116,12 @@ class ErrorLabel(Words):
         self.show(html if sentence else "")
 
 
+def button(label: str, do: Callable[[], object], **look: Any) -> Any:
+    made: Any = pn.widgets.Button(label=label, stylesheets=[FOCUSED], **look)
+    made.on_click(lambda _: do())
+    return made
+
+
 def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
     """Do it, and say why not, or nothing."""
     try:
@@ -186,8 +191,8 @@ class PageForms:
                 do(**typed)
 
         color = "primary" if name in FIRST else "default"
-        self.buttons[name] = pn.widgets.Button(label=name, color=color, **BUTTON)
-        self.buttons[name].on_click(lambda _: tried(read_and_do, trouble.say))
+        look = {"sizing_mode": "stretch_width", "margin": (3, 5), "color": color}
+        self.buttons[name] = button(name, lambda: tried(read_and_do, trouble.say), **look)
         return self.buttons[name]
 
     # --- one breather -----------------------------------------------------------------------------
@@ -274,12 +279,13 @@ class PageForms:
             label="figure", options=["zones", "branches", "motion"], width=120
         )
         self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
+        look = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
         self.figure = pn.widgets.FileDownload(
-            callback=self._figure, filename="zones.pdf", label="Export figure", **BUTTON
+            callback=self._figure, filename="zones.pdf", label="Export figure", **look
         )
         self.script = pn.widgets.FileDownload(
             callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
-            label="Export Python code", **BUTTON,
+            label="Export Python code", **look,
         )  # fmt: skip
 
         def renamed(_: object) -> None:
