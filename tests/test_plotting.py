@@ -539,18 +539,6 @@ def test_no_word_stands_nearer_to_another_multiplier() -> None:
     assert len(words(ax)) > 1
 
 
-def test_leaders_do_not_cross_the_disc() -> None:
-    """Fig. 3 (b): the word for the pair outside stands within a radius of it."""
-    from contbreather.paper import figure3
-
-    for ax in figure3().draw().axes[:2]:
-        for text in words(ax):
-            centre = ax.transData.inverted().transform(
-                text.get_window_extent().get_points().mean(axis=0)
-            )
-            assert np.hypot(*(centre - np.array(text.xy))) < 1.4
-
-
 def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     breather = cb.symmetric(0.2, 0.11, 0.8)
     ax = plot_multipliers(breather, sites=100, half=True).axes
