@@ -15,6 +15,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Branch
+from contbreather.continuation.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
@@ -29,9 +30,8 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting.canvas import BLUE, MARKERS, MEETING, PAGE, VERMILLION, marker, size
+from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, size
 from contbreather.plotting.multipliers import band
-from contbreather.stability.one_impact import HalfMap
 
 
 def curves(ax) -> list:
@@ -165,7 +165,7 @@ def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
     points = [line for line in ax.get_lines() if line.get_linestyle() == "None"]
     shown = {line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0]) for line in points}
     for point in in_a.special:
-        assert shown[marker(point.kind)] == pytest.approx((point["a"], point["p"]))
+        assert shown[look_of(point.kind).marker] == pytest.approx((point["a"], point["p"]))
     assert {text.get_text() for text in words(ax)} == {p.label for p in in_a.special}
 
 
@@ -173,7 +173,7 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
     ax = plot(in_a, other).axes
     assert not any(text.get_text().startswith("EP") for text in words(ax))
-    dots = [line for line in ax.get_lines() if line.get_marker() == marker("EP")]
+    dots = [line for line in ax.get_lines() if line.get_marker() == look_of("EP").marker]
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
 
 
@@ -243,14 +243,14 @@ def test_every_marker_covers_about_the_same_area() -> None:
     from matplotlib.markers import MarkerStyle
 
     def ink(kind: str) -> float:
-        style = MarkerStyle(marker(kind))
+        style = MarkerStyle(look_of(kind).marker)
         path = style.get_path().transformed(style.get_transform())
         (polygon,) = path.to_polygons()[:1]
         x, y = polygon.T
         area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
         return float(area * size(kind) ** 2)
 
-    areas = {kind: ink(kind) for kind in MARKERS if kind not in ("EP", "MX")}
+    areas = {kind: ink(kind) for kind in LOOKS if kind not in ("EP", "MX")}
     assert max(areas.values()) < 2.5 * min(areas.values()), areas
 
 
@@ -272,16 +272,12 @@ def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
         assert box.x1 <= frame.x1
 
 
-def test_branches_of_one_call_have_different_colours(in_a: Branch) -> None:
+def test_branches_have_different_colours_in_one_call_and_in_several(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
-    assert len({line.get_color() for line in curves(plot(in_a, other).axes)}) == 2
-
-
-def test_second_call_on_the_same_axes_takes_the_next_colour(in_a: Branch) -> None:
-    ax = plot(in_a).axes
-    first = {line.get_color() for line in curves(ax)}
+    ax = plot(in_a, other).axes
+    assert len({line.get_color() for line in curves(ax)}) == 2
     plot(in_a, ax=ax)
-    assert len({line.get_color() for line in curves(ax)}) == len(first) + 1
+    assert len({line.get_color() for line in curves(ax)}) == 3
 
 
 @pytest.mark.parametrize("count", [8, 20])
@@ -372,21 +368,15 @@ def test_plot_draws_anything_that_was_computed(in_a: Branch, diagram: Zones) -> 
         (in_a[0].solution, plot_orbit),
         (in_a[0], plot_orbit),
         ([in_a, in_a], lambda pair: plot(*pair, "a", "p")),
+        (in_a, lambda branch: plot_diagram(branch, y="p")),
     ):
         one, other = plot(value).axes, draw(value).axes
         assert curves(one)
         assert len(curves(one)) == len(curves(other))
         assert [text.get_text() for text in one.texts] == [text.get_text() for text in other.texts]
-
-
-def test_plot_draws_several_zones_beside_each_other(diagram: Zones) -> None:
     left, right = plot([diagram, diagram])
     assert left.figure is right.figure
     assert left.axes is not right.axes
-
-
-def test_a_branch_alone_is_drawn_as_a_diagram(in_a: Branch) -> None:
-    assert curves(plot_diagram(in_a, y="p").axes)
 
 
 # --- zones --------------------------------------------------------------------------------------
@@ -416,21 +406,6 @@ def test_outside_of_existence_there_is_no_letter(diagram: Zones) -> None:
 def test_count_at_a_place(diagram: Zones, gamma: float, a: float, count: int | None) -> None:
     """Beyond grazing and below the fold there is none: no breather, no stability."""
     assert diagram.unstable(gamma, a) == count
-
-
-def test_letters_follow_the_count_and_not_the_side_of_a_curve(
-    diagram: Zones, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(HalfMap, "unstable", lambda *_: 0)
-    assert {region.verdict for region in replace(diagram).regions} == {"S", ""}
-
-
-def test_region_whose_points_disagree_gets_no_letter(
-    diagram: Zones, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flips = itertools.cycle([0, 1])
-    monkeypatch.setattr(HalfMap, "unstable", lambda *_: next(flips))
-    assert {region.verdict for region in replace(diagram).regions} == {""}
 
 
 def test_regions_are_polygons_that_fill_the_box_and_follow_the_curves(diagram: Zones) -> None:
@@ -463,18 +438,25 @@ def test_a_curve_that_ends_just_short_of_another_cuts_the_plane() -> None:
     assert [len(pieces) for pieces in cut] == [3, 3, 2]
 
 
-def test_a_region_within_another_is_a_hole_of_it() -> None:
+def test_a_region_is_lettered_by_its_count_and_may_be_a_hole_of_another() -> None:
+    """Not by the side of a curve; a region whose points disagree has no letter."""
     angle = np.linspace(0.0, 2 * np.pi, 61)
     ring = 0.5 + 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
-    found = regions([ring], ((0, 1), (0, 1)), lambda x, y: int(np.hypot(x - 0.5, y - 0.5) < 0.299))
-    inner, outer = sorted(found, key=lambda region: len(region.holes))
-    assert (inner.verdict, outer.verdict) == ("US", "S")
-    assert len(outer.holes) == 1
+    flips = itertools.cycle([0, 1])
+    for count, verdicts in (
+        (lambda x, y: int(np.hypot(x - 0.5, y - 0.5) < 0.299), ["US", "S"]),
+        (lambda x, y: 0, ["S", "S"]),
+        (lambda x, y: next(flips), ["", ""]),
+    ):
+        found = regions([ring], ((0, 1), (0, 1)), count)
+        inner, outer = sorted(found, key=lambda region: len(region.holes))
+        assert [inner.verdict, outer.verdict] == verdicts
+        assert len(outer.holes) == 1
 
 
 def test_meetings_are_marked_once(diagram: Zones) -> None:
     ax = plot_zones(diagram).axes
-    marked = [line for line in ax.get_lines() if line.get_marker() == MEETING]
+    marked = [line for line in ax.get_lines() if line.get_marker() == MEETING.marker]
     assert len(marked) == 3
     for line in marked:
         near = [
@@ -491,14 +473,6 @@ def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> N
     (legend,) = panels[0].figure.legends
     panels[0].figure.draw_without_rendering()
     assert legend.get_window_extent().y1 < panels[1].bbox.y0
-
-
-def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
-    figure = plot_zones(diagram).figure
-    assert 2.54 * figure.get_size_inches()[0] == pytest.approx(8.5)
-    ax = figure.axes[0]
-    labels = [ax.xaxis.label, ax.yaxis.label, *ax.get_xticklabels(), *words(ax)]
-    assert all(6.0 <= text.get_fontsize() <= 10.0 for text in labels)
 
 
 @pytest.mark.parametrize(("count", "rows", "width"), [(2, 2, 8.5), (3, 2, PAGE)])
@@ -563,18 +537,6 @@ def test_no_word_stands_nearer_to_another_multiplier() -> None:
         gaps = np.hypot(*np.maximum(np.maximum(box.min - dots, dots - box.max), 0.0).T)
         assert dots[gaps.argmin()] == pytest.approx(ax.transData.transform(text.xy))
     assert len(words(ax)) > 1
-
-
-def test_leaders_do_not_cross_the_disc() -> None:
-    """Fig. 3 (b): the word for the pair outside stands within a radius of it."""
-    from contbreather.paper import figure3
-
-    for ax in figure3().draw().axes[:2]:
-        for text in words(ax):
-            centre = ax.transData.inverted().transform(
-                text.get_window_extent().get_points().mean(axis=0)
-            )
-            assert np.hypot(*(centre - np.array(text.xy))) < 1.4
 
 
 def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:

@@ -284,10 +284,31 @@ def test_of_more_periods_than_a_picture_has_rows_several_are_one(state) -> None:
     np.testing.assert_allclose(rows[0], first, atol=1e-12)
 
 
-def test_a_run_known_once_a_period_says_so(state) -> None:
-    """Seen at one phase of its motion every site has one sign."""
+@pytest.mark.parametrize("periods", [8, 300])
+@pytest.mark.parametrize("smooth", [{}, {"m": 6}])
+def test_a_run_known_once_a_period_is_shown_by_its_last_periods_with_both_signs(
+    state, periods: int, smooth: dict[str, Any]
+) -> None:
+    """Seen at one phase of its motion every site would have one sign."""
+    run = (simulate_smooth if smooth else cb.simulate)(
+        state, periods=periods, t0=1.5, **LONG, **smooth
+    )
+    ax = plot_space_time(run).axes
+    shown = min(periods, 20)
+    ends = (run.times[-1 - shown] / 2 / np.pi, run.times[-1] / 2 / np.pi)
+    assert ax.get_ylim() == pytest.approx(ends, abs=1 / 32)
+    u = np.reshape(ax.collections[0].get_array(), (-1, 6))
+    assert u.min(axis=0).max() < -0.3 < 0.3 < u.max(axis=0).min()
+    each = len(u) // shown
+    np.testing.assert_allclose(u[::each], run.strobe.u[-1 - shown : -1], atol=1e-9)
+    assert ax.get_title(loc="left") == ("the last 20 of 300 periods" if periods > 20 else "")
+    assert ax.figure.axes[1].get_ylabel() == "$u_n$"
+
+
+def test_a_run_under_noise_is_known_once_a_period_and_says_so(state) -> None:
+    """Nobody can simulate it again from its states."""
     for t0, phase in ((0.0, "0"), (4 * math.pi + 1.5, "1.5")):
-        run = cb.simulate(state, periods=30, t0=t0, **LONG)
+        run = cb.simulate(state, periods=30, t0=t0, noise=1e-3, **LONG)
         ax = plot_space_time(run).axes
         words = ax.figure.axes[1].get_ylabel()
         assert words == rf"$u_n$ once a period, at $t = {phase}$ mod $2\pi$"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -16,6 +14,7 @@ from matplotlib.text import Text
 
 import contbreather as cb
 from contbreather.cli.simulate import draw
+from contbreather.continuation.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
@@ -34,30 +33,13 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting import zones as zones_drawn
-from contbreather.plotting.canvas import CYCLE, MARKERS, marker, size, style, symbol
-from contbreather.plotting.multipliers import off_the_band
+from contbreather.plotting.canvas import CYCLE, style, symbol
 from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
 HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 
 
 # --- the style ------------------------------------------------------------------------------------
-
-
-def test_type_and_widths_are_those_of_a_journal_column() -> None:
-    with style():
-        own = dict(mpl.rcParams)
-    for name in ("font.size", "axes.labelsize", "axes.titlesize"):
-        assert own[name] == 8.0
-    for name in ("xtick.labelsize", "ytick.labelsize", "legend.fontsize"):
-        assert own[name] == 7.0
-    assert own["axes.linewidth"] == own["xtick.major.width"] == own["ytick.major.width"] == 0.6
-    assert own["xtick.major.size"] == own["ytick.major.size"] == 2.5
-    assert own["lines.linewidth"] == 2 * own["axes.linewidth"]
-    assert own["xtick.direction"] == own["ytick.direction"] == "in"
-    assert own["xtick.top"] is own["ytick.right"] is True
-    assert (own["pdf.fonttype"], own["svg.fonttype"]) == (42, "none")
 
 
 # What red-blind, green-blind and other eyes see of linear red, green and blue (Machado, Oliveira,
@@ -102,16 +84,9 @@ def test_names_are_written_as_in_the_paper() -> None:
     assert {name: symbol(name) for name in written} == written
 
 
-def test_kinds_have_markers_and_those_with_little_inside_are_larger() -> None:
-    assert marker("LP") == "s"
-    assert marker("GR") == "X"
-    assert marker("HB") == "*"
-    assert marker("something") == "d"
-    assert marker("NS-GR") == marker("LP-NS") == "p"
-    assert len({*MARKERS.values(), "p"}) == len(MARKERS) + 1
-    sizes = {kind: size(kind) for kind in (*MARKERS, "something", "NS-GR")}
-    assert sizes["HB"] == 2 * sizes["LP"] == 9.0
-    assert all(4.5 <= one <= 9.0 for one in sizes.values())
+def test_kinds_that_have_an_entry_have_a_marker_each() -> None:
+    assert len({look.marker for look in (*LOOKS.values(), MEETING)}) == len(LOOKS) + 1
+    assert look_of("NS-GR") is look_of("LP-NS") is MEETING
 
 
 # --- sheets ---------------------------------------------------------------------------------------
@@ -245,23 +220,6 @@ def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_she
         assert place.max(initial=1.0) <= 1.0 + 1e-6
 
 
-HEIGHTS = {"multipliers": 8.5, "zones": 6.8, "moduli": 8.6, "simulated": 13.5, "against": 7.8,
-           "traces": 7.8}  # fmt: skip
-NODES = {"orbit": 401, "localisation": 31, "motion": 20 * 64 + 1, "traces": 9, "simulated": 600}
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_sheets_are_as_high_as_their_panels_and_lines_as_fine_as_they_are_seen(
-    pictures, name: str
-) -> None:
-    ax = pictures[name]
-    assert centimetres(ax.figure)[1] == pytest.approx(HEIGHTS.get(name, 6.5))
-    if name in NODES:  # and time goes from one side to the other
-        t = ax.get_lines()[0].get_xdata()
-        assert len(t) == NODES[name]
-        assert ax.get_xlim() == pytest.approx((t[0], t[-1]))
-
-
 def layers(ax: Axes, wanted) -> set[float]:
     return {line.get_zorder() for line in ax.get_lines() if wanted(line)}
 
@@ -272,10 +230,6 @@ def test_dots_of_multipliers_lie_above_the_band_and_that_above_the_circle(pictur
     band = layers(ax, lambda line: line.get_linewidth() == 5.0)
     rest = layers(ax, lambda line: line.get_marker() != "o" and line.get_linewidth() < 5.0)
     assert max(rest) < min(band) <= max(band) < min(dots)
-    axis = [line for line in ax.get_lines() if len(line.get_xdata()) == 2]
-    assert len(axis) == 2
-    assert all(line.get_linewidth() == 0.3 for line in axis)
-    assert max(line.get_zorder() for line in axis) == min(rest)
 
 
 def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures, diagram) -> None:
@@ -286,9 +240,6 @@ def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures
     letters = {word.get_zorder() for word in ax.texts if word.get_text() in ("S", "US")}
     assert max(shades) < min(letters | curves)
     assert min(meetings) > max(curves | letters)
-    assert len(layers(ax, lambda line: True)) >= 2
-    assert all(word.get_ha() == word.get_va() == "center" for word in ax.texts
-               if word.get_text() in ("S", "US"))  # fmt: skip
     gammas = np.concatenate([patch.get_path().vertices[:, 0] for patch in ax.patches])
     for kind, branch in diagram:
         assert gammas.min() - 1e-9 <= branch["gamma"].min(), kind
@@ -307,9 +258,6 @@ def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram
         kinds = [kind for kind in ("LP", "GR", "PF", "NS") if diagram.curves[kind]]
         assert all(any(kind in word for word in words) or kind == "NS" for kind in kinds)
         assert len(words) == len(kinds)
-    names = [text.get_text() for text in ax.texts]
-    for point in diagram.special:
-        assert any(set(name.split("\N{EN DASH}")) == set(point.kind.split("-")) for name in names)
 
 
 def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
@@ -347,9 +295,6 @@ def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     assert line.get_xdata() == pytest.approx(run.strobe.u[10:, 5])
     assert line.get_ydata() == pytest.approx(run.strobe.v[10:, 5])
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{-1}$", r"$\dot u_{-1}$")
-    assert line.get_markersize() == 3.0
-    long = cb.simulate(run.final, **HERE, periods=250)
-    assert plot_section(long).axes.get_lines()[0].get_markersize() == 1.2
 
 
 def test_the_number_of_a_multiplier_keeps_off_the_band() -> None:
@@ -392,33 +337,18 @@ def test_axes_of_zones_go_a_little_beyond_them(gamma, a, limits) -> None:
     assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(limits, abs=1e-4)
 
 
-def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -> None:
-    _, (ax,) = new_figure()
-    rooms = (0.2, 0.0481, 0.0479, 0.0311, 0.0309, 0.0191, 0.0189, 0.0)
-    for room in rooms:
-        zones_drawn._letter(ax, SimpleNamespace(room=room, x=room, y=0.7, verdict="US"))
-    sizes = [mpl.font_manager.font_scalings[n] for n in ("large", "small", "xx-small")]
-    wanted = [
-        ("US", (room, 0.7), size) for room, size in zip(rooms, np.repeat(sizes, 2), strict=False)
-    ]
-    unit = ax.xaxis.label.get_fontsize()
-    shown = [(w.get_text(), w.get_position(), w.get_fontsize() / unit) for w in ax.texts]
-    assert shown == wanted
-
-
-@pytest.mark.parametrize(("sites", "edge"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
-def test_a_multiplier_is_off_the_band_if_it_is_farther_than_the_ripple_of_the_ring(
-    sites: int, edge: float
-) -> None:
-    arc = 0.5 * np.pi * np.linspace(-1.0, 1.0, 2001)
-    for angle, radial in ((0.3, True), (-1.5, True), (0.0, True), (math.pi / 2, False)):
-        for part, off in ((0.98, False), (1.02, True)):
-            way = np.exp(1j * angle)
-            mu = way * (1.0 + part * edge) if radial else way + 1j * way * part * edge
-            assert (
-                off_the_band(np.array([mu, mu.conjugate()]), np.exp(1j * arc), sites).tolist()
-                == [off] * 2
-            )
+def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diagram) -> None:
+    ax = plot_zones(diagram).axes
+    ax.figure.draw_without_rendering()
+    for region in diagram.regions:
+        words = [w for w in ax.texts if w.get_position() == (region.x, region.y) and w.get_text()]
+        assert [word.get_text() for word in words] == [region.verdict] * bool(region.verdict)
+        for word in words:
+            corners = ax.transData.inverted().transform(word.get_window_extent().corners())
+            assert mpl.path.Path(region.outline).contains_points(corners).all()
+    thin = replace(diagram)
+    vars(thin)["regions"] = tuple(replace(region, room=0.0) for region in diagram.regions)
+    assert not {"S", "US"} & {word.get_text() for word in plot_zones(thin).axes.texts}
 
 
 def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile() -> None:

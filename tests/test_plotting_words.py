@@ -129,25 +129,3 @@ def test_a_word_does_not_stand_beside_another_point_that_has_one(ax: Axes) -> No
         one.remove()
     # the point itself, from two curves, is no other one
     assert stands(ax, 150, 100, (150, 100)) == pytest.approx(plain)
-
-
-def test_words_of_finished_axes_keep_off_what_is_drawn(ax: Axes) -> None:
-    plain = stands(ax, 150, 100)
-    for one in list(ax.texts):
-        one.remove()
-    ax.plot([150, 250], [100, 100 + 100 * plain[1] / plain[0]])
-    ax.text(150 - plain[0], 100 + plain[1], "XXXXXX", ha="center", va="center")
-    red = {"color": "red"}
-    words = [(150, 100, "one", red), (150, 100, "two", red), (400, 100, "out", red)]
-    place_words(ax, iter(words))
-    found = [one for one in ax.texts if one.get_color() == "red" and one.get_text()]
-    assert [one.get_text() for one in found] == ["one", "two"]
-    boxes = [box(ax, one) for one in ax.texts if one.get_text()]
-    for i, one in enumerate(boxes):
-        for other in boxes[:i]:
-            assert (one[:2] >= other[2:]).any() or (other[:2] >= one[2:]).any()
-    for one in found:
-        left, low, right, high = box(ax, one)
-        x = np.linspace(150, 250, 500)
-        y = 100 + (x - 150) * plain[1] / plain[0]
-        assert not ((x > left) & (x < right) & (y > low) & (y < high)).any()

@@ -21,7 +21,6 @@ from contbreather.explorer.session import Session
 __all__ = ["Explorer", "server_for"]
 
 LOOPBACK = "127.0.0.1"
-HIGHEST = 65535
 
 
 class Explorer(Session):
@@ -104,10 +103,8 @@ def server_for(
     panel = _panel()
     from bokeh.server.util import create_hosts_allowlist
 
-    if whole("port", port, 0) > HIGHEST:
-        raise BadInput(
-            f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
-        )
+    if whole("port", port, 0) > 65535:
+        raise BadInput(f"port = {port}: ports are whole numbers up to 65535, 0 for any free one")
     port = _free(address, port)
     own = (f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address)))
     hosts = [host.lower() for host in (*own, *origins)]
@@ -131,8 +128,8 @@ def server_for(
 
 
 def _by_no_other_name(application: Any, hosts: Sequence[str]) -> None:
-    """Refuse what is asked for by another name, before any handler of a page, a file or a
-    websocket; ports do not matter, the request has come to this one."""
+    """Refuse requests under another name, before any handler of a page, a file or a websocket;
+    ports do not matter, the request has come to this one."""
     from tornado.web import RequestHandler
 
     names = [re.escape(host.split(":")[0]).replace(r"\*", ".*") for host in hosts]
@@ -160,7 +157,6 @@ def _panel() -> Any:
 
 
 def _free(address: str, port: int) -> int:
-    """The port, or a free one for 0; asked before anything is loaded for it."""
     try:
         info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(info[0], info[1]) as probe:

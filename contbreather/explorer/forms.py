@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -14,88 +11,52 @@ from typing import Any
 import panel as pn
 from bokeh.models.widgets import Div
 
-from contbreather.checks import number
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer import jobs
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import RING, Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
-from contbreather.lattice.parse import lattice_by
-from contbreather.parameters import CHOICES, NEEDED, NUMBERS, OPTIONAL, parameter, window_of
+from contbreather.parameters import CHOICES, NEEDED, NUMBERS, parameter, window_of
 
 Read = Callable[[str], Any]
-MOST = 2000  # sites
 # where walks go unless a window is typed
 REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
-MANY = 100_000  # periods
 FIRST = ("Show", "Continue")  # the buttons that most begin with
-BUTTON = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
 
 
-def _float(text: str) -> float:
+def a_number(text: str) -> float:
+    """Read a number; what it may be the library says."""
     try:
         return float(text)
     except ValueError:
         raise BadInput(f"{text!r} is not a number; 0.5, say, is one.") from None
 
 
-def a_number(name: str, low: float = -math.inf, high: float = math.inf, wanted: str = "") -> Read:
-    """Text as a number in a range."""
-    return lambda text: number(name, _float(text), low, high, wanted or "a value")
-
-
-def a_count(name: str, least: int, most: int) -> Read:
-    """Text as a whole number in a range."""
-
-    def read(text: str) -> int:
-        if not text.strip().isdecimal() or not least <= int(text) <= most:
-            raise BadInput(f"{name} = {text}: a whole number from {least} to {most} was expected.")
+def a_count(text: str) -> int:
+    """Read a whole number; what it may be the library says."""
+    try:
         return int(text)
-
-    return read
+    except ValueError:
+        raise BadInput(f"{text!r} is not a whole number; 12, say, is one.") from None
 
 
 def some_sites(text: str) -> tuple[int, ...]:
-    """Numbers of sites, apart by commas or blanks; at most eight, which a legend has room for."""
-    try:
-        sites = tuple(dict.fromkeys(int(word) for word in text.replace(",", " ").split()))
-    except ValueError:
-        raise BadInput(f"sites = {text}: whole numbers were expected, as in 0, 1, 2.") from None
-    if len(sites) > 8:
-        raise BadInput(f"sites = {text}: at most eight are drawn, {len(sites)} were given.")
-    return sites
+    return tuple(dict.fromkeys(map(a_count, text.replace(",", " ").split())))
 
 
 def a_lattice(text: str) -> str:
-    """A lattice as it is typed at the command line, too; a number is a ring of so many."""
+    """Read a lattice as at the command line, or the size of a ring."""
     typed = f"ring:{text.strip()}" if text.strip().isdecimal() else text.strip()
-    sizes = [int(word) for word in re.findall(r"\d+", typed)]
-    if math.prod(sizes) > MOST and not typed.lower().endswith((".csv", ".graphml")):
-        raise BadInput(f"lattice {typed}: at most {MOST} sites are shown here.")
-    lattice_by(typed, option="lattice")
+    jobs.OnLattice.typed(typed)
     return typed
 
 
-def optional(read: Read, otherwise: Any = None) -> Read:
-    """The same, but nothing typed is an answer, too."""
-    return lambda text: read(text) if text.strip() else otherwise
-
-
-def of_the_model(name: str, value: str = "", read: Read = str.strip) -> Field:
-    """The field of a parameter of the model: its label, its range, and what it is unless given."""
-    if name not in NUMBERS:
-        return Field(CHOICES[name].label, value, read, hint=str(CHOICES[name].default))
-
-    def in_range(text: str) -> float:
-        return parameter(name, _float(text))
-
-    free = name in OPTIONAL
-    how = optional(in_range) if free else in_range
-    return Field(NUMBERS[name].label, value, how, hint="none" if free else "")
+def optional(read: Read) -> Read:
+    return lambda text: read(text) if text.strip() else None
 
 
 class Field:
-    """A text field with its label above and, where it is refused, the reason below."""
+    """Text field with its label above and, where it is refused, the reason below."""
 
     def __init__(self, label: str, value: str, read: Read, *, hint: str = "") -> None:
         self.read = read
@@ -104,6 +65,19 @@ class Field:
         )
         self.trouble = ErrorLabel()
         self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
+
+    @classmethod
+    def of_the_model(cls, name: str, value: str, read: Read = str.strip) -> Field:
+        """Field of a parameter of the model, by its label, range and default."""
+        if name not in NUMBERS:
+            return cls(CHOICES[name].label, value, read, hint=str(CHOICES[name].default))
+
+        def in_range(text: str) -> float:
+            return parameter(name, a_number(text))
+
+        if name in NEEDED:
+            return cls(NUMBERS[name].label, value, in_range)
+        return cls(NUMBERS[name].label, value, optional(in_range), hint="none")
 
 
 class Words:
@@ -121,7 +95,6 @@ class Words:
         self.html = ""
 
     def show(self, html: str) -> None:
-        """Something else."""
         if html == self.html:
             return
         self.html, document = html, self.text.document
@@ -136,23 +109,17 @@ class Words:
 
 
 class ErrorLabel(Words):
-    """A sentence that is not there as long as nothing is wrong; screen readers say it."""
+    """Sentence that is there when something is wrong; screen readers say it."""
 
     def say(self, sentence: str) -> None:
-        """Another sentence, or none."""
         html = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
         self.show(html if sentence else "")
 
 
-@contextmanager
-def refusal_shown(trouble: ErrorLabel) -> Iterator[None]:
-    """Have a label say why something was refused, or nothing."""
-    try:
-        yield
-    except BadInput as error:
-        trouble.say(str(error))
-        raise
-    trouble.say("")
+def button(label: str, do: Callable[[], object], **look: Any) -> Any:
+    made: Any = pn.widgets.Button(label=label, stylesheets=[FOCUSED], **look)
+    made.on_click(lambda _: do())
+    return made
 
 
 def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
@@ -166,16 +133,18 @@ def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
 
 
 def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
-    """All fields by name; None if any was refused, each of which says so."""
+    """Read fields by name; None if any was refused, each of which says so."""
     values: dict[str, Any] = {}
     for name, field in fields.items():
-        with suppress(BadInput), refusal_shown(field.trouble):
+
+        def read(name: str = name, field: Field = field) -> None:
             values[name] = field.read(field.input.value or "")
+
+        tried(read, field.trouble.say)
     return values if len(values) == len(fields) else None
 
 
 def in_rows(fields: Iterable[Field], across: int) -> Any:
-    """Fields in rows of so many."""
     views = [field.view for field in fields]
     rows = [pn.Row(*views[i : i + across], margin=0) for i in range(0, len(views), across)]
     return pn.Column(*rows, sizing_mode="stretch_width", margin=0)
@@ -185,7 +154,6 @@ def in_rows(fields: Iterable[Field], across: int) -> Any:
 
 
 def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
-    """A box with a heading."""
     head = pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[WORDS], margin=(0, 5))
     return pn.Column(
         head, *parts, sizing_mode="stretch_width", stylesheets=[CARD], css_classes=["card", *css]
@@ -193,7 +161,7 @@ def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
 
 
 class PageForms:
-    """All of them, below each other in `view`."""
+    """Cards of fields and buttons, below each other in `view`."""
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
@@ -208,8 +176,8 @@ class PageForms:
         )  # fmt: skip
 
     def _card(self, title: str, *parts: Any) -> Any:
-        """A card: for a name, what it does and the fields that this takes there is a button, and
-        below all of it is said why not."""
+        """Make a card. A name, what it does and the fields that this takes are a button; below all
+        of it is said why not."""
         trouble = self.troubles[title] = ErrorLabel()
         shown = [self._button(trouble, *p) if isinstance(p, tuple) else p for p in parts]
         return titled_box(title, *shown, trouble.view)
@@ -223,8 +191,8 @@ class PageForms:
                 do(**typed)
 
         color = "primary" if name in FIRST else "default"
-        self.buttons[name] = pn.widgets.Button(label=name, color=color, **BUTTON)
-        self.buttons[name].on_click(lambda _: tried(read_and_do, trouble.say))
+        look = {"sizing_mode": "stretch_width", "margin": (3, 5), "color": color}
+        self.buttons[name] = button(name, lambda: tried(read_and_do, trouble.say), **look)
         return self.buttons[name]
 
     # --- one breather -----------------------------------------------------------------------------
@@ -233,16 +201,18 @@ class PageForms:
         name, value = self.explorer.state.fixed
         first = {name: f"{NUMBERS[name].first:g}" for name in NEEDED}
         first |= {"site": str(CHOICES["site"].default), name: f"{value:g}"}
-        known = self.explorer.lattices  # of one that a curve brought the field has the description
-        lattice = optional(lambda text: text if text in known else a_lattice(text), "")
-        how = {"lattice": lattice, "site": a_count("site", 0, MOST - 1)}
+        known = self.explorer.lattices
+        readers: dict[str, Read] = {
+            "site": a_count,
+            # of one that a curve brought the field has the description
+            "lattice": lambda text: text if text in {"", *known} else a_lattice(text),
+        }
         self.breather = {
-            name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
+            name: Field.of_the_model(name, first.get(name, ""), readers.get(name, str.strip))
             for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
         }
         # 1 has the largest p, admissible or not
-        root = optional(a_count("root", 1, 99))
-        self.breather["root"] = Field("root, by p", "", root, hint="upper")
+        self.breather["root"] = Field("root, by p", "", optional(a_count), hint="upper")
         button = "Show", self.explorer.choose_typed, self.breather
         return self._card("Breather", in_rows(self.breather.values(), 2), button)
 
@@ -252,8 +222,8 @@ class PageForms:
         self.free = pn.widgets.Select(label="in", options=list(NEEDED), sizing_mode="stretch_width")
         low, high = (f"{end:g}" for end in REACH["a"])
         self.window = {
-            "low": Field("from", low, a_number("from")),
-            "high": Field("to", high, a_number("to")),
+            "low": Field("from", low, a_number),
+            "high": Field("to", high, a_number),
         }
         self.free.param.watch(self._usual_window, "value")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
@@ -290,9 +260,9 @@ class PageForms:
 
     def _run(self) -> Any:
         self.length = {
-            "sites": Field("sites", str(RING), a_count("sites", 1, MOST)),
-            "periods": Field("periods", "100", a_count("periods", 1, MANY)),
-            "push": Field("push", "1e-6", a_number("push", -10.0, 10.0, "a small velocity")),
+            "sites": Field("sites", str(RING), a_count),
+            "periods": Field("periods", "100", a_count),
+            "push": Field("push", "1e-6", a_number),
         }
 
         def simulate(**typed: Any) -> None:
@@ -309,12 +279,13 @@ class PageForms:
             label="figure", options=["zones", "branches", "motion"], width=120
         )
         self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
+        look = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
         self.figure = pn.widgets.FileDownload(
-            callback=self._figure, filename="zones.pdf", label="Export figure", **BUTTON
+            callback=self._figure, filename="zones.pdf", label="Export figure", **look
         )
         self.script = pn.widgets.FileDownload(
             callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
-            label="Export Python code", **BUTTON,
+            label="Export Python code", **look,
         )  # fmt: skip
 
         def renamed(_: object) -> None:
@@ -327,8 +298,14 @@ class PageForms:
         return self._card("Keep", self.file.view, button, which, self.figure, self.script)
 
     def _figure(self) -> BytesIO:
-        with refusal_shown(self.troubles["Keep"]):
-            return BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
+        trouble = self.troubles["Keep"]
+        try:
+            figure = self.explorer.figure(self.what.value, self.suffix.value)
+        except BadInput as error:
+            trouble.say(str(error))
+            raise  # there is no file then
+        trouble.say("")
+        return BytesIO(figure)
 
     def _save(self, path: str) -> None:
         if path not in ("", self.replaced) and Path(path).exists():
@@ -340,7 +317,8 @@ class PageForms:
     # --- what can be done now ---------------------------------------------------------------------
 
     def render(self, state: PageState) -> None:
-        """Buttons that can do something now, and the parameters that what is looked at has."""
+        """Enable the buttons that can do something now, and show the parameters of what is
+        chosen."""
         chosen, busy = state.chosen, self.explorer.busy
         can = {
             "Continue": chosen is not None and chosen.orbit is not None,
@@ -357,7 +335,6 @@ class PageForms:
             self._say_where(chosen)
 
     def _say_where(self, chosen: Chosen) -> None:
-        """In the fields are the parameters of what is looked at, however it was chosen."""
         orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
@@ -373,8 +350,8 @@ class PageForms:
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:
-    """What a select offers; what was selected stays where it can. Nothing is left unselected: a
-    browser would select the first by itself, and say so as if a person had done it."""
+    """Offer names in a select, and keep what was selected where it is among them. Nothing is left
+    unselected: a browser would select the first, and say so as if a person had done it."""
     wanted = select.value if value is None else value
     if select.options != names:
         select.options = names

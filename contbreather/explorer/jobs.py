@@ -22,7 +22,7 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, Interrupted
-from contbreather.explorer.state import Chosen, watched
+from contbreather.explorer.state import Chosen, small, watched
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits.orbit import Orbit
@@ -38,7 +38,7 @@ JUDGED = 300  # sites at most of a run that is judged
 
 
 class Progress(Counter):
-    """What work gets to tell `say` how far it is, by points of a walk or periods of a run; a stop
+    """Counter that tells `say` how far work is, by points of a walk or periods of a run; a stop
     ends it there."""
 
     def __init__(self, say: Say) -> None:
@@ -80,16 +80,13 @@ class JobThread:
 
     @property
     def busy(self) -> bool:
-        """Whether a job runs or waits."""
         return self._now is not None or self._next is not None
 
     @property
     def waiting(self) -> bool:
-        """Whether a job waits for the one that runs."""
         return self._next is not None
 
     def begin(self, job: Job, *, say: Say, done: Done) -> None:
-        """Do a job as soon as the one before has ended."""
         with self._turn:
             self._next = (job, Progress(say), done)
             if self._thread is None:
@@ -98,14 +95,13 @@ class JobThread:
             self._turn.notify_all()
 
     def stop(self) -> None:
-        """End what runs, and forget what waits; what is done by then is handed over."""
+        """End the job that runs, which hands over what is done, and forget the one that waits."""
         with self._turn:
             self._next = None
             if self._now is not None:
                 self._now.stop.set()
 
     def join(self, timeout: float | None = None) -> bool:
-        """Wait until nothing is left to do; whether that came in time."""
         with self._turn:
             return self._turn.wait_for(lambda: not self.busy, timeout)
 
@@ -125,7 +121,7 @@ class JobThread:
 
 
 def _result(job: Job, progress: Progress) -> tuple[Any, bool, str]:
-    """What a job gives, whether it is a piece only, and why there is nothing."""
+    """Run a job: its result, whether it is a piece only, and why there is none."""
     try:
         value = job(progress)
     except Interrupted as stop:
@@ -146,8 +142,6 @@ def _result(job: Job, progress: Progress) -> tuple[Any, bool, str]:
 
 @dataclass(frozen=True)
 class Computation:
-    """A computation."""
-
     title: str  # what is under way, for people
     name: str  # of its result in the script, without its number
     code: str  # the expression that gives it
@@ -158,20 +152,19 @@ class Computation:
 
 @dataclass(frozen=True)
 class OnLattice:
-    """A lattice, and how the script makes it."""
+    """Lattice, and how the script makes it."""
 
     lattice: Any
     code: str
 
     @classmethod
     def typed(cls, text: str) -> OnLattice:
-        """By what is typed at the command line, too; the infinite chain for nothing."""
-        return cls(lattice_by(text or None), as_code(text) if text else "")
+        return cls(small(lattice_by(text or None, option="lattice")), as_code(text) if text else "")
 
 
 def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
-    """What was typed, as the library takes it and as the script has it: walls as at the command
-    line; None, and text that is empty, for what was not given."""
+    """Translate typed values into arguments and code: walls as at the command line; None, and empty
+    text, for what was not given."""
     params = {name: value for name, value in values.items() if value not in (None, "")}
     codes = {name: repr(value) for name, value in params.items() if (name, value) != ("site", 0)}
     if on.code:
@@ -183,7 +176,6 @@ def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
 
 
 def traced(chosen: Chosen, free: str, window: Window) -> Computation:
-    """The branch through it in one parameter."""
     start = chosen.orbit if chosen.point is None else chosen.point
     within = {free: window}
     code = f'cb.trace({chosen.code}, "{free}", within={within})'
@@ -194,7 +186,6 @@ def traced(chosen: Chosen, free: str, window: Window) -> Computation:
 
 
 def switched(chosen: Chosen) -> Computation:
-    """All that leaves a special point."""
     point = _special(chosen, "to switch at")
     return Computation(
         f"arms of {point.label}", "arms", f"cb.switch({chosen.code})",
@@ -203,7 +194,6 @@ def switched(chosen: Chosen) -> Computation:
 
 
 def bounded(chosen: Chosen, pair: tuple[str, str], within: Mapping[str, Window]) -> Computation:
-    """The curve of a special point in two parameters."""
     point = _special(chosen, "to trace")
     windows = {name: within[name] for name in pair if name in within}
     return Computation(
@@ -224,11 +214,11 @@ def _special(chosen: Chosen, what: str) -> Any:
 def simulated(
     chosen: Chosen, sites: int, periods: int, push: float, sampled: tuple[int, ...]
 ) -> Computation:
-    """The lattice let go from its state, with a push to the site that impacts."""
+    """Simulate the lattice from its state, with a push to the site that impacts."""
     if chosen.orbit is None:
         raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
     infinite = chosen.orbit.lattice.sites is None
-    orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
+    orbit = chosen.orbit.on(small(Ring(sites))) if infinite else chosen.orbit
     site, sample = orbit.section.hit[0], Sample(watched(orbit, sampled), MOMENTS)
 
     def job(progress: Progress) -> Any:
@@ -252,8 +242,8 @@ def simulated(
 
 
 def outcome(run: SimulationRun, orbit: Orbit) -> str:
-    """How far a run is from the orbit it was pushed off, and the verdict on it where that takes no
-    minutes, else how it ended."""
+    """Say how far a run ends from the orbit that it was pushed off, and the verdict on it where
+    that takes no minutes, else how it stopped."""
     away = float(np.abs(run.final.u - orbit.state(t=run.end)[0]).max())
     said = f"in the end {away:.2g} from the breather"
     if run.stop is RunStop.DONE and run.sites <= JUDGED:

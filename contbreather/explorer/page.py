@@ -20,64 +20,32 @@ from bokeh.models.ui import UIElement
 from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.errors import ContbreatherError
-from contbreather.explorer.forms import (
-    ErrorLabel,
-    Field,
-    PageForms,
-    Words,
-    a_count,
-    offered,
-    read_all,
-    some_sites,
-    titled_box,
-    tried,
-)
+from contbreather.explorer import forms, style, views
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import PageState, names, verdict_in_words, verdicts
-from contbreather.explorer.style import (
-    DARK,
-    FOCUSED,
-    FOLLOW,
-    GRID,
-    LIGHT,
-    LINK,
-    NAMES,
-    OUTER,
-    STUCK,
-)
-from contbreather.explorer.views import (
-    BranchView,
-    MotionView,
-    MultipliersView,
-    ProfileView,
-    ZonesView,
-    letter,
-    marked,
-)
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
 from contbreather.progress import in_notebook
 
-PLANES = {
-    f"{letter(x)}, {letter(y)}": name for name, (x, y) in PAIRS.items()
-}  # by what is fixed in each
+# what is fixed in each
+PLANES = {f"{views.letter(x)}, {views.letter(y)}": name for name, (x, y) in PAIRS.items()}
 TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point
 PAUSE = 400  # milliseconds without a move, until the browser is told again where all is
 
 
 class Page:
-    """The figures, the fields and the buttons, and what they do."""
+    """Figures, fields and buttons, and what they do."""
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
         self.drawn, self.busy = PageState(), False  # what is drawn by now
         self.document: Any = pn.state.curdoc
-        theme = DARK if pn.config.theme == "dark" else LIGHT
-        self.zones, self.branches = ZonesView(theme), BranchView(theme)
-        self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
-        self.motion, self.run = MotionView(theme), MotionView(theme)
-        self.forms = PageForms(explorer)
+        theme = style.DARK if pn.config.theme == "dark" else style.LIGHT
+        self.zones, self.branches = views.ZonesView(theme), views.BranchView(theme)
+        self.profile, self.multipliers = views.ProfileView(theme), views.MultipliersView(theme)
+        self.motion, self.run = views.MotionView(theme), views.MotionView(theme)
+        self.forms = forms.PageForms(explorer)
         self.moved: list[Any] = []  # widgets that persons move
         self._moves = 0
         self._zone_controls()
@@ -97,14 +65,9 @@ class Page:
     # ------------------------------------------------------------------------------ what is there
 
     def _zone_controls(self) -> None:
-        name, value = self.explorer.state.fixed
-        self.plane = pn.widgets.Select(label="plane", options=PLANES, value=name, width=90)
-        start, end, step = NUMBERS[name].slider
-        self.slider = pn.widgets.FloatSlider(
-            label=NUMBERS[name].label, start=start, end=end, step=step, value=value,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
-        self.zones_trouble = ErrorLabel()
+        self.plane = pn.widgets.Select(label="plane", options=PLANES, width=90)
+        self.slider = pn.widgets.FloatSlider(sizing_mode="stretch_width")
+        self.zones_trouble = forms.ErrorLabel()
         self._on(self.slider, lambda value: self.explorer.look_at(round(value, 9)))
         self._on(self.plane, self._other_plane)
         for tap in TAPS:
@@ -114,15 +77,13 @@ class Page:
         explorer = self.explorer
         self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
         self.curve = pn.widgets.Select(label="curve", width=230)
-        self.label = pn.widgets.Select(
-            label="special point", options={"\N{EN DASH}": NOWHERE}, value=NOWHERE, width=120
-        )
-        self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
+        self.label = pn.widgets.Select(label="special point", width=120)
+        self.point = pn.widgets.IntSlider(label="point", width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
-        self.remove = pn.widgets.Button(label="Remove curve", width=120, stylesheets=[FOCUSED])
-        self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[FOCUSED])
-        self.remove.on_click(lambda _: explorer.remove(self.curve.value))
-        self.undo.on_click(lambda _: tried(explorer.undo, self._tell))
+        self.remove = forms.button(
+            "Remove curve", lambda: explorer.remove(self.curve.value), width=120
+        )
+        self.undo = forms.button("Undo", lambda: forms.tried(explorer.undo, self._tell), width=80)
         self._on(self.x, lambda x: explorer.change(axes=(x, self.y.value)))
         self._on(self.y, lambda y: explorer.change(axes=(self.x.value, y)))
         self._on(self.curve, lambda _: self._pick(0))
@@ -135,20 +96,17 @@ class Page:
     def _words(self) -> None:
         sites = ", ".join(map(str, self.explorer.state.sites))
         self.asked = {
-            "sites": Field(
-                "motion of sites", sites, some_sites, hint="that which hits, and the next"
+            "sites": forms.Field(
+                "motion of sites", sites, forms.some_sites, hint="around the impact"
             ),
-            "ring": Field(
-                "judge a ring of", str(self.explorer.state.ring), a_count("ring", 3, 2000)
-            ),
+            "ring": forms.Field("judge a ring of", str(self.explorer.state.ring), forms.a_count),
         }
         for field in self.asked.values():
             field.input.param.watch(self._asked, "value")
-        self.words, self.status = Words(), Words()
-        self.stop = pn.widgets.Button(
-            label="Stop", color="danger", width=90, visible=False, stylesheets=[FOCUSED]
+        self.words, self.status = forms.Words(), forms.Words()
+        self.stop = forms.button(
+            "Stop", self.explorer.stop, color="danger", width=90, visible=False
         )
-        self.stop.on_click(lambda _: self.explorer.stop())
 
     def _laid_out(self) -> Any:
         which = pn.FlexBox(
@@ -170,18 +128,19 @@ class Page:
             "words": ("What it is", self.words.view),
         }  # fmt: skip
         figures = [
-            titled_box(title, *content, css=[name]) for name, (title, *content) in parts.items()
+            forms.titled_box(title, *content, css=[name])
+            for name, (title, *content) in parts.items()
         ]
-        self.run_card = titled_box("Simulation", self.run.figure, css=["run"])
+        self.run_card = forms.titled_box("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
-            stylesheets=[STUCK], min_height=40,
+            stylesheets=[style.STUCK], min_height=40,
         )  # fmt: skip
         grid = pn.Column(
             top, *figures, self.run_card, self.forms.view,
-            sizing_mode="stretch_width", stylesheets=[GRID],
+            sizing_mode="stretch_width", stylesheets=[style.GRID],
         )  # fmt: skip
-        return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[OUTER], margin=0)
+        return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[style.OUTER], margin=0)
 
     # ----------------------------------------------------------------------------- what is done
 
@@ -191,7 +150,7 @@ class Page:
 
         def changed(event: Any) -> None:
             if not self._quiet:
-                tried(lambda: do(event.new), self._tell)
+                forms.tried(lambda: do(event.new), self._tell)
                 self._moves += 1
                 if self._served and self.explorer.shared:
                     self.document.add_timeout_callback(partial(self._again, self._moves), PAUSE)
@@ -213,7 +172,7 @@ class Page:
             self.explorer.tell(trouble)
 
     def _other_plane(self, name: str) -> None:
-        """The plane through what is looked at, if the slider reaches it."""
+        """Show the plane through what is chosen, if the slider reaches it."""
         value, (start, end, step) = NUMBERS[name].first, NUMBERS[name].slider
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
@@ -224,32 +183,31 @@ class Page:
         drawn = self.explorer.state.plane
         if drawn is not None:
             place = dict(zip(drawn.pair, (event.x, event.y), strict=True))
-            tried(partial(self.explorer.choose_at, **place), self.zones_trouble.say)
+            forms.tried(partial(self.explorer.choose_at, **place), self.zones_trouble.say)
 
     def _branch_tapped(self, event: Any) -> None:
         state = self.explorer.state
         nearest = self.branches.nearest(state.shown, *state.columns, (event.x, event.y))
         if nearest is not None:
-            tried(lambda: self.explorer.choose_point(*nearest), self._tell)
+            forms.tried(lambda: self.explorer.choose_point(*nearest), self._tell)
 
     def _pick(self, index: int) -> None:
         if self.curve.value and index != NOWHERE:
             self.explorer.choose_point(self.curve.value, index)
 
     def _asked(self, _: object) -> None:
-        typed = read_all(self.asked)
+        typed = forms.read_all(self.asked)
         if typed is not None:
-            self.explorer.watch(**typed)
+            forms.tried(lambda: self.explorer.watch(**typed), self.asked["ring"].trouble.say)
 
     # -------------------------------------------------------------------------------- what is seen
 
     @property
     def _served(self) -> bool:
-        """Whether a browser looks at it by a server, not a notebook or a test."""
         return self.document is not None and self.document.session_context is not None
 
     def _heard(self, _: PageState) -> None:
-        """Something has changed, in whatever thread: draw it as soon as this page may."""
+        """Draw a change, in whatever thread it happened, as soon as this page may."""
         if self._later is None:
             self.render()
         elif not self._due:
@@ -257,15 +215,15 @@ class Page:
             self._later(self.render)
 
     def _in_its_thread(self) -> Callable[[Callable[[], None]], object] | None:
-        """What has something done in the thread of this page; None where any will do."""
+        """Scheduler of this page's thread; None where any will do."""
         if self._served:
             return self.document.add_next_tick_callback
         return asyncio.get_running_loop().call_soon_threadsafe if in_notebook() else None
 
     @contextmanager
     def _quietly(self) -> Iterator[None]:
-        """Changes as the page's own: as one, for otherwise Bokeh goes through all models at each,
-        and a notebook has a message of each."""
+        """Make changes that are the page's own, all at once: else Bokeh goes through all models at
+        each, and a notebook has a message of each."""
         with self.drawing, ExitStack() as all_at_once:
             self._quiet = True
             all_at_once.callback(setattr, self, "_quiet", False)
@@ -276,7 +234,6 @@ class Page:
             yield
 
     def render(self) -> None:
-        """Draw what has changed."""
         self._due = False
         busy = self.explorer.busy
         if self.explorer.state is self.drawn and busy == self.busy:
@@ -331,8 +288,8 @@ class Page:
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes
         self.shown.options = [*new.curves]
         self.shown.value = codes
-        offered(self.x, new.offered or [x], x)
-        offered(self.y, new.offered or [y], y)
+        forms.offered(self.x, new.offered or [x], x)
+        forms.offered(self.y, new.offered or [y], y)
         if (new.shown, x, y) != (old.shown, *old.columns):
             self.branches.show(new.shown, x, y)
         seen = new.chosen is not None and new.chosen.curve in codes
@@ -340,17 +297,13 @@ class Page:
         self._render_place(new)
 
     def _render_place(self, new: PageState) -> None:
-        """Which point of which curve is looked at."""
-        if not self.curve.value:
-            self.label.options, self.label.value = {"\N{EN DASH}": NOWHERE}, NOWHERE
-            return
-        there = new.chosen is not None and new.chosen.curve == self.curve.value
-        chosen = new.chosen if there else None
-        branch = new.curves[self.curve.value]
-        labels = {point.title: i for i, point in marked(branch)}
+        branch, chosen = new.curves.get(self.curve.value), new.chosen
+        labels = {} if branch is None else {point.title: i for i, point in views.marked(branch)}
         self.label.options = {"\N{EN DASH}": NOWHERE, **labels}
-        index = NOWHERE if chosen is None else chosen.index
-        _put(self.point, max(index, 0), end=max(len(branch) - 1, 1))
+        there = chosen is not None and chosen.curve == self.curve.value
+        index = chosen.index if chosen is not None and there else NOWHERE
+        if branch is not None:
+            _put(self.point, max(index, 0), end=max(len(branch) - 1, 1))
         self.label.value = index if index in labels.values() else NOWHERE
 
     def _render_chosen(self, new: PageState, old: PageState) -> None:
@@ -373,13 +326,12 @@ class Page:
 
 def _put(slider: Any, value: float, **more: Any) -> None:
     """Move a slider, unless a person has just done so: Panel has that in a moment, or would drop
-    it for this older value."""
+    it."""
     if "value" not in slider._events:
         slider.param.update(value=value, **more)
 
 
 def _described(state: PageState) -> str:
-    """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
     if chosen is None:
         return ""
@@ -394,14 +346,13 @@ def _described(state: PageState) -> str:
 
 
 def in_template(explorer: Session) -> Any:
-    """A new page of an explorer in a browser: below a heading with the switch between light and
-    dark."""
+    """Page in a browser, below a heading with the switch between light and dark."""
     dark = pn.config.theme == "dark"
     other = "default" if dark else "dark"
     link = pn.pane.HTML(
         f'<a href="?theme={other}">{"light" if dark else "dark"}</a>'
-        f"<script>{FOLLOW}{NAMES}</script>",
-        stylesheets=[LINK],
+        f"<script>{style.FOLLOW}{style.NAMES}</script>",
+        stylesheets=[style.LINK],
         align="end",
     )  # fmt: skip
     return pn.template.BootstrapTemplate(
@@ -413,7 +364,6 @@ def in_template(explorer: Session) -> Any:
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
-    """The page as a notebook shows it."""
     pn.extension(inline=True)  # its scripts come from this machine, too
     page = Page(explorer)
     shown: Any = InKernel(page)
@@ -422,8 +372,8 @@ def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
 
 
 class InKernel(pn.Column):
-    """What a notebook shows. Messages of the browser may come in a thread of their own, and Panel
-    then drops what is drawn by half: so they wait for that."""
+    """Page in a notebook. Messages of the browser may come in a thread of their own, and Panel then
+    drops what is drawn by half: so they wait for that."""
 
     def __init__(self, page: Page) -> None:
         super().__init__(page.layout, sizing_mode="stretch_width", hooks=[_styled])
@@ -435,7 +385,7 @@ class InKernel(pn.Column):
 
 
 def _styled(_: Any, root: Any) -> None:
-    """Have all styles in the page, as Panel has a moment later: then there is a document, which
-    goes through all models at each change."""
+    """Put styles into all models now: Panel would later, when there is a document that goes through
+    all models at each change."""
     for model in root.select({"type": UIElement}):
         patch_inline_stylesheets(model)

@@ -10,18 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contbreather.checks import whole
 from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.jobs import (
-    Computation,
-    Job,
-    JobThread,
-    OnLattice,
-    Progress,
-    arguments,
-)
-from contbreather.explorer.state import Chosen, PageState, point_of
+from contbreather.explorer.jobs import Computation, Job, JobThread, OnLattice, Progress, arguments
+from contbreather.explorer.state import Chosen, PageState, point_of, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -39,11 +31,10 @@ from contbreather.runs import load, save
 Listener = Callable[[PageState], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
 UNDONE = ("curves", "listed", "hidden", "axes", "run", "outcome", "lines")  # of a state
-DIGITS = 6  # of what is clicked at: a pixel has no more
 
 
 class Session:
-    """What an `Explorer` does, whoever shows it; its parameters are those of that."""
+    """Explorer without a page; parameters as there."""
 
     def __init__(
         self, *curves: Branch, run: str | Path | None = None, k: float = NUMBERS["k"].first
@@ -72,7 +63,6 @@ class Session:
 
     @property
     def shared(self) -> bool:
-        """Whether several look on."""
         return len(self._listeners) > 1
 
     def _say(self) -> None:
@@ -92,15 +82,14 @@ class Session:
         self._say()
 
     def tell(self, message: str) -> None:
-        """Say a sentence."""
         self.message = message
         self._say()
 
     # --------------------------------------------------------------------------------- the zones
 
     def look_at(self, value: float, forcing: str | None = None, *, fixed: str = "") -> None:
-        """Have the zone diagram at another restitution, or at another value of what is `fixed`; the
-        last one stays until it is computed."""
+        """Compute the zone diagram at another value of what is `fixed`; the last one stays till
+        then."""
         forcing = self.state.forcing if forcing is None else forcing
         name = fixed or self.state.fixed[0]
         if name not in NEEDED:
@@ -174,8 +163,7 @@ class Session:
         self.change(chosen=chosen, listed=chosen.curve or self.state.listed)
 
     def choose_typed(self, **typed: Any) -> None:
-        """Look at the breather with these parameters, and have zones of its lattice where there are
-        such."""
+        """Look at the breather with these parameters, and compute zones of its lattice."""
         chosen = self._breather(**typed)
         more = {name: value for name, value in typed.items() if name not in (*NEEDED, "forcing")}
         before = self._wanted
@@ -193,15 +181,16 @@ class Session:
         if {*place} != {*pair}:
             wanted, got = " and ".join(pair), " and ".join(place)
             raise BadInput(f"at {state.title} a place has {wanted}; {got} were given")
-        params = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
+        # a pixel has no more digits
+        params = {name: float(f"{value:.6g}") for name, value in place.items()}
         params |= [state.fixed]
         values: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
         values |= {name: params[name] for name in NEEDED}
         self.choose(self._breather(**values))
 
     def _zones_of(self, lattice: str = "", root: int | None = None, **typed: Any) -> str:
-        """What zones are wanted of: what is set, but on the infinite chain, where they have no
-        springs, that alone."""
+        """Code of what zones are wanted of: what is set, but on the infinite chain, where they have
+        no springs, that alone."""
         if not lattice:
             return ""
         # in one order, and without zeros: what vanishes is not there
@@ -211,7 +200,6 @@ class Session:
         return code
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
-        """A breather by its parameters, typed in or clicked at."""
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
         params, words = arguments(on, **values)
         orbit = symmetric(**params)
@@ -220,7 +208,7 @@ class Session:
         return Chosen(f"cb.symmetric({words})", orbit, typed=typed)
 
     def lattice_of(self, chosen: Chosen) -> str:
-        """What to type for its lattice: of one that a curve brought, its description."""
+        """Text to type for its lattice: of one that a curve brought, its description."""
         lattice = chosen.orbit.lattice
         if lattice.sites is None:
             return ""
@@ -233,7 +221,7 @@ class Session:
         return text
 
     def lives_on(self, chosen: Chosen) -> dict[str, Any]:
-        """What to type for it besides its parameters in the planes of zones."""
+        """Values to type for it besides its parameters in the planes of zones."""
         orbit = chosen.orbit
         losses = {name: getattr(orbit, name) for name in OPTIONAL}
         entries = {
@@ -259,14 +247,12 @@ class Session:
 
     @property
     def chosen(self) -> Chosen:
-        """What is looked at, or a sentence."""
         if self.state.chosen is None:
             raise BadInput("choose a breather first: click into a diagram, or type its parameters.")
         return self.state.chosen
 
     def watch(self, sites: tuple[int, ...], ring: int) -> None:
-        """Draw the motion of these sites, and judge a ring of so many."""
-        self.change(sites=sites, ring=whole("sites of the ring", ring, 3))
+        self.change(sites=sites, ring=small(Ring(ring)).sites)
 
     # ---------------------------------------------------------------------------------- long work
 
@@ -319,7 +305,7 @@ class Session:
         self._long.begin(job, say=say, done=done)
 
     def _take(self, name: str, lines: tuple[str, ...], value: Any, outcome: str = "") -> None:
-        """One more result, under a name of its own; `{}` in its lines stands for that."""
+        """Add a result under a name of its own; `{}` in its lines stands for that."""
         self._count += 1
         name = f"{name}{self._count}"
         *setup, last = lines
@@ -338,7 +324,6 @@ class Session:
 
     @property
     def undoes(self) -> bool:
-        """Whether there is something to take back."""
         return bool(self._before)
 
     def undo(self) -> None:
@@ -356,26 +341,21 @@ class Session:
 
     @property
     def busy(self) -> bool:
-        """Whether long work is under way."""
         return bool(self.progress)
 
     @property
     def stoppable(self) -> bool:
-        """Whether something takes so long that it may be stopped: that work, or zones."""
         return self.busy or bool(self.drawing)
 
     def stop(self) -> None:
-        """End the long work, or zones that take long; what is done by then is kept."""
         (self._long if self.busy else self._quick).stop()
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until all work has ended; whether it has."""
         return self._long.join(timeout) and self._quick.join(timeout)
 
     # ------------------------------------------------------------------------------- what is kept
 
     def script(self) -> str:
-        """Python that computes and draws what is seen."""
         return self.state.script()
 
     def save(self, path: str | Path) -> Path:

@@ -24,11 +24,12 @@ from contbreather.parameters import NUMBERS, OPTIONAL
 from contbreather.simulation.simulate import SimulationRun
 
 RING = 400  # sites of the ring that is judged besides, the paper's
+MOST = 2000  # sites, whose multipliers a page waits for
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was clicked at, and how the script makes it."""
+    """Breather or point, and how the script makes it."""
 
     code: str  # branch1[17], or cb.symmetric(a=0.5, gamma=0.08, k=0.8)
     orbit: Any  # None where a point is known by its numbers only
@@ -39,32 +40,28 @@ class Chosen:
 
     @property
     def switches(self) -> bool:
-        """Whether other curves leave it."""
         return self.point is not None and lift_of(self.point) is not None
 
     @property
     def traces(self) -> bool:
-        """Whether it is an event that can be followed in two parameters."""
         event = None if self.point is None else self.point.event
         event = getattr(event, "base", event)
         return event is not None and event.locus is not None
 
     @property
     def free(self) -> tuple[str, ...]:
-        """The parameters that can vary."""
         if self.point is not None:
             return tuple(self.point.base_point.curve.problem.params)
         return tuple(self.orbit.problem.params)
 
     @property
     def title(self) -> str:
-        """Its label, if it has one, and where it is."""
         label = self.point.title if self.point is not None else ""
         return f"{label} on {self.curve}" if label else self.code.removeprefix("cb.")
 
 
 def point_of(code: str, branch: Branch, index: int) -> Chosen:
-    """A point of a curve; of one that was loaded without its equations its numbers only."""
+    """Point of a curve; of one that was loaded without its equations its numbers only."""
     point = branch[index]
     try:
         orbit = point.solution
@@ -78,7 +75,7 @@ def point_of(code: str, branch: Branch, index: int) -> Chosen:
 
 @dataclass(frozen=True)
 class PageState:
-    """All that is seen; of zones those that are wanted, which may still be computed."""
+    """State of a page; of zones those that are wanted, which may still be computed."""
 
     # what is constant in the plane of the zones
     fixed: tuple[str, float] = ("k", NUMBERS["k"].first)
@@ -100,12 +97,11 @@ class PageState:
 
     @property
     def shown(self) -> dict[str, Branch]:
-        """The curves that are drawn, ticked and offered; they have the columns of the axes."""
         return {code: one for code, one in self.curves.items() if code not in self.hidden}
 
     @property
     def offered(self) -> list[str]:
-        """What the axes may be: columns of numbers that all curves have which are drawn."""
+        """Names of the columns of numbers that all drawn curves have."""
         columns = [drawn_columns(branch) for branch in self.shown.values()]
         return (
             [name for name in columns[0] if all(name in one for one in columns)] if columns else []
@@ -113,8 +109,8 @@ class PageState:
 
     @property
     def columns(self) -> tuple[str, str]:
-        """What the axes of the bifurcation diagram are: what is chosen, where all curves have it,
-        otherwise the parameter that varies and a size."""
+        """Axes of the bifurcation diagram: the chosen ones, where all curves have them, otherwise
+        the parameter that varies and a size."""
         first, offered = next(iter(self.shown.values()), None), self.offered
         if first is None:
             return "a", "p"
@@ -128,7 +124,7 @@ class PageState:
         return x, y
 
     def ticked(self, codes: Iterable[str]) -> PageState:
-        """With these curves drawn; those of another problem give way to one that was not."""
+        """Draw these curves; those of another problem give way to one that was not drawn."""
         wanted = [code for code in self.curves if code in {*codes}]
         new = next((code for code in wanted if code in self.hidden), None)
         if new is not None:
@@ -137,22 +133,21 @@ class PageState:
 
     @property
     def title(self) -> str:
-        """What the zone diagram is about."""
         name, value = self.fixed
         of = (f"F = a ({self.forcing})" if self.forcing else "", self.zones_of)
         return ", ".join(filter(None, (f"{name} = {value:g}", *of)))
 
     def without(self, code: str) -> PageState:
-        """Without a curve; the script goes on making it, for others may come from it, and what is
-        looked at."""
+        """Remove a curve; the script goes on making it, for others may come from it, and what is
+        chosen."""
         curves = {other: branch for other, branch in self.curves.items() if other != code}
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
     def with_result(
         self, name: str, lines: Iterable[str], value: Any, outcome: str = ""
     ) -> PageState:
-        """With one more result, whatever `save` takes or several of that, and how it came; curves
-        of another problem than that are drawn no more."""
+        """Add a result, whatever `save` takes or several of that, and how it came; curves of
+        another problem are drawn no more."""
         parts = dict(result_leaves(name, value))
         curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
         seen: dict[str, Any] = {}  # the last run, and the last zones
@@ -174,8 +169,7 @@ class PageState:
         return state if first is None else state.ticked({*self.shown, *curves})
 
     def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
-        """Those of the diagram when curves join it: of one in two parameters its own plane, until a
-        branch comes."""
+        """Axes when curves join: of one in two parameters its own plane, until a branch comes."""
         pairs = [branch.curve.varied for branch in new if len(branch.curve.varied) > 1]
         if pairs:
             return pairs[-1][0], pairs[-1][1]
@@ -183,7 +177,6 @@ class PageState:
         return ("", "") if in_plane and new else self.axes
 
     def script(self) -> str:
-        """Python that computes and draws what is seen, to the last digit."""
         return "\n".join(self._script()) + "\n"
 
     def _script(self) -> Iterator[str]:
@@ -213,13 +206,13 @@ class PageState:
 
 
 def _alike(one: Branch, other: Branch) -> bool:
-    """Whether both are curves of one problem, and may share axes."""
+    """Tell whether both are curves of one problem, and may share axes."""
     return {*one.curve.varied} <= {*other.names} and {*other.curve.varied} <= {*one.names}
 
 
 def drawn_columns(branch: Branch) -> list[str]:
-    """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh. The ends
-    tell, for a whole column may take long to measure."""
+    """Names of columns of real numbers, not words, nor an orbit on its mesh. The ends tell, for a
+    whole column may take long to measure."""
     internals, ends = branch.problem.internals, (branch[:1], branch[-1:])
     return [
         name
@@ -229,7 +222,7 @@ def drawn_columns(branch: Branch) -> list[str]:
 
 
 def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """What a result consists of, by what the script calls it."""
+    """Parts of a result by their code."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             yield from result_leaves(f"{code}[{key!r}]", item)
@@ -241,12 +234,10 @@ def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def plane_in_words(zones: Zones) -> str:
-    """What the breathers of zones are on, in words."""
     return next((model_in_words(branch[0].solution) for _, branch in zones), "no curve")
 
 
 def model_in_words(orbit: Orbit) -> str:
-    """What a breather is on, in words; zones are of one such."""
     on, site = orbit.conditions, orbit.section.hit[0]
     words = [on.lattice.describe(), f"site {site}" if site else ""]
     words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
@@ -255,18 +246,24 @@ def model_in_words(orbit: Orbit) -> str:
 
 
 def watched(orbit: Orbit, sites: Sequence[int]) -> tuple[int, ...]:
-    """The sites whose motion is drawn, of those that there are."""
     size, hit = orbit.lattice.sites, orbit.section.hit[0]
     wanted = sites or (hit, hit + 1, hit + 2)
     return tuple(n for n in wanted if size is None or -size <= n < size) or (hit,)
+
+
+def small(lattice: Any) -> Any:
+    """Refuse a lattice that is too large for a page."""
+    if (lattice.sites or 0) > MOST:
+        raise BadInput(f"{lattice.describe()}: at most {MOST} sites are shown here.")
+    return lattice
 
 
 # --- in words -------------------------------------------------------------------------------------
 
 
 def names(curves: Mapping[str, Branch]) -> dict[str, str]:
-    """The codes of curves by their names, which have what not all of them share: the parameters
-    that vary, those that do not, and the lattice."""
+    """Codes of curves by names that say what not all of them share: the parameters that vary, those
+    that do not, and the lattice."""
     by_code = {code: _facts(branch) for code, branch in curves.items()}
     shared = set.intersection(*map(set, by_code.values())) if by_code else set()
     rest = {code: [fact for fact in facts if fact not in shared] for code, facts in by_code.items()}
@@ -283,12 +280,11 @@ def _facts(branch: Branch) -> list[str]:
 
 @lru_cache(maxsize=1)
 def map_on_ring(orbit: Orbit, ring: int) -> Orbit:
-    """The same there, once: its multipliers are drawn and judged."""
+    """Orbit on a ring, once: its multipliers are drawn and judged."""
     return orbit.on(Ring(ring))
 
 
 def verdict_in_words(orbit: Orbit) -> str:
-    """Whether the lattice moves so, and whether it stays at it on which lattice, in a line."""
     margins = orbit.admissibility()
     if not margins.ok and margins.margin < -1e-9:
         return "not admissible: it passes a wall"
@@ -303,7 +299,7 @@ def verdict_in_words(orbit: Orbit) -> str:
 
 
 def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
-    """What is said of it: a heading and a sentence each."""
+    """Headings and sentences about an orbit."""
     margins = orbit.admissibility()
     yield "admissible" if margins.ok else "not admissible", margins.reason
     if not margins.ok and margins.margin < -1e-9:

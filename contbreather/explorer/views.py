@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
+from contbreather.continuation.kinds import look_of
 from contbreather.continuation.point import Point
 from contbreather.explorer.state import (
     Chosen,
@@ -25,20 +26,11 @@ from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
-from contbreather.orbits.zone_diagram import Zones
-from contbreather.plotting.branches import (
-    BEYOND,
-    STABLE,
-    UNKNOWN,
-    UNSTABLE,
-    column_of,
-    pieces,
-    value_of,
-)
-from contbreather.plotting.canvas import marker
+from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.plotting import branches
 from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.multipliers import with_band
-from contbreather.plotting.orbits import impacts_of
+from contbreather.plotting.orbits import BESIDE, MOMENTS, impacts_of
 from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
@@ -50,69 +42,59 @@ GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
 MARKS = {
     "s": "square", "D": "diamond", "^": "triangle", "o": "circle", "v": "inverted_triangle",
     "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
-    "<": "triangle_pin", ">": "square_pin", "d": "diamond_dot",
+    "<": "y", ">": "square_pin", "d": "diamond_dot",
 }  # fmt: skip
-MARGIN = 0.08
 ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
-SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 33  # letters of a title in a line, of the zones and of the multipliers
-MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
-STOPPED = ", stopped: curves may be missing"
-DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted", UNKNOWN: "dashdot"}
-LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
-BESIDE = 10  # sites on either side of the one that impacts
-MOMENTS = 401  # of a period
+DASHES = {branches.STABLE: "solid", branches.UNSTABLE: "dashed", branches.BEYOND: "dotted",
+          branches.UNKNOWN: "dashdot"}  # fmt: skip
 
 
 def _drawn(fig: Any, glyph: str, *columns: str, also: Sequence[str] = (), **look: Any) -> Any:
-    """The source of a glyph that is drawn by it: empty columns, in an order that `_fill` keeps."""
+    """Draw a glyph of no data, and return its source: columns in an order that `_fill` keeps."""
     source = ColumnDataSource({name: [] for name in dict.fromkeys((*columns, *also))})
     getattr(fig, glyph)(*columns, source=source, **look)
     return source
 
 
 def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
-    """Other rows, or none."""
     every = list(rows)
     source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
 def letter(name: str) -> str:
-    """The letter of a parameter."""
     return GREEK.get(name, name)
 
 
 def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any:
-    """An empty figure."""
     fig: Any = figure(
         height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
         tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
         x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
         background_fill_color=None, border_fill_color=None, outline_line_color=theme.faint, **more,
     )  # fmt: skip
-    fig.toolbar.logo = None
-    fig.toolbar.autohide = True
-    fig.title.text_color = theme.text
-    fig.title.text_font_size = "13px"
+    fig.toolbar.update(logo=None, autohide=True)
+    fig.title.update(text_color=theme.text, text_font_size="13px")
     for axis in (*fig.xaxis, *fig.yaxis):
-        axis.axis_label_text_color = axis.major_label_text_color = theme.text
-        axis.axis_label_text_font_size = "14px"
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = theme.faint
-        axis.axis_label_standoff = 2
+        axis.update(
+            axis_label_text_color=theme.text, axis_label_text_font_size="14px",
+            axis_label_standoff=2, major_label_text_color=theme.text, axis_line_color=theme.faint,
+            major_tick_line_color=theme.faint, minor_tick_line_color=theme.faint,
+        )  # fmt: skip
     fig.grid.grid_line_color = theme.grid
     return fig
 
 
-def _legend(fig: Any, theme: Theme) -> None:
-    legend = fig.legend[0]
-    legend.location = "top_right"
-    legend.label_text_color = theme.text
-    legend.label_text_font_size = "11px"
-    legend.background_fill_color = theme.paper
-    legend.background_fill_alpha = 0.75
-    legend.border_line_color = None
-    legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
+def _legend(fig: Any, theme: Theme, place: str, **more: Any) -> None:
+    """Put the legend beside the axes: inside it would cover curves."""
+    look: dict[str, Any] = {"padding": 4, "margin": 4, "glyph_width": 26, "spacing": 12, **more}
+    fig.legend[0].update(
+        location="top_right", label_text_color=theme.text, label_text_font_size="11px",
+        background_fill_color=theme.paper, background_fill_alpha=0.75, border_line_color=None,
+        **look,
+    )  # fmt: skip
+    fig.add_layout(fig.legend[0], place)
 
 
 def _reach(axis: Range1d, values: Iterable[float]) -> None:
@@ -121,7 +103,7 @@ def _reach(axis: Range1d, values: Iterable[float]) -> None:
     if not finite.size:
         return
     low, high = float(finite.min()), float(finite.max())
-    room = max(MARGIN * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
+    room = max(0.08 * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
     _bounded(axis, low - room, high + room)
 
 
@@ -130,7 +112,7 @@ def _bounded(axis: Range1d, low: float, high: float) -> None:
 
 
 def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataSource:
-    """Marks with words beside them, and more of it under the pointer."""
+    """Draw marks with words beside them, and more of it under the pointer."""
     columns = ("text", *also, "what")
     source: ColumnDataSource = _drawn(fig, "scatter", "x", "y", also=columns, size=9, **look)
     fig.add_tools(HoverTool(renderers=fig.renderers[-1:], tooltips=[("", "@what")]))
@@ -142,7 +124,7 @@ def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataS
 
 
 class ZonesView:
-    """The plane of two parameters: regions, their limits, where these meet, what is looked at."""
+    """Plane of two parameters: regions, their limits, where these meet, what is chosen."""
 
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "γ", "a", 470)
@@ -151,13 +133,13 @@ class ZonesView:
             fig, "multi_polygons", "xs", "ys", also=["colour"], fill_color="colour",
             line_color="colour",
         )  # fmt: skip
-        colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
+        colours = {"black": theme.line, "vermillion": theme.vermillion, "blue": theme.blue}
         self.curves = {
             kind: _drawn(
-                fig, "multi_line", "xs", "ys", color=colours[kind], line_width=2,
-                line_dash=dash, legend_label=LINES[kind]["label"],
+                fig, "multi_line", "xs", "ys", color=colours[look_of(kind).colour], line_width=2,
+                line_dash=look_of(kind).line, legend_label=LINES[kind]["label"],
             )
-            for kind, dash in LIMITS.items()
+            for kind in KINDS
         }  # fmt: skip
         self.letters = _drawn(
             fig, "text", "x", "y", "text", text_color=theme.text, text_align="center",
@@ -167,13 +149,9 @@ class ZonesView:
         self.meetings = _named_marks(fig, theme, **look)
         self.traced = _drawn(fig, "multi_line", "xs", "ys", color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
-        _legend(fig, theme)
-        fig.legend[0].update(ncols=2, spacing=12)
-        fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
+        _legend(fig, theme, "below", ncols=2)
 
     def show(self, drawn: Zones) -> None:
-        """Another diagram; of one that was cut short no regions, for curves that are missing would
-        bound them."""
         shaded = [region for region in drawn.regions if region.verdict and not drawn.interrupted]
         lines = {kind: [_line(drawn, branch) for branch in drawn[kind]] for kind in self.curves}
         _fill(self.regions, (self._region(region) for region in shaded))
@@ -195,28 +173,20 @@ class ZonesView:
         return xs, ys, self.shades[region.verdict]
 
     def title(self, wanted: PageState) -> None:
-        """Say what is shown, and what is on its way."""
-        drawn = wanted.plane
-        words = (
-            "no diagram yet" if drawn is None else f"{plane_in_words(drawn)}, {_at(drawn.fixed)}"
-        )
-        words += STOPPED * (drawn is not None and drawn.interrupted)
-        orbit = None if wanted.chosen is None else wanted.chosen.orbit
+        drawn, orbit = wanted.plane, None if wanted.chosen is None else wanted.chosen.orbit
+        here = "no diagram yet" if drawn is None else plane_in_words(drawn)
+        words = here if drawn is None else f"{here}, {_at(drawn.fixed)}"
+        words += ", stopped: curves may be missing" * (drawn is not None and drawn.interrupted)
         if wanted.awaited:
             elsewhere = drawn is None or drawn.fixed != wanted.fixed
             words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
-        elif (
-            drawn is not None
-            and orbit is not None
-            and plane_in_words(drawn) != model_in_words(orbit)
-        ):
+        elif drawn is not None and orbit is not None and here != model_in_words(orbit):
             words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
 
     def boundaries(self, curves: Iterable[Branch], drawn: Zones) -> None:
-        """Draw the traced curves that lie in this plane, on those of the diagram."""
         name, value = drawn.fixed
         traced = (
             branch
@@ -226,7 +196,6 @@ class ZonesView:
         _fill(self.traced, (_line(drawn, branch).T for branch in traced))
 
     def choose(self, chosen: Chosen | None, drawn: Zones) -> None:
-        """Mark what is looked at, if it lies in this plane and is of this lattice."""
         name, value = drawn.fixed
         orbit = None if chosen is None else chosen.orbit
         here = []
@@ -245,8 +214,7 @@ def _at(fixed: tuple[str, float]) -> str:
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
-    """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
-    behind."""
+    """Mark what is chosen; at the level of annotations Bokeh would leave grey rims behind."""
     edge: dict[str, Any] = {"size": 15, "fill_color": None}
     source = _drawn(fig, "scatter", "x", "y", line_color=theme.paper, line_width=5, **edge)
     fig.scatter("x", "y", source=source, line_color=theme.vermillion, line_width=2.5, **edge)
@@ -254,13 +222,13 @@ def _here(fig: Any, theme: Theme) -> ColumnDataSource:
 
 
 def marked(branch: Branch) -> list[tuple[int, Point]]:
-    """The special points with their numbers; those between are not made for that."""
+    """Special points with their numbers; those between are not made for that."""
     places = np.searchsorted(branch["arclength"], [p.arclength for p in branch.special])
     return list(zip(places.tolist(), branch.special, strict=True))
 
 
 class BranchView:
-    """The bifurcation diagram: solid where stable, special points labelled."""
+    """Bifurcation diagram: solid where stable, special points labelled."""
 
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
@@ -275,37 +243,35 @@ class BranchView:
         self.here = _here(fig, theme)
 
     def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
-        """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
         marks = []
         for i, (code, branch) in enumerate(curves.items()):
             colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in pieces(branch, x, y):
+            for style, xs, ys in branches.pieces(branch, x, y):
                 drawn[style].append((xs, ys, colour))
             marks += [_special(point, code, x, y, colour) for point in branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
-        many = f"{len(curves)} curves" if len(curves) > MANY else ", ".join(curves)
+        many = f"{len(curves)} curves" if len(curves) > 4 else ", ".join(curves)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
         _fill(self.special, _named(self.figure, marks))
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
-        """Mark the point that is looked at."""
         point = None if chosen is None else chosen.point
         _fill(self.here, [] if point is None else [(_value(point, x), _value(point, y))])
 
     def nearest(self, curves: Mapping[str, Branch], x: str, y: str, at: tuple[float, float]) -> Any:
-        """The curve and the number of the point next to a place of the figure; None if there is
-        none. Special points draw a little more."""
+        """Curve and number of the point next to a place of the figure. Special points draw a little
+        more."""
         width = self.figure.x_range.end - self.figure.x_range.start
         height = self.figure.y_range.end - self.figure.y_range.start
         candidates = []
         for code, branch in curves.items():
-            across = (column_of(branch, x) - at[0]) / (width or 1.0)
-            up = (column_of(branch, y) - at[1]) / (height or 1.0)
+            across = (branches.column_of(branch, x) - at[0]) / (width or 1.0)
+            up = (branches.column_of(branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
             far[[i for i, _ in marked(branch)]] *= 0.5
             candidates.append((float(far.min()), code, int(far.argmin())))
@@ -313,8 +279,8 @@ class BranchView:
 
 
 def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
-    """Marks with the words beside them, (x, y, word, ...), without a word that would cover one
-    before: the mark has to do there, which says what it is under the pointer."""
+    """Leave out words that would cover one before: (x, y, word, ...); the mark has to do there,
+    which says what it is under the pointer."""
     seen: list[tuple[float, float]] = []
     rows = []
     for x, y, word, *more in marks:
@@ -327,28 +293,32 @@ def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
 
 def _value(point: Any, name: str) -> float:
     try:
-        return value_of(point, name)
+        return branches.value_of(point, name)
     except ValueError:  # of a column that this curve does not have
         return float("nan")
 
 
 def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
-    text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
-    mark = MARKS[marker(point.kind)]
-    return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
+    mark = MARKS[look_of(point.kind).marker]
+    return (
+        _value(point, x),
+        _value(point, y),
+        "" if quiet else branches.name_of(point),
+        colour,
+        mark,
+        what,
+    )
 
 
 class OrbitView:
-    """What is seen of the orbit that is looked at."""
-
     figure: Any
     empty = ""  # the title where there is none
 
     def nothing(self, why: str = "") -> None:
-        """No orbit is looked at, or nothing is known of it, for this reason."""
+        """Show no orbit, and why."""
         for source in vars(self).values():
             if isinstance(source, ColumnDataSource):
                 _fill(source, [])
@@ -367,8 +337,6 @@ class ProfileView(OrbitView):
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
     def show(self, orbit: Orbit) -> None:
-        """The sites around the first that impacts, all of a small lattice; a wall that is not there
-        is NaN."""
         size, middle = orbit.lattice.sites, orbit.section.hit[0]
         n = np.arange(middle - BESIDE, middle + BESIDE + 1)
         if size is not None and (size <= n.size or not isinstance(orbit.lattice, Ring)):
@@ -390,12 +358,10 @@ class ProfileView(OrbitView):
 def _moments(orbit: Orbit) -> Array:
     """Times of a period, its impacts among them: there sites turn round sharply."""
     hits = [hit.time % orbit.period for hit in orbit.hits]
-    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
+    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS + 1), hits]))
 
 
 class MotionView(OrbitView):
-    """Some sites over a period of an orbit, or over all of a simulation."""
-
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.figure = fig = _sheet(theme, "t/2π", "u", 260)
@@ -404,13 +370,9 @@ class MotionView(OrbitView):
         look = {"color": "colour", "line_width": 1.8, "legend_field": "site"}
         self.lines = _drawn(fig, "multi_line", "xs", "ys", also=["colour", "site"], **look)
         self.hits = _drawn(fig, "scatter", "x", "y", also=["colour"], color="colour", size=8)
-        _legend(fig, theme)
-        fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
-        fig.add_layout(fig.legend[0], "above")
+        _legend(fig, theme, "above", orientation="horizontal")
 
     def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
-        """An orbit at those of the sites that there are, its walls and impacts, and what is said of
-        it."""
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
@@ -422,7 +384,6 @@ class MotionView(OrbitView):
         self._bound(wall for n in real for wall in orbit.walls.at(n))
 
     def run(self, name: str, run: SimulationRun, outcome: str) -> None:
-        """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
@@ -447,8 +408,8 @@ class MotionView(OrbitView):
 
 
 def thinned(times: Array, u: Array) -> tuple[Array, Array]:
-    """Of a long line what a figure can show: the lowest and the highest point of each stretch."""
-    length = -(-times.size // SEEN)
+    """Thin a long line to the lowest and the highest point of each stretch."""
+    length = -(-times.size // 2000)  # a figure has fewer pixels
     if length == 1:
         return times, u
     blocks = u[: u.size // length * length].reshape(-1, length)
@@ -477,8 +438,6 @@ class MultipliersView(OrbitView):
         self.dots = _drawn(fig, "scatter", "x", "y", also=["colour", "size"], **look)
 
     def show(self, orbit: Orbit, ring: int) -> None:
-        """Those over a section, half a period of a symmetric orbit: on its own lattice if that is
-        finite, otherwise on a ring of so many sites."""
         finite = map_on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
         mu, waves, alone = with_band(finite, None, orbit.symmetric)
         out = alone & (np.abs(mu) > 1.0)

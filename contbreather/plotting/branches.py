@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.kinds import look_of
 from contbreather.continuation.point import Point
 from contbreather.continuation.resume import refined, with_columns
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
@@ -26,10 +27,11 @@ from contbreather.plotting.canvas import (
     CYCLE,
     GREY,
     Drawn,
+    beneath,
+    curve_samples,
     drawing,
     lay_out,
     legend_size,
-    marker,
     name_axes,
     place_words,
     size,
@@ -43,32 +45,33 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
-Word = tuple[Point, float, str, str]  # a point, how high it is drawn, its name and the colour
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
-STABLE: Literal["-"] = "-"
-UNSTABLE: Literal["--"] = "--"
-BEYOND: Literal[":"] = ":"
-UNKNOWN: Literal["-."] = "-."
-WORDS: dict[Literal["-", "--", ":", "-."], str] = {
+STABLE, UNSTABLE, BEYOND, UNKNOWN = "-", "--", ":", "-."
+WORDS = {
     STABLE: "stable",
     UNSTABLE: "unstable",
     UNKNOWN: "stability not computed",
     BEYOND: "behind a wall (walls lifted)",
 }
-FINE = 6  # pieces of the line between two points
-SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
-BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
-MOST = 7  # values in a legend
-CROWD = 8  # words beside points; of more none is read, and the axes have no room
+MANY = 8  # words beside points, and values in a legend with their "more": of more none is read
 ROUNDING = 1e-9  # relative; what varies by less is constant
 AS_LARGE = 1e-6  # relative; entries that differ by less, by what Newton leaves, are as large
-SMOOTH = 60  # points of a drawn branch
-ROOM = 0.08  # of the axes, around all branches: for the names of points at their ends
+
+
+class Word(NamedTuple):
+    """Name of a point, in its colour; in pixels the place of the point, and how high it is."""
+
+    point: Point
+    branch: int
+    place: Array
+    y: float
+    text: str
+    colour: str
 
 
 class Group(NamedTuple):
-    """What branches of one colour have in common."""
+    """Kind and fixed parameters that branches of one colour share."""
 
     kind: str  # of a boundary; nothing of a branch in one parameter
     values: tuple[tuple[str, float], ...]  # of fixed parameters that other branches have elsewhere
@@ -87,7 +90,7 @@ def plot_branches(
     kinds: Iterable[str] | None = None,
     colours: Sequence[str] | None = None,
 ) -> Drawn:
-    """What `contbreather.plot` draws of branches."""
+    """Draw branches as `contbreather.plot` does."""
     if not branches:
         raise BadInput("plot needs at least one branch")
     for name in (x, y):
@@ -99,7 +102,7 @@ def plot_branches(
     with drawing(ax) as (drawn, axes):
         name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
-            axes.margins(ROOM)
+            axes.margins(0.08)  # for the names of points at the ends
         groups = _groups(branches) if colours is None else []
         alike = groups or _families(branches)
         key = _key(axes, alike, bool(groups))
@@ -121,22 +124,21 @@ def plot_branches(
         pixel, plain = lay_out(axes), text_colour(axes)
         by_value = any(group.values for group in groups)
         words = _words(axes, pixel, marked, x, tops, shades if by_value else [plain] * len(shades))
-        named = len(words) <= CROWD if labels is None else labels
-        legend = {
-            **_by_colour(key if groups else {}),
-            **_by_style(styles, plain, plain if coloured else GREY),
-        }
-        _legend(axes, legend | ({} if named else _by_marker(marked, plain)))
+        named = len(words) <= MANY if labels is None else labels
+        entries = _legend_entries(key if groups else {}, styles, plain, plain if coloured else GREY)
+        _legend(axes, entries | ({} if named else _by_marker(marked, plain)))
         if named:
             words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
-            place_words(
-                axes, ((value_of(p, x), y, text, _styled(p, shade)) for p, y, text, shade in words)
-            )
+            end = {"fontsize": "x-small", "color": GREY}
+            place_words(axes, (
+                (value_of(p, x), y, text, end if p.kind == "EP" else {"color": shade})
+                for p, _, _, y, text, shade in words
+            ))  # fmt: skip
     return drawn
 
 
 def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
-    """The special points to mark, where an arm sets out with the name of the point it left."""
+    """Special points to mark; where an arm sets out with the name of the point it left."""
     if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
         raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
     points = [
@@ -157,7 +159,7 @@ def _given(colours: Any, marked: Sequence[object]) -> list[str]:
 
 
 def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
-    """The colour of each group of branches that are alike; no two values have the same one."""
+    """Colours of groups of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
     order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], text_colour(ax))
@@ -167,19 +169,20 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
     from matplotlib.colors import to_hex
 
     order = sorted(order, key=lambda group: (group.kind, [value for _, value in group.values]))
-    shades = colormaps["viridis"](np.linspace(0.0, BRIGHTEST, len(order)))
+    # its yellow is not seen on white
+    shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))
     return dict(zip(order, map(to_hex, shades), strict=True))
 
 
 def _families(branches: Iterable[Branch]) -> list[int]:
-    """A number for each branch, the same for the arms that leave one point: mirror images."""
+    """Number the branches, alike the arms that leave one point: mirror images."""
     parents = [next((p.parent for p in branch.special if p.parent), None) for branch in branches]
     return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
 
 
 def _groups(branches: tuple[Branch, ...]) -> list[Group]:
-    """What each branch is among the others, its values to six digits. None where nothing differs
-    and no boundary is among them."""
+    """Groups of the branches, their values to six digits; none where nothing differs and no
+    boundary is among them."""
     kinds = [b.problem.label or "boundary" if _is_boundary(b) else "" for b in branches]
     fixed = [
         {name: x for name, x in branch.problem.params.items() if name not in branch.curve.varied}
@@ -199,7 +202,7 @@ def _is_boundary(branch: Branch) -> bool:
 
 
 def _ordinate(branches: Sequence[Branch]) -> str:
-    """What to draw where nothing was said."""
+    """Column to draw where none was named."""
     first, problems = branches[0], [branch.problem for branch in branches]
     if _is_boundary(first):
         return first.curve.varied[1]
@@ -213,45 +216,42 @@ def _ordinate(branches: Sequence[Branch]) -> str:
 
 
 def _of_breathers(branches: Sequence[Branch]) -> str:
-    """The size of an impact; with arms what tells them apart, for mirror images have one size."""
+    """Column of the size of an impact; with arms one that tells them apart, for mirror images have
+    one size."""
     families: dict[int, list[Branch]] = {}
     for family, branch in zip(_families(branches), branches, strict=True):
         if any(point.parent for point in branch.special):
             families.setdefault(family, []).append(branch)
     for name in ("asymmetry", "t1"):
-        there = families and all(name in branch.names for branch in branches)
-        if there and all(_parted(name, arms) for arms in families.values()):
-            return name
+        if families and all(name in branch.names for branch in branches):
+            ends = [[(np.nanmin(arm[name]), np.nanmax(arm[name])) for arm in arms]
+                    for arms in families.values()]  # fmt: skip
+            if all(np.ptp(pair) > ALIKE for arms in ends for pair in arms) and all(
+                np.abs(np.subtract(one, other)).max() > ALIKE
+                for arms in ends for one, other in combinations(arms, 2)
+            ):  # fmt: skip
+                return name
     return "p"
 
 
-def _parted(name: str, arms: Sequence[Branch]) -> bool:
-    """Whether a column is another one on each of the arms, and changes along them."""
-    ends = [np.array([np.nanmin(arm[name]), np.nanmax(arm[name])]) for arm in arms]
-    apart = all(abs(one - other).max() > ALIKE for one, other in combinations(ends, 2))
-    return apart and all(np.ptp(pair) > ALIKE for pair in ends)
-
-
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
-    """The columns that are drawn for `y`: of a state of cycles its envelope."""
     envelope = f"max({y})", f"min({y})"
     return envelope if y not in branch.names and {*envelope} <= {*branch.names} else (y,)
 
 
 def axis_title(branch: Branch, name: str) -> str:
-    """What is drawn of a column, as axes say it."""
     array = np.ndim(branch.problem.start.get(name, 0.0)) > 0
     return f"{symbol(name)} (entry of largest size)" if array else symbol(name)
 
 
 def column_of(branch: Branch, name: str) -> Array:
-    """A column as it is drawn: of arrays the entry of largest size, with its sign."""
+    """Return a column as it is drawn: of arrays the entry of largest size, with its sign."""
     values = np.asarray(branch[name], dtype=float)
     return values if values.ndim == 1 else _largest(values.reshape(len(values), -1))
 
 
 def _largest(rows: Array) -> Array:
-    """The first of the largest entries: those of waves are equal but for rounding, and not of one
+    """First of the largest entries: those of waves are equal but for rounding, and not of one
     sign."""
     sizes = abs(rows)
     first = (sizes >= (1.0 - AS_LARGE) * sizes.max(axis=1, keepdims=True)).argmax(axis=1)
@@ -259,7 +259,7 @@ def _largest(rows: Array) -> Array:
 
 
 def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
-    """Both columns, also between the points; broken where one jumps."""
+    """Sample both columns, also between the points; broken where one jumps."""
     columns = column_of(branch, x), column_of(branch, y)
     jumps = _jumps(branch, x, columns[0]) | _jumps(branch, y, columns[1])
     if jumps.any():
@@ -274,17 +274,18 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     if apart.sum() < 2 or not (solved or orbits):
         return columns
     nodes = along[apart]
-    at = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(FINE) / FINE
+    fine = np.arange(6) / 6  # of the line between two points
+    at = nodes[:-1, None] + np.diff(nodes)[:, None] * fine
     at = np.append(at.ravel(), nodes[-1])
-    smooth = [
+    first, second = (
         _cubic(branch, name, nodes, column[apart], apart)(at)
         for name, column in zip((x, y), columns, strict=True)
-    ]
-    return smooth[0], smooth[1]
+    )
+    return first, second
 
 
 def _cubic(branch: Branch, name: str, nodes: Array, column: Array, apart: Any) -> Any:
-    """That which the tangents give; of what is measured only one that keeps between its values."""
+    """Interpolate by the tangents; what is measured by a cubic that keeps between its values."""
     from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
     slot = branch.curve.slots.get(name)
@@ -295,7 +296,7 @@ def _cubic(branch: Branch, name: str, nodes: Array, column: Array, apart: Any) -
 
 
 def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
-    """Between which points an entry of the other sign becomes the largest of an array: the column
+    """Find steps on which an entry of the other sign becomes the largest of an array: the column
     changes by more than any of its entries."""
     values = np.asarray(branch[name], dtype=float)
     if values.ndim == 1:
@@ -306,31 +307,14 @@ def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
     return np.asarray(abs(np.diff(column)) > change + small)
 
 
-def _gathered(
-    points: Iterable[tuple[tuple[Point, int], Array]], near: float
-) -> list[list[tuple[Point, int]]]:
-    """Points of one name, or of one kind on several branches, that are close in the figure, with
-    the number of their branch, each thing once: a pitchfork is on its branch and on both arms."""
-    groups: list[tuple[Array, list[tuple[Point, int]]]] = []
-    for (point, branch), place in points:
-        close = [group for there, group in groups if np.hypot(*(place - there)) < near]
-        named = [group for group in close if _name_of(group[0][0]) == _name_of(point)]
-        kin = [group for group in close if group[0][0].kind == point.kind and group[0][1] != branch]
-        if not (named or kin):
-            groups.append((place, [(point, branch)]))
-        elif not any(_is_one(point, other) for other, _ in (named or kin)[0]):
-            (named or kin)[0].append((point, branch))
-    return [group for _, group in groups]
-
-
-def _name_of(point: Point) -> str | frozenset[str]:
-    """The same for a meeting of two boundaries, whichever of them was followed."""
-    kinds = frozenset(point.kind.split("-"))
-    return kinds if len(kinds) > 1 else point.label
+def _same_name(point: Point, other: Point) -> bool:
+    """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
+    kinds = [{*one.kind.split("-")} for one in (point, other)]
+    return kinds[0] == kinds[1] if len(kinds[0]) > 1 else point.label == other.label
 
 
 def _is_one(point: Point, other: Point) -> bool:
-    """Whether two points are one thing: the same solution, or where an arm left it."""
+    """Tell whether two points are one solution, or an arm's start and the point it left."""
     first, second = (p.parent or p for p in (point, other))
     return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
@@ -363,7 +347,6 @@ def _unstable(branch: Branch) -> Array:
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
-    """How to draw each stretch between two points."""
     if _is_boundary(branch):  # on boundaries rounding would decide the count
         count = np.zeros(len(branch) - 1)
     else:
@@ -379,7 +362,7 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
 def pieces(
     branch: Branch, x: str, y: str, styles: NDArray[np.str_] | None = None
 ) -> Iterator[tuple[str, Array, Array]]:
-    """The pieces of a branch that are drawn alike: how, and both columns."""
+    """Pieces of a branch that are drawn alike: their style and both columns."""
     styles = _styles(branch) if styles is None else styles
     for name in (x, y):
         column_of(branch, name)  # once for all: slices have the columns that were computed
@@ -393,7 +376,7 @@ def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> 
     for point in points:
         plain, edge = point.kind == "EP", ax.get_facecolor()
         mark = ax.plot(
-            value_of(point, x), value_of(point, y), marker(point.kind),
+            value_of(point, x), value_of(point, y), look_of(point.kind).marker,
             color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
             markeredgecolor=colour if point.kind == "MX" else "none" if plain else edge,
             markeredgewidth=0.5, zorder=3,
@@ -418,34 +401,33 @@ def _without_offset(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _by_colour(key: dict[Group, str]) -> dict[str, dict[str, Any]]:
-    """What colours stand for: of many groups some, the others are in between."""
-    indices = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
+def _legend_entries(
+    key: dict[Group, str], styles: set[str], plain: str, unknown: str
+) -> dict[str, dict[str, Any]]:
+    """Lines that say what colours and styles stand for: of many groups some, the others are in
+    between."""
+    indices = np.unique(np.linspace(0, len(key) - 1, min(len(key), MANY - 1)).round().astype(int))
     shown = [list(key.items())[i] for i in indices]
-    entries = {str(group): {"color": colour} for group, colour in shown}
-    left = len(key) - len(indices)
-    return {**entries, f"and {left} more": {"linestyle": "none"}} if left else entries
-
-
-def _by_style(styles: set[str], colour: str, unknown: str) -> dict[str, dict[str, Any]]:
-    shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
-    return {
-        WORDS[style]: {"color": unknown if style == UNKNOWN else colour, "linestyle": style}
-        for style in shown
-    }
+    entries: dict[str, dict[str, Any]] = {str(group): {"color": colour} for group, colour in shown}
+    if left := len(key) - len(indices):
+        entries[f"and {left} more"] = {"linestyle": "none"}
+    for style, words in WORDS.items():
+        if style in styles and styles != {STABLE}:
+            entries[words] = {"color": unknown if style == UNKNOWN else plain, "linestyle": style}
+    return entries
 
 
 def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict[str, Any]]:
-    """What the markers stand for, in place of words beside each; ends are dots everywhere."""
-    kinds = dict.fromkeys(p.kind for points in marked for p in points if p.kind != "EP")
+    kinds = {p.kind for points in marked for p in points} - {"EP"}
     look = {"color": colour, "linestyle": "none"}
     return {
-        kind: {**look, "marker": marker(kind), "markersize": size(kind)} for kind in sorted(kinds)
+        kind: {**look, "marker": look_of(kind).marker, "markersize": size(kind)}
+        for kind in sorted(kinds)
     }
 
 
 def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
-    """Inside the axes where it is small and covers no curve, else above them."""
+    """Draw a legend inside the axes where it is small and covers no curve, else above them."""
     from matplotlib.lines import Line2D
 
     if not entries:
@@ -454,14 +436,8 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     look = {"frameon": False, "handlelength": 2.2, "fontsize": legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
-        inside = legend(loc="best")
-        lay_out(ax)
-        box = inside.get_window_extent()
-        paths = (line.get_transform().transform_path(line.get_path()) for line in ax.lines)
-        if not any(
-            box.count_contains(path.vertices) or path.intersects_bbox(box, filled=False)
-            for path in paths
-        ):
+        inside, pixel = legend(loc="best"), lay_out(ax)
+        if not beneath(np.asarray(inside.get_window_extent().extents), curve_samples(ax, pixel)):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 
@@ -474,39 +450,29 @@ def _words(
     tops: Sequence[str],
     colours: Sequence[str],
 ) -> list[Word]:
-    """What to write beside which point, at which height, and its colour."""
+    """Words beside points. What is close to a word of its name, or of its kind on another branch,
+    gets none: a pitchfork is on its branch and on both arms."""
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(marked) > 1 else ""
-    near, at = SAME * pixel, ax.transData.transform
     words: list[Word] = []
-    for colour in dict.fromkeys(colours):
-        points = [
-            (point, i)
-            for i, (its, shade) in enumerate(zip(marked, colours, strict=True))
-            for point in its
-            if shade == colour and point.kind != quiet
-        ]
-        places = [at((value_of(p, x), value_of(p, tops[i]))) for p, i in points]
-        for group in _gathered(zip(points, places, strict=True), near):
-            point, i = group[0]
-            words.append((point, value_of(point, tops[i]), _text(group), colour))
+    for i, (points, top, colour) in enumerate(zip(marked, tops, colours, strict=True)):
+        for point in (point for point in points if point.kind != quiet):
+            y = value_of(point, top)
+            place = ax.transData.transform((value_of(point, x), y))
+            for j, word in enumerate(words):
+                kin = word.branch != i and word.point.kind == point.kind
+                close = np.hypot(*(place - word.place)) < 12.0 * pixel  # half a word
+                if close and word.colour == colour and (kin or _same_name(word.point, point)):
+                    if word.branch != i and not _is_one(word.point, point):
+                        words[j] = word._replace(text=point.kind)  # each branch numbers its own
+                    break
+            else:
+                words.append(Word(point, i, place, y, name_of(point), colour))
     return words
 
 
-def _text(group: Sequence[tuple[Point, int]]) -> str:
-    """The name of points that are one beside another: of several branches their kind alone, since
-    each branch numbers its own."""
-    point = group[0][0]
-    if len({i for _, i in group}) > 1:
-        return point.kind
-    several = f" \N{MULTIPLICATION SIGN}{len(group)}" if len(group) > 1 else ""
-    return (point.label if point.located else f"{point.label}?") + several
-
-
-def _styled(point: Point, colour: str) -> dict[str, Any]:
-    if point.kind == "EP":
-        return {"fontsize": "x-small", "color": GREY}
-    return {"color": colour}
+def name_of(point: Point) -> str:
+    return point.label if point.located else f"{point.label}?"
 
 
 # --- arms and whole diagrams ----------------------------------------------------------------------
@@ -566,7 +532,7 @@ def plot_diagram(
         branches = [with_columns(branch, **{name: y}) for branch in branches]
         y = name
     drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
-    shown = [refined(branch, SMOOTH) for branch in drawable]
+    shown = [refined(branch, 60) for branch in drawable]  # points, for a smooth line
     if not shown:
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")

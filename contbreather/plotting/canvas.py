@@ -10,12 +10,13 @@ from functools import cache
 from io import StringIO
 from pathlib import Path
 from string import digits
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, number, one_of, whole
+from contbreather.continuation.kinds import look_of
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
 from contbreather.progress import in_notebook
@@ -30,12 +31,7 @@ Array = NDArray[np.float64]
 FIGURES = (".png", ".pdf", ".svg")
 COLUMN = 8.5  # cm, one column of a journal
 PAGE = 17.5  # both columns
-CM = 1.0 / 2.54
-LAYOUT: Literal["constrained"] = "constrained"
-ABOVE: dict[str, Any] = {  # a legend over the right end of the axes
-    "frameon": False, "loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "handlelength": 1.3,
-}  # fmt: skip
-MOST_ROWS = 4  # of a legend above the axes
+INCH = 2.54  # cm
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey by their brightness
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -43,24 +39,12 @@ BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#777777"
 CYCLE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES = ("-", "--", "-.")  # once around all colours the next lines are dashed
 
-# One marker for each kind of special point; kinds that are not listed get the last one.
-MARKERS = {
-    "LP": "s", "BP": "D", "PF": "^", "NS": "o", "PD": "v", "GR": "X", "HB": "*", "UZ": "P",
-    "EP": ".", "MX": "x", "CP": "h", "VI": "<", "SL": ">",
-}  # fmt: skip
-MEETING = "p"
-SIZE = 4.5
-SIZES = {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}  # of markers with little inside
-
-_STYLE = Path(__file__).with_name("journal.mplstyle")
-
 _ITALIC = (  # words that are letters
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu",
     "nu", "xi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta",
     "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega",
 )  # fmt: skip
 _VARIANTS = {"epsilon": "varepsilon", "phi": "varphi"}
-BEYOND_EDGE = 0.015  # of the axes: so far outside the half of a marker on the edge is still drawn
 
 
 def style() -> AbstractContextManager[None]:
@@ -82,14 +66,15 @@ def style() -> AbstractContextManager[None]:
 
         # first loaded within the block it would forget, with the settings, to show figures
         matplotlib.pyplot.switch_backend(matplotlib.get_backend())
-    return matplotlib.rc_context(_settings())
+    return matplotlib.rc_context(_journal())
 
 
 @cache
-def _settings() -> Any:
+def _journal() -> Any:
     from matplotlib import rc_params_from_file
 
-    return rc_params_from_file(_STYLE, use_default_template=False)
+    file = Path(__file__).with_name("journal.mplstyle")
+    return rc_params_from_file(file, use_default_template=False)
 
 
 def new_figure(
@@ -125,29 +110,28 @@ def new_figure(
     one_of("projection", projection or "rectilinear", ("rectilinear", "3d"))
     sizes = {"width": width, "height": 6.5 * rows if height is None else height}
     wide, high = (number(name, size, 0.1, 1e4, "a size in cm") for name, size in sizes.items())
-    size = (wide * CM, high * CM)
+    size = (wide / INCH, high / INCH)
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
-        figure = _apart(size) if pyplot is None else pyplot.figure(figsize=size, layout=LAYOUT)
+        make = _figure if pyplot is None else pyplot.figure
+        figure = make(figsize=size, layout="constrained")
         kind = {"projection": projection}
         axes = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
     return figure, list(axes.ravel())
 
 
-def _apart(size: tuple[float, float]) -> Figure:
-    """A figure that pyplot does not know."""
+def _figure(**look: Any) -> Figure:
+    """Figure that pyplot does not know."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout=LAYOUT)
-    FigureCanvasAgg(figure)
-    return figure
+    return FigureCanvasAgg(Figure(**look)).figure
 
 
 def inline(draw: Callable[[Axes], object]) -> str:
-    """What `draw` puts into its axes as one ``<svg>`` element."""
+    """Draw into axes of a new figure, and write that as one ``<svg>`` element."""
     with style():
-        figure = _apart((COLUMN * CM, 6.0 * CM))
+        figure = _figure(figsize=(COLUMN / INCH, 6.0 / INCH), layout="constrained")
         draw(figure.subplots())
         file = StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
@@ -179,7 +163,6 @@ class Drawn(list["Artist"]):
 
     @property
     def figure(self) -> Figure:
-        """The figure that they are in."""
         figure: Figure = self.axes.get_figure(root=True)
         return figure
 
@@ -195,8 +178,8 @@ class Drawn(list["Artist"]):
 def drawing(
     ax: Axes | None, height: float | None = None, projection: str | None = None
 ) -> Iterator[tuple[Drawn, Any]]:
-    """What is drawn, and where: into the axes given, in the caller's own style, or into new ones in
-    that of a journal column."""
+    """Draw into the axes given, in the caller's own style, or into new ones in that of a journal
+    column."""
     with style() if ax is None else nullcontext():
         if ax is None:
             ax = new_figure(height=height, projection=projection)[1][0]
@@ -206,24 +189,26 @@ def drawing(
 
 
 def legend_size(axes: Axes) -> float:
-    """Of the words of a legend: a little smaller than those of the axes."""
     return 0.875 * float(axes.xaxis.label.get_fontsize())
 
 
 def type_size(axes: Axes, name: str) -> float:
-    """One of matplotlib's sizes, "small" for instance, beside the words of the axes: these may be
-    of another style than the one in force."""
+    """Size by one of matplotlib's names, "small" for instance, beside the words of the axes: these
+    may be of another style than the one in force."""
     from matplotlib.font_manager import font_scalings
 
     return font_scalings[name] * float(axes.xaxis.label.get_fontsize())
 
 
 def legend_above(axes: Any, **more: Any) -> None:
-    """Over the right end of the axes, in as few rows as fit; of very many lines the first."""
+    """Draw a legend over the right end of the axes, in as few rows as fit; of very many lines the
+    first."""
+    look = {"frameon": False, "handlelength": 1.3, **more}
     handles, names = axes.get_legend_handles_labels()
     for columns in range(len(names), 0, -1):
-        most = MOST_ROWS * columns
-        legend = axes.legend(handles[:most], names[:most], ncols=columns, **ABOVE, **more)
+        most = 4 * columns  # rows above that are as high as the axes
+        legend = axes.legend(handles[:most], names[:most], ncols=columns, loc="lower right",
+                             bbox_to_anchor=(1.0, 0.97), **look)  # fmt: skip
         if legend.get_window_extent().width <= axes.bbox.width:
             break
 
@@ -259,7 +244,6 @@ def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Pa
 
 
 def figure_path(path: str | Path) -> Path:
-    """The path of a figure: its suffix says the format."""
     target = writable(path)
     if target.suffix.lower() not in FIGURES:
         raise BadInput(
@@ -269,8 +253,8 @@ def figure_path(path: str | Path) -> Path:
 
 
 def symbol(name: str) -> str:
-    """A name as it is written on an axis: letters, Greek ones too, in italics, with their numbers
-    as indices; words upright."""
+    """Write a name as on an axis: letters, Greek ones too, in italics, with their numbers as
+    indices; words upright."""
     letter = name.rstrip(digits)
     index = f"_{{{name[len(letter) :]}}}" if letter != name else ""
     if letter in _ITALIC:
@@ -279,7 +263,7 @@ def symbol(name: str) -> str:
 
 
 def name_axes(ax: Axes, x: str, y: str) -> None:
-    """Say what is drawn; axes with something of another quantity in them are refused."""
+    """Label axes; those with something of another quantity in them are refused."""
     for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
         there = axis.label.get_text()
         if there not in ("", name) and ax.has_data():
@@ -291,7 +275,6 @@ def name_axes(ax: Axes, x: str, y: str) -> None:
 
 
 def text_colour(ax: Axes) -> str:
-    """The colour of words that stand out from the ground of these axes, black on white."""
     from matplotlib.colors import to_hex
 
     return to_hex(ax.xaxis.label.get_color())
@@ -302,28 +285,18 @@ def to_the_rim(artists: Iterable[Artist]) -> None:
     it, as after other limits were set."""
     from matplotlib.transforms import Bbox, TransformedBbox
 
-    wider = Bbox.unit().padded(BEYOND_EDGE)
+    wider = Bbox.unit().padded(0.015)  # half of a marker
     for artist in artists:
         assert artist.axes is not None
         artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
 
 
-def marker(kind: str) -> str:
-    """The marker of a kind of special point; meetings of two kinds share one."""
-    return MEETING if "-" in kind else MARKERS.get(kind, "d")
-
-
 def size(kind: str) -> float:
-    """How large the marker of a kind is drawn: all fill about the same area."""
-    return SIZES.get(marker(kind), SIZE)
+    """Points across the marker of a kind: those with little inside are larger."""
+    return {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}.get(look_of(kind).marker, 4.5)
 
 
 # --- words beside points --------------------------------------------------------------------------
-
-RADII = (3.0, 6.0, 10.0, 15.0, 22.0, 30.0)  # typographic points, from a point to its word
-DIRECTIONS = np.exp(1j * np.pi * (0.25 + np.arange(16) / 8.0))  # first: upper right
-FROM_EDGE = 3.0  # points between a word and the axes, ticks included
-SPACING = 2.0  # points between two samples of a curve
 
 
 def lay_out(ax: Axes) -> float:
@@ -338,38 +311,34 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
     """Write words beside points of finished axes, each in its style: where they cover least of
     other words and the legend, of other points, of lines. Points outside of the axes get none."""
     pixel, frame = lay_out(ax), np.asarray(ax.bbox.extents)
-    inner = frame + FROM_EDGE * pixel * np.array([1.0, 1.0, -1.0, -1.0])
-    outer = frame + 2.0 * pixel * np.array([-1.0, -1.0, 1.0, 1.0])
-    legend = ax.get_legend()
-    others = [*ax.texts, *([] if legend is None else [legend])]
-    taken = [np.asarray(other.get_window_extent().extents) for other in others]
-    curves = _samples(ax, pixel)
+    outwards = pixel * np.array([-1.0, -1.0, 1.0, 1.0])
+    inner, outer = frame - 3.0 * outwards, frame + 2.0 * outwards  # off the ticks; at the rim
+    written = [*ax.texts, *filter(None, [ax.get_legend()])]
+    taken = [np.asarray(other.get_window_extent().extents) for other in written]
+    curves = curve_samples(ax, pixel)
     placed = [(ax.transData.transform(word[:2]), word) for word in words]
-    points = [point for point, _ in placed]
     for point, (x, y, text, style) in placed:
         if np.any(point < outer[:2]) or np.any(point > outer[2:]):
             continue
         look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
         look["fontsize"] = type_size(ax, look["fontsize"])
         word = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
-        extent = word.get_window_extent()
-        size = np.array([extent.width, extent.height])
-        rest = [other for other in points if not np.allclose(other, point)]
+        others = [other for other, _ in placed if not np.allclose(other, point)]
         way, box = min(
-            _places(point, size, pixel),
-            key=lambda place: _covered(place[1], point, inner, taken, rest, curves),
+            _places(point, np.asarray(word.get_window_extent().size), pixel),
+            key=lambda place: _covered(place[1], point, inner, taken, others, curves),
         )
         word.set_position(tuple(way / pixel))
         taken.append(box)
 
 
 def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Array]]:
-    """The way from a point to each place for a word of this size, and the box it takes there,
-    nearest first."""
-    for radius in RADII:
-        for direction in DIRECTIONS:
-            side = np.array([direction.real, direction.imag])
-            way = side * radius * pixel + 0.5 * size * np.clip(1.5 * side, -1.0, 1.0)
+    """Ways from a point to the middle of a word of this size, nearest first and to the upper right
+    before elsewhere, and the boxes that it takes there."""
+    for points in (3.0, 6.0, 10.0, 15.0, 22.0, 30.0):  # typographic ones, from point to word
+        for angle in np.pi * (0.25 + np.arange(16) / 8.0):
+            side = np.array([np.cos(angle), np.sin(angle)])
+            way = side * points * pixel + 0.5 * size * np.clip(1.5 * side, -1.0, 1.0)
             half = 0.5 * size + pixel
             yield way, np.concatenate([point + way - half, point + way + half])
 
@@ -377,43 +346,39 @@ def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Ar
 def _covered(
     box: Array, point: Array, frame: Array, taken: list[Array], others: list[Array], curves: Array
 ) -> tuple[int, int, int]:
-    """How many words a box would cover, or the edge of the axes; to how many other points it would
-    seem to belong; how much of the curves it would cover."""
+    """Count the words that a box covers, or the edge of the axes; the other points to which it
+    would seem to belong; the samples of curves beneath it."""
     outside = bool(np.any(box[:2] < frame[:2]) or np.any(box[2:] > frame[2:]))
     words = sum(bool(np.all(box[:2] < o[2:]) and np.all(o[:2] < box[2:])) for o in taken)
-    own = 1.5 * _gap(box, point)
-    wrong = sum(_gap(box, other) <= own for other in others)
+    own, *gaps = (
+        float(np.linalg.norm(np.clip(there, box[:2], box[2:]) - there))
+        for there in (point, *others)
+    )
+    return words + outside, sum(gap <= 1.5 * own for gap in gaps), beneath(box, curves)
+
+
+def beneath(box: Array, curves: Array) -> int:
+    """Number of the samples of curves that a box would cover."""
     at, half = curves[:, :2], curves[:, 2:]
-    beneath = np.all((at + half >= box[:2]) & (at - half <= box[2:]), axis=1)
-    return words + outside, wrong, int(beneath.sum())
+    return int(np.all((at + half >= box[:2]) & (at - half <= box[2:]), axis=1).sum())
 
 
-def _samples(ax: Axes, pixel: float) -> Array:
-    """Points along all lines, or where these are dots alone, and half the width of each line: rows
-    of three, in pixels."""
+def curve_samples(ax: Axes, pixel: float) -> Array:
+    """Points along all lines, two typographic ones apart or where these are dots alone, and half
+    the width of each line: rows of three, in pixels."""
     samples = [np.empty((0, 3))]
     for line in ax.get_lines():
         nodes = line.get_transform().transform(line.get_xydata())
         nodes = nodes[np.isfinite(nodes).all(axis=1)]
+        length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
         if line.get_linestyle() != "None":
-            nodes = _dense(nodes, SPACING * pixel)
+            nodes = evenly(nodes, 2 + int(length / (2.0 * pixel))) if length > 0.0 else nodes[:1]
         samples.append(np.insert(nodes, 2, 0.5 * pixel * line.get_linewidth(), axis=1))
     return np.concatenate(samples)
 
 
-def _gap(box: Array, point: Array) -> float:
-    """Distance from a point to a box."""
-    return float(np.linalg.norm(np.maximum(np.maximum(box[:2] - point, point - box[2:]), 0.0)))
-
-
-def _dense(nodes: Array, spacing: float) -> Array:
-    """The polyline through the nodes, sampled no wider than `spacing`."""
-    length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
-    return evenly(nodes, 2 + int(length / spacing)) if length > 0.0 else nodes[:1]
-
-
 def evenly(nodes: Array, count: int, scale: Array | float = 1.0) -> Array:
-    """So many points at equal distances along a polyline, its coordinates in units of `scale`."""
+    """Points at equal distances along a polyline, its coordinates in units of `scale`."""
     steps = np.linalg.norm(np.diff(nodes / scale, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     at = np.linspace(0.0, along[-1], count)

@@ -19,7 +19,7 @@ ROWS = 300  # as many as a column of a journal shows one beside the other
 
 
 def with_impacts(t: Array, u: Array, run: Any, site: int) -> tuple[Array, Array]:
-    """The samples of a site, and its impacts between them, where it is at a wall."""
+    """Samples of a site, and its impacts between them, where it is at a wall."""
     if not isinstance(run, SimulationRun):
         return t, u
     impacts = run.at_site(site)
@@ -30,14 +30,13 @@ def with_impacts(t: Array, u: Array, run: Any, site: int) -> tuple[Array, Array]
 
 
 def envelope(t: Array, u: Array, edges: Array) -> tuple[Array, Array]:
-    """The smallest and the largest value between each edge and the next."""
     begins = np.searchsorted(t, edges[:-1] - 1e-9 * PERIOD)  # but for rounding
     return np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
 
 
 def edges_of(t: Array, rows: int | None = None) -> tuple[Array, int]:
-    """Where periods begin and the last one ends, or of too many for so many rows several together;
-    and how many."""
+    """Begins of periods, or of too many for so many rows several together, and the end; and how
+    many."""
     length = float(t[-1] - t[0]) / PERIOD
     many = 1 if rows is None else max(1, math.ceil(length / rows - 1e-9))
     begins = t[0] + PERIOD * np.arange(0.0, length - 1e-9, many)
@@ -45,7 +44,7 @@ def edges_of(t: Array, rows: int | None = None) -> tuple[Array, int]:
 
 
 def largest(t: Array, sites: Array, u: Array, run: Any) -> tuple[Array, Array, str]:
-    """Times, the largest size that each site has about each of them, and what that is in words."""
+    """Times, the largest size of each site about each of them, and that in words."""
     edges, many = edges_of(t, ROWS)
     columns = [
         np.max(np.abs(envelope(*with_impacts(t, u[:, i], run, int(n)), edges)), axis=0)
@@ -57,6 +56,5 @@ def largest(t: Array, sites: Array, u: Array, run: Any) -> tuple[Array, Array, s
 
 
 def samples(t: Array, periods: int = 1) -> str:
-    """How many there are in so many periods, in words."""
     count = round(periods * PERIOD * (len(t) - 1) / float(t[-1] - t[0]))
     return f"{count} sample{'s' if count > 1 else ''}"

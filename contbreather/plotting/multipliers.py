@@ -16,7 +16,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.branches import value_of
+from contbreather.plotting.branches import MANY, value_of
 from contbreather.plotting.canvas import (
     BLUE,
     GREY,
@@ -37,11 +37,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
-ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong to it
-LONG = 20.0  # beyond it moduli are drawn by their logarithms
 FAR = 2.0  # from 0: what is farther out is shown at the edge of the figure
-NAMED = 8  # multipliers that have their value beside them; of more none could be read
 
 
 def plot_multipliers(
@@ -114,7 +110,8 @@ def plot_multipliers(
         name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
-        space = "\n" if axes.bbox.width / lay_out(axes) < NARROW else " "
+        # in axes narrower than 150 points a pair takes two lines
+        space = "\n" if axes.bbox.width / lay_out(axes) < 150.0 else " "
         place_words(
             axes,
             (
@@ -142,8 +139,8 @@ def plot_spectrum(
     half: bool = False,
     ax: Axes | None = None,
 ) -> Drawn:
-    """What decides on stability along a branch: of orbits the moduli of their multipliers, with the
-    circle they cross, far outside by their logarithm; of other problems the real parts of the
+    """Draw the spectrum along a branch: of orbits the moduli of their multipliers, with the circle
+    they cross, far outside by their logarithm; of other problems the real parts of the
     eigenvalues, with 0.
 
     Parameters
@@ -192,7 +189,7 @@ def plot_spectrum(
             values.append(np.sort(point.curve.spectrum(point.z).real))
     with drawing(ax) as (drawn, axes):
         axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
-        if of_orbits and np.nanmax(values, initial=0.0) > LONG:  # at VI there are none
+        if of_orbits and np.nanmax(values, initial=0.0) > 20.0:  # at VI there are none
             axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle
         axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
         for point in branch.special:
@@ -232,19 +229,19 @@ def with_band(
 
 
 def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:
-    """Multipliers that stand off the band by more than a ring's ripple."""
+    """Find multipliers that stand off the band by more than a ring's ripple."""
     from scipy.spatial import KDTree
 
     places = [np.stack([z.real, z.imag], axis=-1) for z in (waves.ravel(), mu)]
     gap, _ = KDTree(places[0]).query(places[1])
-    return np.asarray(gap > max(0.01, ALONE / sites))
+    return np.asarray(gap > max(0.01, 3.0 / sites))
 
 
 def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[complex, complex]]:
-    """The multipliers to name and their places: those farthest off the circle, of these the
-    tightest place first."""
+    """Multipliers to name and their places: those farthest off the circle, of these the tightest
+    place first."""
     off = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
-    chosen = sorted(np.flatnonzero(which), key=lambda i: off[i])[-NAMED:]
+    chosen = sorted(np.flatnonzero(which), key=lambda i: off[i])[-MANY:]
     return [(complex(mu[i]), complex(shown[i])) for i in chosen]
 
 

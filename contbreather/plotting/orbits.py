@@ -30,7 +30,9 @@ from contbreather.plotting.canvas import (
     to_the_rim,
 )
 from contbreather.plotting.envelopes import LONG, ROWS, largest
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
+from contbreather.simulation.integrator import Sample
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
+from contbreather.simulation.states import State
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,14 +40,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PIECES = 400  # of a period
 TIME = "t"
+PERIODS = r"$t/2\pi$"  # the title of times
 BESIDE = 10  # sites of the infinite chain on each side of the first that hits
-MOMENTS = 200  # of a period of the forcing, in a picture over time
-COLOURS = "RdBu_r"  # white where a site is at rest
-SIZES = "Blues"  # as well
-UNLIKE = 10.0  # how much more than the swing of a state an axis reaches, if it has one of its own
-HIGH, LOW = 6.5, 3.0  # cm: a figure with one row of states, and what each further one adds
+MOMENTS = 400  # of a period, in a picture over time
 FINE = 12  # lines in an interval of a mesh, or in a step of the integrator
 
 
@@ -106,8 +104,12 @@ def plot_orbit(
     if x is not None or y is not None:
         raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
-    chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
-    t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
+    if sites is None:  # two beside the first that hits, as far as there are any
+        beside = [n % (whole.lattice.sites or n + 1) for n in (hit[0] + 1, hit[0] + 2)]
+        chosen = list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
+    else:
+        chosen = chosen_sites(sites)
+    t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with drawing(ax) as (drawn, axes):
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
@@ -117,20 +119,20 @@ def plot_orbit(
         # others may stand farther off
         for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
             axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
-        axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
+        axes.set(xlabel=PERIODS, ylabel="$u_n$")
         axes.margins(x=0.0)
         legend_above(axes)
     return drawn
 
 
 def solution_of(value: Any) -> Any:
-    """What a point of a branch is to its user; all else itself."""
+    """Return the solution of a point of a branch, if its problem has one; all else itself."""
     interpreted = isinstance(value, Point) and value.base_point.curve.problem.interpret is not None
     return value.solution if interpreted else value
 
 
 def drawn_orbit(value: object) -> Orbit:
-    """An orbit, or that of a point of a branch of orbits."""
+    """Return an orbit, or that of a point of a branch of orbits."""
     orbit = solution_of(value)
     if not isinstance(orbit, Orbit):
         raise no_orbit(orbit, "an orbit of a lattice")
@@ -138,7 +140,7 @@ def drawn_orbit(value: object) -> Orbit:
 
 
 def no_orbit(value: object, wanted: str) -> BadInput:
-    """What was given in place of an orbit, and where there is one or what draws this."""
+    """Error that names what was given in place of an orbit, and what draws it."""
     kind, instead = kind_of(value), "symmetric() finds breathers, cycle() cycles of flows"
     if isinstance(value, Branch):
         instead = "take one of its points, branch[0] for instance, or plot(branch)"
@@ -153,7 +155,7 @@ def no_orbit(value: object, wanted: str) -> BadInput:
 
 
 def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:
-    """Sites that move alike, mirror images for instance, with their motion: one line is seen."""
+    """Group sites that move alike, as mirror images do, with their motion: one line is seen."""
     motions: list[tuple[list[int], Array]] = []
     for n in chosen:
         u = orbit.displacement(n, t)
@@ -166,20 +168,11 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
 
 
 def chosen_sites(sites: object) -> list[int]:
-    """Sites that were asked for, one or several."""
     return [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
 
 
-def _near(hit: list[int], sites: int | None) -> list[int]:
-    """The sites that hit, and two beside the first of them, as far as there are any."""
-    beside = [hit[0] + 1, hit[0] + 2]
-    if sites is not None:
-        beside = [n % sites for n in beside]
-    return list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
-
-
 def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
-    """Each impact of these sites: its site as it was asked for, its time in units of 2 pi, and the
+    """Impacts of these sites: the site as it was asked for, its time in units of 2 pi, and the
     wall."""
     size = orbit.lattice.sites
     asked = {n if size is None else n % size: n for n in sites}
@@ -231,8 +224,8 @@ def plot_profile(
     chosen = _all_sites(motion) if sites is None else chosen_sites(sites)
     if sites is None and shape is None:
         shape = getattr(motion.lattice, "shape", None)
-    u = np.array([motion.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
-                  for n in chosen])  # fmt: skip
+    time = number("t", t, -math.inf, math.inf, "a time")
+    u = np.array([motion.displacement(n, time) for n in chosen])
     with drawing(ax) as (drawn, axes):
         if shape is None:
             _stems(axes, chosen, u, motion)
@@ -252,9 +245,10 @@ def plot_space_time(
     Parameters
     ----------
     motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
-        An orbit is shown over its period; a run as its sites were recorded densely, or else once a
-        period, which the scale says. Of more than 20 recorded periods, or 300 of the others, it is
-        the largest size of each site in a period, or in several.
+        An orbit is shown over its period; a run as its sites were recorded densely, of more than
+        20 periods by the largest size of each site in a period, or in several. Of a run without a
+        record the last 20 periods are shown, simulated again from its state before them; under
+        noise, its states once a period, which the scale says.
     sites : sequence of int, optional
         As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
         that of the site that hits, of a run that of the site that moves most, if all
@@ -270,32 +264,50 @@ def plot_space_time(
     ('$n$', '$t/2\\\\pi$')
     """
     row, title = _row_of_grid(motion) if sites is None else (None, "")
-    times, there, u = _field(motion, sites if row is None else row)
+    shown, periods = _with_record(motion)
+    title = ", ".join(filter(None, (title, periods)))
+    times, there, u = _field(shown, sites if row is None else row)
     words, signed = "$u_n$", True
-    if not isinstance(motion, Orbit | Point):
-        once = getattr(motion, "record", motion) is None  # a record is one itself
+    if not isinstance(shown, Orbit | Point):
+        once = getattr(shown, "record", shown) is None  # a record is one itself
         long = float(times[-1] - times[0]) / math.tau
         if once:
             words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
         if long > (ROWS if once else LONG):
-            times, u, words = largest(times, there, u, motion)
+            times, u, words = largest(times, there, u, shown)
             signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
     with drawing(ax, height=8.0) as (drawn, axes):
-        limit = float(np.abs(u).max()) or 1.0
-        look = {"cmap": COLOURS, "vmin": -limit} if signed else {"cmap": SIZES, "vmin": 0.0}
         mesh = axes.pcolormesh(
-            there, times / math.tau, u, **look, vmax=limit, shading="nearest", rasterized=True
+            there, times / math.tau, u, **_colours(u, signed), shading="nearest", rasterized=True
         )
-        axes.set(xlabel=label, ylabel=r"$t/2\pi$")
+        axes.set(xlabel=label, ylabel=PERIODS)
         axes.set_title(title, loc="left")
         _whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label=words)
     return drawn
 
 
+def _with_record(motion: Any) -> tuple[Any, str]:
+    """The end of a run without a record, simulated again with all sites recorded, and which of its
+    periods these are; anything else as it is.
+
+    At the strobe every site of a breather has one sign.
+    """
+    strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
+    if not strobed or getattr(motion, "noise", False):  # noise would be another one
+        return motion, ""
+    first = max(0, motion.periods - int(LONG))
+    state = State(motion.strobe.u[first], motion.strobe.v[first])
+    again = let_go(
+        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
+        sample=Sample(range(motion.sites)), progress=False,
+    )  # fmt: skip
+    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
+
+
 def _row_of_grid(motion: Any) -> tuple[range | None, str]:
-    """The sites of one row of a grid, and which it is; None of what is on no grid."""
+    """Sites of one row of a grid, and which it is; None off a grid."""
     if isinstance(motion, Record):
         return None, ""
     if isinstance(motion, SimulationRun | SmoothRun):
@@ -329,9 +341,8 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
             raise BadInput(
                 f"sites = {sites}: site {missing[0]} was not recorded; there are {motion.sites}"
             )
-        order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
-                       key=lambda i: motion.sites[i])  # fmt: skip
-        return motion.times, np.array(motion.sites)[order], motion.u[:, order]
+        there = np.sort([n for n in motion.sites if n in wanted])
+        return motion.times, there, motion.u[:, [motion.sites.index(n) for n in there]]
     orbit = drawn_orbit(motion)
     drawn = sorted(_all_sites(orbit) if sites is None else chosen_sites(sites))
     times = np.linspace(0.0, orbit.period, MOMENTS * orbit.section.turns + 1)
@@ -361,12 +372,20 @@ def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
     rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
     if rows * columns != u.size:
         raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
-    limit = float(np.abs(u).max()) or 1.0
-    image = ax.imshow(u.reshape(rows, columns), cmap=COLOURS, vmin=-limit, vmax=limit)
+    image = ax.imshow(u.reshape(rows, columns), **_colours(u))
     ax.set(xlabel="column", ylabel="row")
     _whole_numbers(ax.xaxis)
     _whole_numbers(ax.yaxis)
     ax.figure.colorbar(image, ax=ax, label="$u_n$")
+
+
+def _colours(u: Array, signed: bool = True) -> dict[str, Any]:
+    limit = float(np.abs(u).max()) or 1.0
+    return {
+        "cmap": "RdBu_r" if signed else "Blues",
+        "vmin": -limit if signed else 0.0,
+        "vmax": limit,
+    }
 
 
 def _whole_numbers(axis: Axis) -> None:
@@ -379,7 +398,7 @@ def _whole_numbers(axis: Axis) -> None:
 
 
 class Stretch(NamedTuple):
-    """One flow: times, states of shape (n, len(t)), and whether a condition ended it."""
+    """Flow: times, states of shape (n, len(t)), and whether a condition ended it."""
 
     t: Array
     states: Array
@@ -393,8 +412,8 @@ def draw_states(
     y: str | Sequence[str] | None,
     within: tuple[float, float] | None = None,
 ) -> Drawn:
-    """Lines of the flows; a dot where a condition ends one, and from there a dotted line to where
-    the next one begins."""
+    """Draw lines of the flows; a dot where a condition ends one, and from there a dotted line to
+    where the next one begins."""
     cycle = isinstance(motion, Cycle)
     names = motion.equations.states if isinstance(motion, Cycle) else motion.names
     x = TIME if x is None else x
@@ -402,13 +421,20 @@ def draw_states(
     for name in (x, *chosen):
         if name not in (TIME, *names):
             raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")
-    pieces = _of_cycle(motion) if isinstance(motion, Cycle) else _of_run(motion, within)
+    if isinstance(motion, Cycle):
+        pieces = [
+            Stretch(flight.start + flight.duration * s, states, flow.until is not None)
+            for flow, flight in zip(motion.equations.flows, motion.flights, strict=True)
+            for s, states in [flight.sampled(FINE)]
+        ]
+    else:
+        pieces = _of_run(motion, within)
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     together = _of_one_size(
         {name: np.concatenate([_column(piece, names, name) for piece in pieces]) for name in chosen}
     )
-    with drawing(ax, HIGH + LOW * (len(together) - 1)) as (drawn, axes):
+    with drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = _panels(axes, len(together))
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
@@ -437,7 +463,7 @@ def draw_states(
 
 
 def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
-    """States that can be read on one axis: the smallest swing fills a tenth of it, or more."""
+    """Group states that can be read on one axis: the smallest swing fills a tenth of it."""
     together: list[list[str]] = []
     spans = {name: (float(np.nanmin(u)), float(np.nanmax(u))) for name, u in columns.items()}
     # of a state at rest, but for rounding, there is nothing to be read
@@ -445,7 +471,7 @@ def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
     for name in columns:
         for its in together:
             lows, highs = zip(*(spans[n] for n in (*its, name)), strict=True)
-            reach = (max(highs) - min(lows)) / UNLIKE
+            reach = (max(highs) - min(lows)) / 10.0
             if all(spans[n][1] - spans[n][0] >= reach for n in (*its, name) if n in moving):
                 its.append(name)
                 break
@@ -468,23 +494,14 @@ def _panels(axes: Axes, count: int) -> list[Axes]:
 
 
 def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:
-    """The time or a state; nothing where this flow has fewer of them."""
     if name == TIME:
         return piece.t
     i = names.index(name)
     return piece.states[i] if i < len(piece.states) else np.full(piece.t.size, np.nan)
 
 
-def _of_cycle(orbit: Cycle) -> list[Stretch]:
-    pieces = []
-    for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
-        s, states = flight.sampled(FINE)
-        pieces.append(Stretch(flight.start + flight.duration * s, states, flow.until is not None))
-    return pieces
-
-
 def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Stretch]:
-    """Between the steps of the integrator by its own interpolant."""
+    """Sample each flow between the steps of the integrator, by its own interpolant."""
     first, last = (-np.inf, np.inf) if within is None else within
     pieces = []
     for piece in run.pieces:

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LISTS = (list, tuple)
-MOST = 30  # rows
-ROOM = 90  # characters in a row of a table
-SMALL = 100  # sites of a lattice whose multipliers are found at once
 
 
 def plot(
@@ -139,7 +136,7 @@ def plot(
 
 
 def _drawn(value: Any) -> tuple[Any, Any]:
-    """What is drawn of a value, and what draws it: of what is on disk the first result."""
+    """Choose what is drawn of a value, and what draws it: of what is on disk the first result."""
     match value:
         case Kept():
             return _drawn(next(iter(value.values()), None))
@@ -166,7 +163,7 @@ _PLOTS: dict[type, Any] = {
 
 
 def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
-    """A point of anybody's problem: an array unknown as a profile, numbers as a place."""
+    """Draw a point of anybody's problem: an array unknown as a profile, numbers as a place."""
     start = point.curve.problem.start
     name = next(iter(start))
     with drawing(ax) as (drawn, axes):
@@ -213,7 +210,7 @@ def card(value: Any) -> str:
         f"<div><p>{escape(_sentence(value))}</p>"
         '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
         f'<div style="background:white">{picture}</div>'
-        f'<div style="overflow-x:auto;max-width:40em">{table.html(ROOM, MOST)}</div></div></div>'
+        f'<div style="overflow-x:auto;max-width:40em">{table.html(90, 30)}</div></div></div>'
     )
 
 
@@ -241,11 +238,10 @@ def _sentence(value: Any) -> str:
 
 
 def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
-    """Its forcing, its impacts and its verdicts."""
     yield "forcing", orbit.forcing.describe()
     for impact in orbit.hits:
         values = f"wall {impact.wall:+d}, t = {impact.time:.6g}, velocity {impact.before:.6g}"
         yield f"impact of site {impact.site}", values
     yield "admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]
-    if orbit.lattice.sites is None or orbit.lattice.sites <= SMALL:
+    if orbit.lattice.sites is None or orbit.lattice.sites <= 100:  # multipliers found at once
         yield "stability", repr(orbit.stability()).strip("<>")

@@ -200,7 +200,7 @@ def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None)
 
 
 def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
-    """What a slow sweep saw, over its parameter: upwards and downwards in two colours.
+    """Draw a column of a slow sweep over its parameter, upwards and downwards in two colours.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
 
 
 def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
-    """Where each start of a plane ends, in colours that a legend explains.
+    """Draw the outcome of each start of a plane in colours that a legend explains.
 
     Examples
     --------

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, kind_of
 from contbreather.continuation.branch import Branch
+from contbreather.continuation.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
@@ -25,7 +26,6 @@ from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
     COLUMN,
-    MEETING,
     PAGE,
     VERMILLION,
     Drawn,
@@ -49,21 +49,24 @@ Array = NDArray[np.float64]
 Window = Mapping[str, tuple[float, float]]
 Lines = Mapping[str, Mapping[float, Sequence[Array]]]  # of a kind, at each value: (n, 3) arrays
 
+_DASHES: dict[str, Any] = {
+    "solid": "-",
+    "dashed": (0, (5, 1.5)),
+    "dashdot": (0, (6, 1.2, 1.2, 1.2)),
+}
+_COLOURS = {"black": BLACK, "vermillion": VERMILLION, "blue": BLUE}
 LINES: dict[str, dict[str, Any]] = {
-    "LP": {"color": BLACK, "linestyle": "-", "label": "fold (LP)"},
-    "GR": {"color": BLACK, "linestyle": (0, (5, 1.5)), "label": "grazing (GR)"},
-    "PF": {"color": VERMILLION, "linestyle": (0, (6, 1.2, 1.2, 1.2)), "label": "pitchfork (PF)"},
-    "NS": {"color": BLUE, "linestyle": "-", "label": "Neimark\N{EN DASH}Sacker (NS)"},
+    kind: {
+        "color": _COLOURS[look_of(kind).colour],
+        "linestyle": _DASHES[look_of(kind).line],
+        "label": f"{look_of(kind).name} ({kind})",
+    }
+    for kind in KINDS
 }
 CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impact left, $p \to 0$"}
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
 # Sizes of letters, and how far away the edge of the region must be for each.
 LETTERS = (("large", 0.048), ("small", 0.031), ("xx-small", 0.019))
-NODES = 60  # along a curve, on its surface
-FAINT = 0.25
-ZOOM = 0.82
-PADS = {"x": 4.0, "y": 4.0, "z": 0.0}  # points from the numbers to the name
-CROWDED, HEADROOM = 0.05, 0.08  # of the height: what a meeting below the top needs, and gets
 
 
 def plot_zones(
@@ -148,14 +151,14 @@ def _sheet(count: int) -> tuple[Figure, list[Axes]]:
 def draw_panels(
     several: Sequence[Zones], panels: Sequence[Axes], within: Window | None = None
 ) -> None:
-    """Everything but words and legend, which come last, when all else has its place."""
+    """Draw everything but words and legend, which come last, when all else has its place."""
     for i, (diagram, panel) in enumerate(zip(several, panels, strict=True)):
         letter = f"({ascii_lowercase[i % 26]}) " if len(several) > 1 else ""
         _panel(diagram, panel, letter, within)
 
 
 def _chain(zones: Zones) -> str:
-    """What the zones are about, where it is not the infinite chain under the paper's forcing."""
+    """Model of the zones, where it is not the infinite chain under the paper's forcing."""
     model = zones.model
     words = []
     if model["lattice"].sites is not None:
@@ -187,8 +190,8 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     ax.set(xlim=window[:2], ylim=window[2:])
     for point in zones.special:
         to_the_rim(ax.plot(
-            point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
-            markersize=5, markeredgewidth=0.8, zorder=4,
+            point[horizontal], point[vertical], MEETING.marker, color=BLACK, zorder=4,
+            markerfacecolor="white", markersize=5, markeredgewidth=0.8,
         ))  # fmt: skip
 
 
@@ -200,8 +203,8 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
         top = NUMBERS[name].high if name in NUMBERS else float("inf")
         limits += [start, min(high + 0.04 * (high - low), top)]
     low, high = box[1]
-    if any(point[zones.pair[1]] > high - CROWDED * (high - low) for point in zones.special):
-        limits[3] += HEADROOM * (high - low)  # for the names of the meetings
+    if any(point[zones.pair[1]] > high - 0.05 * (high - low) for point in zones.special):
+        limits[3] += 0.08 * (high - low)  # for the names of the meetings
     return limits[0], limits[1], limits[2], limits[3]
 
 
@@ -218,7 +221,7 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
 
 
 def _letter(ax: Axes, region: Region) -> None:
-    """As large as fits into the region; none where none fits."""
+    """Letter a region as large as fits; not where none fits."""
     for size, room in LETTERS:
         if region.room > room:
             ax.text(
@@ -249,7 +252,7 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
 
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
-    """Codim-2 points as words: where, and the two kinds that meet, stability first."""
+    """Places and names of codim-2 points, the kinds that meet, stability first."""
     x, y = zones.pair
     words = (name.replace("-", "\N{EN DASH}") for name in zones.meetings())
     return [
@@ -319,16 +322,15 @@ def plot_atlas(
         for kind, curves in lines.items():
             _draw(panel, kind, curves, values)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
-            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
+            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=0.0 if axis == "z" else 4.0)
             panel.locator_params(axis=axis, nbins=5)
-        panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
+        panel.set_box_aspect(None, zoom=0.82)  # the layout does not know of the labels
         small = legend_size(panel)
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize=small)
     return drawn
 
 
 def _words(atlas: Any, name: str) -> list[str]:
-    """Of an attribute."""
     try:
         words: str = getattr(atlas, "attrs", {})[name]
     except KeyError as error:
@@ -338,7 +340,6 @@ def _words(atlas: Any, name: str) -> list[str]:
 
 
 def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
-    """The parameter that has several values."""
     fixed = _words(atlas, "fixed")
     names = [*fixed, *(_words(atlas, "over") if "over" in atlas.attrs else ())]
     several = [name for name in names if name not in at and len(np.unique(atlas[name])) > 1]
@@ -353,7 +354,7 @@ def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
 def _lines(
     atlas: Dataset, names: Sequence[str], at: Mapping[str, float], kinds: Sequence[str]
 ) -> Lines:
-    """The curves of each kind at each value of the third parameter."""
+    """Curves of each kind at each value of the third parameter."""
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
             there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)
@@ -376,7 +377,6 @@ def _lines(
 def _draw(
     ax: Any, kind: str, lines: Mapping[float, Sequence[Array]], values: Sequence[float]
 ) -> None:
-    """All curves of a kind, and the surfaces between them."""
     strips = [_strips(lines.get(low, ()), lines.get(high, ())) for low, high in pairwise(values)]
     bare = sum(not strip for strip in strips)
     missing = f", {'partly ' * (bare < len(strips))}curves alone" if bare else ""
@@ -389,14 +389,14 @@ def _draw(
         ax.plot_surface(
             *np.stack([curve, partner]).transpose(2, 0, 1),
             color=style["color"],
-            alpha=FAINT,
+            alpha=0.25,
             linewidth=0,
             shade=False,
         )
 
 
 def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, Array]]:
-    """Curves at two neighbouring values side by side, if there are equally many."""
+    """Pair curves at two neighbouring values, if there are equally many."""
     if len(here) != len(there):
         return []
     left, pairs = [_even(points) for points in there], []
@@ -408,9 +408,8 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
 
 
 def _even(points: Array) -> Array:
-    """As many nodes for each curve, at equal distances in units of its extent."""
     extent = np.ptp(points, axis=0)
-    return evenly(points, NODES, np.where(extent > 0, extent, 1.0))
+    return evenly(points, 60, np.where(extent > 0, extent, 1.0))
 
 
 def _apart(curve: Array, other: Array) -> float:

@@ -8,18 +8,16 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from contbreather import explorer
 from contbreather.errors import BadInput
 from contbreather.explorer import server_for
 
@@ -142,20 +140,25 @@ def test_a_name_that_it_is_told_is_its_own() -> None:
         assert process.wait() == 130
 
 
-@pytest.mark.parametrize(("more", "opened"), [("", ["/"]), (" --headless", [])])
-def test_a_browser_is_opened_once_it_serves(
-    more: str, opened: list[str], run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[str] = []
-    later: list[Callable[[], None]] = []
-    loop = SimpleNamespace(
-        add_callback=lambda do, *given: later.append(partial(do, *given)),
-        start=lambda: [do() for do in later],
-    )
-    server = SimpleNamespace(io_loop=loop, show=seen.append, start=lambda: None)
-    monkeypatch.setattr(explorer, "server_for", lambda *given, **options: (server, "http://x/"))
-    assert run(f"explore{more}")[0] == 130
-    assert seen == opened
+@pytest.mark.parametrize("headless", [False, True])
+def test_a_browser_is_opened_once_it_serves(headless: bool, tmp_path: Path) -> None:
+    opened = tmp_path / "opened"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {opened}.part && mv {opened}.part {opened}\n')
+    browser.chmod(0o755)
+    explore = ("-m", "contbreather", "explore", *["--headless"] * headless)
+    with begun(*explore, env={"BROWSER": str(browser)}) as process:
+        assert process.stdout is not None
+        url = process.stdout.readline().split()[4]
+        assert answer(url, "GET / HTTP/1.1\nHost: localhost") == "HTTP/1.1 200 OK"
+        while not (headless or opened.exists()):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+    assert opened.exists() != headless
+    if not headless:
+        assert opened.read_text().strip().replace("localhost", "127.0.0.1") == url
 
 
 def test_a_port_that_is_taken_is_refused(run: Run) -> None:

@@ -6,7 +6,6 @@ import re
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,13 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.errors import BadInput, Interrupted, NoSolution
+from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, jobs, session, views
 from contbreather.explorer.jobs import Computation, JobThread, Progress
-from contbreather.explorer.state import drawn_columns, names, plane_in_words, verdicts
+from contbreather.explorer.state import PageState, drawn_columns, names, plane_in_words, verdicts
 from contbreather.explorer.style import LIGHT
 
 from ..apart import HUNG
-from .ready import ready
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
 
@@ -199,33 +197,18 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     assert explorer.state.awaited == ""
 
 
-@pytest.fixture(scope="module")
-def elsewhere() -> Any:
-    return cb.zones(k=0.6)
-
-
-def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
-    monkeypatch: pytest.MonkeyPatch, elsewhere: Any, diagram: Any
-) -> None:
+def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted() -> None:
     """As arrow keys held on the slider have it: away, and back before the first has come."""
-    left, right = elsewhere, diagram
-    may_come = threading.Event()
-
-    def slowly(k: float, **_: Any) -> Any:
-        assert k == 0.8 or may_come.wait(HUNG)
-        return left if k == 0.6 else right
-
-    monkeypatch.setattr(session, "zones", slowly)
     explorer = Explorer(k=0.8)
     explorer.look_at(0.8)
     assert explorer.wait(HUNG)
+    right = explorer.state.plane
     explorer.look_at(0.6)
     explorer.look_at(0.8)
-    may_come.set()
     assert explorer.wait(HUNG)
-    assert explorer.state.plane is not None
-    assert explorer.state.plane.fixed == explorer.state.fixed == ("k", 0.8)
     assert explorer.state.plane is right
+    assert right is not None
+    assert right.fixed == explorer.state.fixed == ("k", 0.8)
 
 
 def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
@@ -242,9 +225,7 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     explorer.stop()
 
 
-def test_zones_are_those_of_the_ring_that_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = {"gamma": (0.05, 0.0501), "a": (0.79, 0.82)}
-    monkeypatch.setattr(session, "zones", partial(cb.zones, within=few))
+def test_zones_are_those_of_the_ring_that_is_set() -> None:
     explorer = Explorer(k=0.8)
     explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
     assert explorer.wait(HUNG)
@@ -253,23 +234,22 @@ def test_zones_are_those_of_the_ring_that_is_set(monkeypatch: pytest.MonkeyPatch
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
-def test_zones_follow_a_chosen_point_to_what_it_lives_on(
-    monkeypatch: pytest.MonkeyPatch, diagram: Any
-) -> None:
-    asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), diagram)[1])
+def test_zones_follow_a_chosen_point_to_what_it_lives_on() -> None:
     on = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
     window = {"a": (0.5, 0.52)}
     there = cb.trace(cb.symmetric(0.5, 0.05, 0.8, **on), "a", within=window)
     explorer = Explorer(there, cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within=window))
-    for curve, wanted in (("given1", on), ("given2", {}), ("given1", on)):
+    small = "open chain with free ends, 3 sites, site 1, damping = 0.02"
+    for curve, wanted, words in (("given1", on, small), ("given2", {}, "infinite chain")) * 2:
         explorer.choose_point(curve, 1)
         explorer.choose_point(curve, 2)
         assert explorer.wait(HUNG)
         assert not explorer.state.awaited
+        assert explorer.state.plane is not None
+        assert plane_in_words(explorer.state.plane) == words
         explorer.choose_at(a=0.3, gamma=0.06)
         assert explorer.chosen.orbit.p == cb.symmetric(0.3, 0.06, 0.8, **wanted).p
-    assert [{name: given[name] for name in on if name in given} for given in asked] == [on, {}]
+    explorer.choose_point("given1", 1)
     said = next(line for line in explorer.script().splitlines() if line.startswith("zones = "))
     assert said == "zones = cb.zones(k=0.8, damping=0.02, site=1, lattice=given1[1].lattice)"
     assert there[1].lattice == on["lattice"]
@@ -297,9 +277,7 @@ def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
     assert explorer.wait(HUNG)
 
 
-def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
-    monkeypatch: pytest.MonkeyPatch, diagram: Any
-) -> None:
+def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(diagram: Any) -> None:
     model = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
     branch = cb.trace(cb.symmetric(0.74, 0.03, 0.8, **model), "a", towards="up")
     line = cb.boundary(branch.first("PF"), ("gamma", "a"), steps=cb.Steps(most=2))
@@ -307,18 +285,9 @@ def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
         diagram, curves=dict.fromkeys(diagram.curves, ()) | {"PF": (line,)}, interrupted=True
     )
 
-    def stopped(**_: Any) -> Any:
-        raise Interrupted("stopped", partial=piece)
-
-    monkeypatch.setattr(session, "zones", stopped)
-    explorer = Explorer()
-    explorer.look_at(0.8)
-    assert explorer.wait(HUNG)
-    drawn = explorer.state.plane
-    assert drawn is piece
     view = views.ZonesView(LIGHT)
-    view.show(drawn)
-    view.title(explorer.state)
+    view.show(piece)
+    view.title(PageState(plane=piece))
     on = "open chain with free ends, 3 sites, site 1, damping = 0.02, k = 0.8"
     said = view.figure.title.text.replace("\n", " ").strip()
     assert said == f"{on}, stopped: curves may be missing"
@@ -364,14 +333,11 @@ def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
     assert made["zones"] == {"gamma": 0.12}
 
 
-def test_a_plane_that_cannot_be_is_refused_and_the_last_one_stays(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_plane_that_cannot_be_is_refused_and_the_last_one_stays() -> None:
     explorer = Explorer()
-    known = cb.zones(gamma=0.1, within={"k": (0.8, 0.9), "a": (0.05, 0.2)})
-    ready(monkeypatch, known)
     explorer.look_at(0.1, fixed="gamma")
     assert explorer.wait(HUNG)
+    known = explorer.state.plane
     for name in ("damping", "q"):
         with pytest.raises(BadInput, match=f"'{name}' is fixed in no plane of zones: one of a, "):
             explorer.look_at(0.1, fixed=name)
