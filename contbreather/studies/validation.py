@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from contbreather.continuation.kinds import LOOKS, look_of
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.parameters import NAMES
@@ -206,6 +207,10 @@ def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
             yield place, f"{wanted!r} was expected"
         elif name in _origins(study, source):
             yield place, f"it comes from itself, by way of {source!r}"
+        at = table.at.rstrip("0123456789")
+        if kind not in look_of(at).starts and "-" not in at:  # where two meet either may start
+            have = ", ".join(one for one, look in LOOKS.items() if kind in look.starts)
+            yield (kind, name, "at"), f"{kind} start at {have}, PF1 for instance; got {table.at!r}"
     for name, figure in study.figure.items():
         families = [drawing.family for drawing in figure.draws]
         for family in families:
