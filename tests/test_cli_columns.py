@@ -108,11 +108,11 @@ def test_json_of_a_run_repeats_what_was_asked(run) -> None:
 
 
 def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run) -> None:
-    from contbreather.cli.simulate import draw
+    from contbreather.cli.simulate import RunSummary, of_run
 
     state = cb.symmetric(0.2, 0.04, 0.8).state(6)
     own = cb.simulate(state, a=0.2, gamma=0.04, k=0.8, damping=0.02, periods=20)
-    motion, section, where = draw(own).axes
+    motion, section, where = of_run(RunSummary(own)).draw().axes
     names = [text.get_text() for text in motion.get_legend().get_texts()]
     assert names == ["$u_{0}$", "$u_{1}$", "$u_{3}$"]
     times = motion.get_lines()[0].get_xdata()
@@ -275,6 +275,18 @@ def data_of(ax) -> np.ndarray:
     [
         ("branch --free gamma --a 0.2 --k 0.8", "gamma", "p", (r"$\gamma$", "$p$")),
         ("boundary PF --k 0.8", "gamma", "a", (r"$\gamma$", "$a$")),
+        (
+            "branch --free gamma --a 0.2 --k 0.8 --x p --y unstable",
+            "p",
+            "unstable",
+            ("$p$", "unstable"),
+        ),
+        (
+            "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101 --y nu --x k",
+            "k",
+            "nu",
+            ("$k$", r"$\nu$"),
+        ),
     ],
 )
 def test_picture_of_a_curve_is_that_of_its_columns(

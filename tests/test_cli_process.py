@@ -23,7 +23,6 @@ from contbreather.cli.process import (
     CutShort,
     abandon,
     computing,
-    end,
     interruptible,
     prepare,
     trouble,
@@ -332,9 +331,6 @@ def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> Non
     assert until_interrupted(cut) == ("half of it", True)
     with pytest.raises(Interrupted):
         until_interrupted(nothing)
-    end(False)
-    with pytest.raises(CutShort):
-        end(True)
 
 
 # --- what is written ------------------------------------------------------------------------------
