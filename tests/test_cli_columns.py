@@ -382,11 +382,11 @@ COMMANDS = {
     ),
     "branch --free gamma --a 0.2 --k .8 --window 0.09 0.1": (
         f"free {SAID} {branch('', f'{BREATHER} {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
+        {"--csv": "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"},
     ),
     "boundary NS --k .8 --gamma .1 --window .1 .105": (
         f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,nu,label"},
+        {"--csv": "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,nu"},
     ),
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
@@ -394,7 +394,7 @@ COMMANDS = {
         f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
         f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t site')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
-        {"--csv": "arm,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c,label"},
+        {"--csv": "arm,label,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c"},
     ),
     "diagram --free a --gamma .04 --k .8 --a .75 --window 0.7 0.85": (
         f"free {SAID} failed left edges[].from edges[].to edges[].relation"
@@ -402,7 +402,7 @@ COMMANDS = {
         f" {under('points.*', f'{BREATHER} {ARM}')}"
         f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
         f" {under('branches[].special[]', f'{NORMAL_FORM} parent')}",
-        {"--csv": "branch,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
+        {"--csv": "branch,label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"},
     ),
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"

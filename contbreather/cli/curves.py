@@ -21,10 +21,10 @@ from contbreather.cli.output import (
     lines_of,
     lives_on,
     model_entry,
-    number_columns,
     point_entry,
     say,
     sentences,
+    table_of,
     to_json,
 )
 from contbreather.cli.process import until_interrupted
@@ -272,7 +272,7 @@ def switch(
     result = Result(
         lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
         partial(_lines, point, parent, arms),
-        partial(branch_table, arms, "arm", 1),
+        partial(branch_table, arms, "arm"),
         partial(_drawn, parent, arms),
     )
     into.leave(result, cut=cut)
@@ -310,8 +310,8 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     """A line for each special point of each arm."""
     from contbreather.tables import Column, Sheet
 
-    free, there = arms[0].free, number_columns(arms[0])
-    names = [free, *(name for name in SHOWN if name in there)]
+    free = arms[0].free
+    names = [free, *(name for name in SHOWN if name in arms[0].names)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     columns = [
         Column(name, [point.table_value(name) for _, point in lines], spare=name in TIMES)
@@ -429,7 +429,7 @@ def of_diagram(tree: Any) -> Result:
     return Result(
         partial(diagram_entry, tree),
         lambda: [tree],
-        partial(branch_table, tree.branches, "branch"),
+        lambda: table_of(tree.columns()),
         partial(cb.plotting.plot_diagram, tree),
     )
 

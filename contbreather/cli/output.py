@@ -75,9 +75,10 @@ def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
 
 
 def table_of(columns: Mapping[str, Any]) -> Table:
-    """Columns as rows, for CSV."""
-    plain = [array.tolist() if hasattr(array, "tolist") else array for array in columns.values()]
-    return list(columns), zip(*plain, strict=True)
+    """Turn columns of single numbers into rows, for CSV."""
+    flat = {name: column for name, column in columns.items() if getattr(column, "ndim", 1) == 1}
+    plain = [array.tolist() if hasattr(array, "tolist") else array for array in flat.values()]
+    return list(flat), zip(*plain, strict=True)
 
 
 def sentences(lines: Iterable[str]) -> list[str]:
@@ -203,32 +204,12 @@ class SavedRun(SavedOutput):
 # --- branches -----------------------------------------------------------------------------------
 
 
-def number_columns(branch: cb.Branch) -> list[str]:
-    """Columns of a branch that are numbers."""
-    first = branch[0]
-    return [n for n in branch.names if n in OWN or not getattr(first[n], "ndim", 0)]
+def branch_table(branches: Sequence[cb.Branch], tag: str = "") -> Table:
+    """Make the table of the library, of several branches one below the other, numbered."""
+    from contbreather.columns import stacked
 
-
-OWN = ("arclength", "residual")  # columns that points have as attributes
-
-
-def branch_table(branches: Sequence[cb.Branch], tag: str = "", first: int = 0) -> Table:
-    """Columns, and a row for each point, in order along each branch, with its label; the branches
-    are numbered under `tag`."""
-    names = dict.fromkeys(name for branch in branches for name in number_columns(branch))
-    columns = [*filter(None, [tag]), *names, "label"]
-
-    def rows() -> Iterator[list[Any]]:
-        for number, branch in enumerate(branches, start=first):
-            own, cells = table_of({name: branch[name] for name in number_columns(branch)})
-            counts = [name for name in branch.problem.record if name in own]
-            for point, values in zip(branch, cells, strict=True):
-                row = {tag: number, **dict(zip(own, values, strict=True)), "label": point.label}
-                if point.kind:  # no count where rounding decides it, as in tables
-                    row |= {name: point.table_value(name) for name in counts}
-                yield [row.get(name) for name in columns]
-
-    return columns, rows()
+    numbers = enumerate(branches, start=1)
+    return table_of(stacked(({tag: i} if tag else {}, one.tabulated()) for i, one in numbers))
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
@@ -278,7 +259,7 @@ def lives_on(branch: cb.Branch) -> dict[str, Any]:
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:
     """A branch for JSON: all columns, special points, and why it ends where it does."""
     return {
-        "columns": {name: branch[name] for name in number_columns(branch)},
+        "columns": {name: of for name in branch.names if (of := branch[name]).ndim == 1},
         "special": [point_entry(point) for point in branch.special],
         "doubtful": [point_entry(point) for point in branch.doubtful],
         "ends": end_sentences(branch),

@@ -176,7 +176,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     draw = partial(_branches_drawn, results, axes)
     arms = all(isinstance(one, cb.Branch) and one[0].parent and lives_on(one) for one in results)
     if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
-        table = partial(branch_table, results, "arm", 1)
+        table = partial(branch_table, results, "arm")
         return Result(partial(arms_entry, results), list, table, draw)
     match results:
         case [cb.Branch() as branch]:
@@ -216,12 +216,9 @@ def _stacked(by_name: Mapping[str, Any]) -> Table:
     results = list(by_name.values())
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
-    if len(by_name) > 1:
-        return table_of(
-            stacked(({"name": name}, result.columns()) for name, result in by_name.items())
-        )
-    columns = results[0].columns().items()
-    return table_of({name: column for name, column in columns if column.ndim == 1})
+    heads = [{"name": name} if len(by_name) > 1 else {} for name in by_name]
+    tables = [result.columns() for result in results]
+    return table_of(stacked(zip(heads, tables, strict=True)))
 
 
 def _branches_drawn(results: list[Any], axes: Axes) -> Any:
