@@ -108,11 +108,11 @@ def test_json_of_a_run_repeats_what_was_asked(run) -> None:
 
 
 def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run) -> None:
-    from contbreather.cli.simulate import draw
+    from contbreather.cli.simulate import RunSummary, of_run
 
     state = cb.symmetric(0.2, 0.04, 0.8).state(6)
     own = cb.simulate(state, a=0.2, gamma=0.04, k=0.8, damping=0.02, periods=20)
-    motion, section, where = draw(own).axes
+    motion, section, where = of_run(RunSummary(own)).draw().axes
     names = [text.get_text() for text in motion.get_legend().get_texts()]
     assert names == ["$u_{0}$", "$u_{1}$", "$u_{3}$"]
     times = motion.get_lines()[0].get_xdata()
@@ -275,6 +275,18 @@ def data_of(ax) -> np.ndarray:
     [
         ("branch --free gamma --a 0.2 --k 0.8", "gamma", "p", (r"$\gamma$", "$p$")),
         ("boundary PF --k 0.8", "gamma", "a", (r"$\gamma$", "$a$")),
+        (
+            "branch --free gamma --a 0.2 --k 0.8 --x p --y unstable",
+            "p",
+            "unstable",
+            ("$p$", "unstable"),
+        ),
+        (
+            "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101 --y nu --x k",
+            "k",
+            "nu",
+            ("$k$", r"$\nu$"),
+        ),
     ],
 )
 def test_picture_of_a_curve_is_that_of_its_columns(
@@ -370,11 +382,11 @@ COMMANDS = {
     ),
     "branch --free gamma --a 0.2 --k .8 --window 0.09 0.1": (
         f"free {SAID} {branch('', f'{BREATHER} {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
+        {"--csv": "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"},
     ),
     "boundary NS --k .8 --gamma .1 --window .1 .105": (
         f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,nu,label"},
+        {"--csv": "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,nu"},
     ),
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
@@ -382,7 +394,7 @@ COMMANDS = {
         f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
         f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t site')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
-        {"--csv": "arm,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c,label"},
+        {"--csv": "arm,label,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c"},
     ),
     "diagram --free a --gamma .04 --k .8 --a .75 --window 0.7 0.85": (
         f"free {SAID} failed left edges[].from edges[].to edges[].relation"
@@ -390,7 +402,7 @@ COMMANDS = {
         f" {under('points.*', f'{BREATHER} {ARM}')}"
         f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
         f" {under('branches[].special[]', f'{NORMAL_FORM} parent')}",
-        {"--csv": "branch,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
+        {"--csv": "branch,label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"},
     ),
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"

@@ -23,7 +23,6 @@ from contbreather.cli.process import (
     CutShort,
     abandon,
     computing,
-    end,
     interruptible,
     prepare,
     trouble,
@@ -332,9 +331,6 @@ def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> Non
     assert until_interrupted(cut) == ("half of it", True)
     with pytest.raises(Interrupted):
         until_interrupted(nothing)
-    end(False)
-    with pytest.raises(CutShort):
-        end(True)
 
 
 # --- what is written ------------------------------------------------------------------------------
@@ -346,7 +342,7 @@ def test_a_table_on_standard_output_has_it_to_itself(name: str) -> None:
     command = [sys.executable, "-m", "contbreather", *line, "--csv", name]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     header, *rows = done.stdout.splitlines()
-    assert header == "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"
+    assert header == "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"
     assert all(row.count(",") == header.count(",") for row in rows)
     assert "6 points; reached the edge of the window" in " ".join(done.stderr.split())
 

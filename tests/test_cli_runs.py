@@ -51,7 +51,7 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        ("show", "RUN is missing"),
+        ("show", "RUN is missing; see contbreather show --help"),
         ("show nothing.nc", "cannot read nothing.nc: No such file"),
         ("show bad.nc", "cannot read bad.nc: it is not a netCDF-4 file"),
         ("show folder", "there is no file in it that `save` wrote"),
@@ -61,7 +61,7 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
             "extend b.nc --window 0.7 0.8 --end first",
             r"a in \(0\.7, 0\.76\), at a = 0\.7, and \(0\.7, 0\.8\) was asked for: ",
         ),
-        ("extend b.nc --window 0.9 0.7", "window 0.9 to 0.7 of a: two finite numbers"),
+        ("extend b.nc --window 0.9 0.7", r"the window of 'a' is empty: \(0\.9, 0\.7\)"),
         ("extend b.nc EP1", "'EP1' is not a branch or a boundary; there are branch"),
         ("extend b.nc --window 0.9 1", "the start has a=0.76, outside"),
         (f"{BRANCH[:-4]}b.nc --csv b.nc", "--csv and --save both name b.nc"),
@@ -149,32 +149,6 @@ def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(
     assert (status, len(out) > 40) == (0, True)
     if name == "zones2":
         assert "Points on the curves at k = 0.7: " in run("show kept.nc zones2")[1]
-
-
-def test_columns_of_a_figure_are_those_that_are_asked_for(kept: Run, monkeypatch) -> None:
-    asked = []
-    plain = cb.plotting.plot
-
-    def plot(*branches, **named):
-        asked.append(named)
-        return plain(*branches, **named)
-
-    monkeypatch.setattr(cb.plotting, "plot", plot)
-    branch = BRANCH.removesuffix(" --save b.nc")
-    boundary = "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101"
-    for line in (f"{branch} --x p --y phi", "show b.nc --y unstable", f"{boundary} --y nu --x k"):
-        assert kept(f"{line} -o c.png")[0] == 0
-    assert asked == [{"x": "p", "y": "phi"}, {"x": None, "y": "unstable"}, {"x": "k", "y": "nu"}]
-    monkeypatch.setattr(cb.continuation, "trace", None)  # nothing is computed for what is wrong
-    monkeypatch.setattr(cb.continuation, "boundary", None)
-    for line, sentence in (
-        (f"{branch} -o c.png --x height", "--x: no column 'height'; there are p, phi, a, gamma"),
-        (f"{boundary} -o c.png --y height", "--y: no column 'height'; there are p, phi"),
-        (f"{branch} --y p", "--y p: nothing is drawn; name a figure, -o branch.png"),
-        (f"{branch} --largest 0", "largest must be finite and positive"),
-    ):
-        status, out, err = kept(line)
-        assert (status, out, sentence in err) == (2, "", True), err
 
 
 def test_steps_are_as_long_as_they_are_asked_to_be(kept: Run) -> None:

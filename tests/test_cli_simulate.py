@@ -46,7 +46,7 @@ def test_run_is_that_of_the_library_to_the_last_digit(run):
     assert [float(row["u_3"]) for row in rows] == own.strobe.u[:, 3].tolist()
     assert [float(row["v_11"]) for row in rows] == own.strobe.v[:, 11].tolist()
     assert [float(row["phase"]) for row in table("i.csv")] == own.impacts["phase"].tolist()
-    assert content["written"] == ["s.csv", "i.csv"]
+    assert content["written"] == ["i.csv", "s.csv"]
 
 
 def test_breather_that_is_lost_is_said_to_be_and_when(run):

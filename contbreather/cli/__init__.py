@@ -29,11 +29,6 @@ COMMANDS = {  # each a function of its name, in this module
     "figure": "packages", "explore": "packages", "show": "show", "extend": "show",
     "run": "packages",
 }  # fmt: skip
-LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
-CHAINS_ONLY = {
-    "atlas": "its curves are followed in closed form, on the infinite chain or a ring (--sites N)",
-    "figure": "the figures are those of the paper, with its lattices and walls",
-}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +46,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = [STDOUT if token == "-" else token for token in typed if token != VERBOSE]
     try:
         with interruptible(alone=arguments is None), heard(VERBOSE in typed):
-            status = _about() if typed == ["--version", VERBOSE] else _run(tokens)
+            status = _run(tokens)
+            if typed == ["--version", VERBOSE]:
+                from contbreather.compiler import status as compiled
+
+                print(compiled())  # whether loops are
             sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
@@ -72,14 +71,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def _about() -> int:
-    """The version, and whether its loops are compiled."""
-    from contbreather.compiler import status
-
-    print(f"{__version__}\n{status()}")
-    return DONE
-
-
 def _run(tokens: list[str]) -> int:
     from cyclopts import CycloptsError
 
@@ -93,20 +84,11 @@ def _run(tokens: list[str]) -> int:
 
 
 def _sentence(error: Exception) -> str:
-    """What the parser has to say, on one line, with the way on."""
-    from cyclopts import (
-        MissingArgumentError,
-        UnknownCommandError,
-        UnknownOptionError,
-        UnusedCliTokensError,
-    )
+    """Say what the parser found, on one line, with the way on."""
+    from cyclopts import MissingArgumentError, UnknownCommandError, UnusedCliTokensError
 
     command = getattr(error, "command_chain", None) or ()
     way_on = f"see {' '.join(('contbreather', *command))} --help"
-    if isinstance(error, UnknownOptionError) and error.token.keyword in LATTICES:
-        for name, reason in CHAINS_ONLY.items():
-            if name in command:
-                return f"{error.token.keyword} is not an option of {name}: {reason}"
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
         return (
@@ -115,13 +97,16 @@ def _sentence(error: Exception) -> str:
         )
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         count, so_far = error.argument.token_count()[0], len(error.tokens_so_far)
+        if error.keyword is None:
+            return f"{error.argument.name} is missing; {way_on}"
         wanted = "a value" if count == 1 else f"{count} values, apart by blanks"
         got = f"{so_far} was given" if so_far else "none was given"
         return f"{error.keyword or error.argument.name} takes {wanted}, and {got}; {way_on}"
     text = " ".join(str(error).split())
     if isinstance(error, UnknownCommandError):  # its list of commands stops after eight
         text = text.partition(" Available commands")[0]
-    return f"{text.rstrip('.')}; {way_on}"
+    asks = text.endswith("?")
+    return f"{text} {way_on.capitalize()}" if asks else f"{text.rstrip('.')}; {way_on}"
 
 
 def _refused(reason: object, status: int) -> int:
@@ -137,13 +122,13 @@ def _refused(reason: object, status: int) -> int:
 
 
 def _shown(default: Any) -> str | None:
-    """What help says of a default; of none nothing."""
+    """Write a default for help; nothing where it says nothing."""
     shown = " ".join(map(str, default)) if isinstance(default, tuple) else str(default)
     return shown if shown not in ("", "False", "None") else None
 
 
 def application() -> App:
-    """All commands; each imports what it needs when it runs."""
+    """Gather all commands; each imports what it needs when it runs."""
     from cyclopts import App, Parameter
 
     app = App(

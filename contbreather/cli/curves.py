@@ -3,25 +3,16 @@ in one parameter, of events in two, and the branches that leave others, once or 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import contbreather as cb
-from contbreather.cli.options import (
-    Axes,
-    BranchWindow,
-    ModelArguments,
-    ModelOptions,
-    StepSizes,
-    Whole,
-    Window,
-    typed_interval,
-)
+from contbreather.cli.options import Axes, BranchWindow, ModelOptions, StepSizes, Whole, Window
 from contbreather.cli.output import (
-    Output,
+    Result,
     SavedOutput,
     branch_entry,
     branch_table,
@@ -29,22 +20,22 @@ from contbreather.cli.output import (
     end_sentences,
     lines_of,
     lives_on,
-    number_columns,
+    model_entry,
     point_entry,
     say,
     sentences,
+    table_of,
     to_json,
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput, NotConverged
-from contbreather.parameters import NAMES, NEEDED
+from contbreather.parameters import NAMES, NEEDED, window_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contbreather.tables import Sheet
 
-KINDS = ("LP", "PF", "PD", "NS", "GR")
 TIMES = ("t1", "t2", "t3", "t4")
 SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
@@ -70,22 +61,24 @@ def point(
     """
     from contbreather.orbits.closed_form import rooted
 
-    values, rule = where.need(*NEEDED), where.on()
-    # of a point, --sites asks for a ring besides the infinite chain
-    on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
-    roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
+    on = where.on()
+    verge = where.verge(ring := on["lattice"])
+    if where.sites is not None:  # of a point it asks for a ring besides the infinite chain
+        on = replace(where, sites=None).on()
+    roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**where.given(), **on})
     breather = rooted(roots, root)
     others = [other for other in roots if other is not breather]
-    finite = on.lattice.sites is not None
-    verdicts = [breather.stability(threshold=on.threshold) if finite else breather.stability()]
+    finite = breather.lattice.sites is not None
+    verdicts = [breather.stability(threshold=verge) if finite else breather.stability()]
     if where.sites is not None:  # by the paper's rule besides
-        verdicts.append(breather.stability(sites=rule.lattice.sites, threshold=rule.threshold))
-    content = _content(breather, on, verdicts, others, where.sites)
+        verdicts.append(breather.stability(sites=ring.sites, threshold=verge))
+    entry = _entry(breather, verdicts, others, model_entry(verge, **on), where.sites)
+    content = {**entry, "root": roots.index(breather) + 1}
     proof = breather.certify() if certify else None
     if proof is not None:
         content["certificate"] = asdict(proof)
     if json:
-        to_json({**content, "root": roots.index(breather) + 1})
+        to_json(content)
     else:
         judged = breather.lattice.sites is None and content["admissible"]
         isolated = verdicts[0].multipliers if judged else ()
@@ -96,15 +89,15 @@ def point(
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
-def _content(
-    breather: Any, on: ModelArguments, verdicts: list[Any], others: list[Any], sites: int | None
+def _entry(
+    breather: Any, verdicts: list[Any], others: list[Any], on: dict[str, Any], sites: int | None
 ) -> dict[str, Any]:
     verdict, margins = verdicts[0], breather.admissibility()
     # what goes through a wall is no motion of the lattice, be its linearisation what it may
     judged = margins.ok
     content: dict[str, Any] = {
         **{name: getattr(breather, name) for name in NAMES},
-        **on.entry(),
+        **on,
         **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
         "admissible": margins.ok,
         "max_neighbour": margins.max_neighbour,
@@ -117,7 +110,7 @@ def _content(
             for other in others
         ],
     }
-    if on.lattice.sites is not None:
+    if breather.lattice.sites is not None:
         return {**content, "largest": verdict.largest if judged else None}
     names = ("certain", "over_reflecting", "multipliers")
     content |= {name: getattr(verdict, name) for name in names}
@@ -152,8 +145,8 @@ def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[st
 
 def branch(
     where: ModelOptions = ModelOptions(),
-    along: BranchWindow = BranchWindow(),
     *,
+    along: BranchWindow,
     towards: Literal["both", "up", "down"] = "both",
     root: Whole | None = None,
     sizes: StepSizes = StepSizes(),
@@ -174,17 +167,18 @@ def branch(
         first, and another only where that is no breather.
     """
     into.check(where.read)
-    steps, start = sizes.steps(), along.start(where, root)
-    axes.check(into.output, start.problem)
-    options: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
+    axes.check(into.output)
+    steps, problem = sizes.steps(), along.problem(where, root)
     traced, cut = until_interrupted(
-        cb.continuation.trace, start.problem, start.free, steps=steps, **options
-    )
-    leave(traced, "branch", into, cut, axes)
+        cb.continuation.trace, problem, along.free,
+        within=along.within, towards=towards, steps=steps, save=into.save,
+    )  # fmt: skip
+    into.leave(of_branch(traced, axes), cut=cut)
+    check_ends(traced, "branch")
 
 
 def boundary(
-    kind: str | None = None,
+    kind: str,
     where: ModelOptions = ModelOptions(),
     *,
     pair: tuple[str, str] = ("gamma", "a"),
@@ -210,31 +204,33 @@ def boundary(
         The two parameters to vary; the window is that of the first.
     """
     into.check(where.read)
-    if kind is None or kind.upper() not in KINDS:
-        got = "none was given" if kind is None else f"{kind!r} is not one of them"
-        raise BadInput(f"a boundary is of a kind LP, PF, PD, NS or GR; {got}")
-    on = where.on(*pair)
+    axes.check(into.output)
     first, second = pair
-    if first == second:
-        raise BadInput(f"--pair {first} {second}: two different parameters are expected")
-    params = where.need(*(name for name in NEEDED if name not in pair))
-    within = {
-        first: typed_interval(first, window, on.reach),
-        second: typed_interval(second, None, {}),
-    }
-    options = {**params, **on.given, "within": within, "threshold": where.threshold}
+    within = {first: window or window_of(first), second: window_of(second)}
     steps = sizes.steps(largest=0.02)
-    seed = cb.orbits.find_event(kind.upper(), pair, **options)
-    locus = seed.event.locus if seed.event else None
-    axes.check(into.output, seed.curve.problem, *(locus(seed).extra if locus else ()))
+    seed = cb.orbits.find_event(
+        kind.upper(), pair, within=within, threshold=where.threshold,
+        **{**where.given(*NEEDED), **where.on(*pair)},
+    )  # fmt: skip
     curve, cut = until_interrupted(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(curve, "curve", into, cut, axes)
+    into.leave(of_branch(curve, axes), cut=cut)
+    check_ends(curve, "curve")
+
+
+def of_branch(branch: cb.Branch, axes: Axes = Axes()) -> Result:
+    """Present one branch or boundary."""
+    return Result(
+        partial(curve_entry, branch),
+        partial(lines_of, branch),
+        partial(branch_table, [branch]),
+        partial(axes.plot, branch),
+    )
 
 
 def curve_entry(branch: cb.Branch) -> dict[str, Any]:
-    """A branch or a boundary for JSON."""
+    """Write a branch or a boundary for JSON."""
     if branch.problem.beneath is None:
         about: dict[str, Any] = {"free": branch.free}
     else:
@@ -243,32 +239,13 @@ def curve_entry(branch: cb.Branch) -> dict[str, Any]:
     return {**about, **lives_on(branch), **branch_entry(branch)}
 
 
-def leave(
-    branch: cb.Branch,
-    what: str,
-    into: Output,
-    cut: bool,
-    axes: Axes = Axes(),
-    entry: Callable[[cb.Branch], Mapping[str, Any]] = curve_entry,
-) -> None:
-    """All that is wanted of one branch or boundary; raise if it broke off."""
-    into.leave(
-        partial(entry, branch),
-        lines_of(branch),
-        partial(branch_table, [branch]),
-        partial(axes.plot, branch),
-        cut=cut,
-    )
-    check_ends(branch, what)
-
-
 # --- what leaves them -----------------------------------------------------------------------------
 
 
 def switch(
     where: ModelOptions = ModelOptions(),
-    along: BranchWindow = BranchWindow(),
     *,
+    along: BranchWindow,
     at: tuple[str, ...] = ("PF",),
     into: SavedOutput = SavedOutput(),
 ) -> None:
@@ -283,21 +260,22 @@ def switch(
         Where to switch, a kind or a label; once more for the branch found there: --at PF --at PD.
     """
     into.check(where.read)
-    start = along.start(where)
-    within = start.within
-    branch = parent = cb.continuation.trace(start.shot, start.free, within=within)
+    within = along.within
+    branch = parent = cb.continuation.trace(
+        along.problem(where, switched=True), along.free, within=within
+    )
     for kind in at[:-1]:
         parent = cb.switch(_first(kind, parent), within=within)[0]
     point = _first(at[-1], parent)
     arms, cut = until_interrupted(cb.switch, point, within=within, save=into.save)
 
-    into.leave(
+    result = Result(
         lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
-        _lines(point, parent, arms),
-        lambda: branch_table(arms, "arm", 1),
-        lambda: _drawn(parent, arms),
-        cut=cut,
+        partial(_lines, point, parent, arms),
+        partial(branch_table, arms, "arm"),
+        partial(_drawn, parent, arms),
     )
+    into.leave(result, cut=cut)
     for i, arm in enumerate(arms, start=1):
         check_ends(arm, f"arm {i}")
 
@@ -316,7 +294,7 @@ def _first(kind: str, branch: cb.Branch) -> cb.continuation.Point:
 def _lines(
     point: cb.continuation.Point, parent: cb.Branch, arms: Sequence[cb.Branch]
 ) -> Iterator[object]:
-    """Where it was switched, the special points of all arms, their stability and their ends."""
+    """Say where it was switched, the special points of all arms, their stability, their ends."""
     free = point.curve.free[0]
     yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
     if "coefficient" in point.detail:
@@ -332,8 +310,8 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     """A line for each special point of each arm."""
     from contbreather.tables import Column, Sheet
 
-    free, there = arms[0].free, number_columns(arms[0])
-    names = [free, *(name for name in SHOWN if name in there)]
+    free = arms[0].free
+    names = [free, *(name for name in SHOWN if name in arms[0].names)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     columns = [
         Column(name, [point.table_value(name) for _, point in lines], spare=name in TIMES)
@@ -350,7 +328,7 @@ def _name(point: cb.continuation.Point) -> str:
 
 
 def _stability_lines(arm: cb.Branch) -> Iterator[str]:
-    """Between which of its special points an arm is stable, and on which chain."""
+    """Say between which of its special points an arm is stable, and on which chain."""
     from contbreather.continuation.step_interpolant import between
     from contbreather.stability.verdict import THRESHOLD
 
@@ -369,7 +347,7 @@ def _stability_lines(arm: cb.Branch) -> Iterator[str]:
 
 
 def _ends(arm: cb.Branch) -> Iterator[str]:
-    """Why it ends where it does; of grazing also which site, and when."""
+    """Say why it ends where it does; of grazing also which site, and when."""
     end = arm[-1]
     if end.kind in ("GR", "VI"):
         yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
@@ -380,7 +358,7 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
 
 
 def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
-    """All that leaves a point for JSON."""
+    """Write all that leaves a point for JSON."""
     first = arms[0]
     told = [
         {
@@ -397,27 +375,15 @@ def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
 
 
 def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
-    """Arms and the branch they leave: p, and what tells both arms apart."""
-    plotting = cb.plotting
-    near = _between_folds(parent, arms[0])
+    """Draw arms and the branch they leave: p, and what tells both arms apart."""
+    plotting, branches = cb.plotting, (parent, *arms)
     with plotting.style():
-        if not all("p" in branch.names for branch in (parent, *arms)):
-            return plotting.plot_diagram((near, *arms)).figure
+        if not all("p" in branch.names for branch in branches):
+            return plotting.plot_diagram(branches).figure
         figure, (above, below) = plotting.new_figure(2)
-        plotting.plot_diagram((parent, *arms), y="p", ax=above)
-        if "asymmetry" not in near.names:
-            near = cb.continuation.with_columns(near, asymmetry=lambda point: 0.0)
-        plotting.plot_diagram((near, *arms), y="asymmetry", ax=below)
+        plotting.plot_diagram(branches, y="p", ax=above)
+        plotting.plot_diagram(branches, y="asymmetry", ax=below)
     return figure
-
-
-def _between_folds(branch: cb.Branch, arm: cb.Branch) -> cb.Branch:
-    """The piece of a branch, from fold to fold, that an arm leaves."""
-    left = next(i for i, point in enumerate(branch) if point is arm[0].parent)
-    folds = [i for i, point in enumerate(branch) if point.kind == "LP"]
-    start = max((i for i in folds if i < left), default=0)
-    end = min((i for i in folds if i > left), default=len(branch) - 1)
-    return replace(branch, points=branch.points[start : end + 1])
 
 
 # --- everywhere -----------------------------------------------------------------------------------
@@ -425,8 +391,8 @@ def _between_folds(branch: cb.Branch, arm: cb.Branch) -> cb.Branch:
 
 def diagram(
     where: ModelOptions = ModelOptions(),
-    along: BranchWindow = BranchWindow(),
     *,
+    along: BranchWindow,
     depth: Whole = 2,
     most: Whole = 100,
     into: SavedOutput = SavedOutput(),
@@ -443,16 +409,14 @@ def diagram(
         Number of branches after which no others are followed.
     """
     into.check(where.read)
-    start = along.start(where)
-    options: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
-    tree, cut = until_interrupted(cb.diagram, start.shot, start.free, **options, save=into.save)
-    into.leave(
-        lambda: diagram_entry(tree),
-        chain([tree], (f"{line}." for line in _loose_ends(tree, depth))),
-        lambda: branch_table(tree.branches, "branch"),
-        lambda: cb.plotting.plot_diagram(tree),
-        cut=cut or tree.interrupted,
-    )
+    tree, cut = until_interrupted(
+        cb.diagram, along.problem(where, switched=True), along.free,
+        within=along.within, depth=depth, most=most, save=into.save,
+    )  # fmt: skip
+    result = of_diagram(tree)
+    loose = (f"{line}." for line in _loose_ends(tree, depth))
+    result = result._replace(lines=lambda: chain([tree], loose))
+    into.leave(result, cut=cut or tree.interrupted)
     ended = [(i, stop) for i, branch in enumerate(tree) for stop in (branch.began, branch.stop)]
     broken = [i for i, stop in ended if stop is not None and stop.failed]
     if broken or tree.failed:
@@ -460,8 +424,18 @@ def diagram(
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
 
 
+def of_diagram(tree: Any) -> Result:
+    """Present a diagram."""
+    return Result(
+        partial(diagram_entry, tree),
+        lambda: [tree],
+        lambda: table_of(tree.columns()),
+        partial(cb.plotting.plot_diagram, tree),
+    )
+
+
 def _loose_ends(tree: Any, depth: int) -> Iterator[str]:
-    """What the tree does not show: arms that lead to a known branch, points left alone."""
+    """List what the tree does not show: arms that lead to a known branch, points left alone."""
     yield from map(str, tree.meetings)
     begun = {birth.place.name for birth in tree.births if birth.place is not None}
     begun |= {meeting.place.name for meeting in tree.meetings}
@@ -476,7 +450,7 @@ def _loose_ends(tree: Any, depth: int) -> Iterator[str]:
 
 
 def diagram_entry(tree: Any) -> dict[str, Any]:
-    """Branches for JSON, and the graph as nodes and edges that name them."""
+    """Write branches for JSON, and the graph as nodes and edges that name them."""
     places = {place.name: place for row in tree.places for place in row}
     edges = [
         {"from": start, "to": end, "relation": relation}

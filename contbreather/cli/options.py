@@ -1,18 +1,18 @@
-"""Options that several commands share, and what is made of them."""
+"""Options that several commands share, and the arguments of the library that are made of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from unicodedata import normalize
 
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
 import contbreather as cb
-from contbreather.cli.output import OWN, inform, model_entry
+from contbreather.cli.output import inform
 from contbreather.errors import BadInput
 from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
@@ -22,11 +22,10 @@ if TYPE_CHECKING:
 HARMONIC: str = CHOICES["forcing"].default
 Span = tuple[float, float]
 T = TypeVar("T")
-ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
 
 
 def whole_number(_: Any, tokens: Sequence[Token]) -> int:
-    """A whole number as it was typed; the parser itself would round 2.5."""
+    """Read a whole number as it was typed; the parser itself would round 2.5."""
     typed = tokens[0].value
     try:
         return int(typed)
@@ -34,24 +33,17 @@ def whole_number(_: Any, tokens: Sequence[Token]) -> int:
         raise ValueError(f"{typed} is not a whole number") from None
 
 
-def some_workers(kind: Any, tokens: Sequence[Token]) -> int:
-    """How many processes."""
-    if (count := whole_number(kind, tokens)) < 1:
-        raise ValueError(f"{count}: at least one process was expected")
-    return count
-
-
 Whole = Annotated[int, Parameter(converter=whole_number)]
-Workers = Annotated[int, Parameter(converter=some_workers)]
+Workers = Annotated[int, Parameter(converter=whole_number, validator=validators.Number(gte=1))]
 
 
 def parameter_help(name: str) -> Parameter:
-    """What help says of a parameter of the model."""
+    """Help of a parameter of the model."""
     return Parameter(help={**NUMBERS, **CHOICES}[name].help)
 
 
-def looked_at(name: str) -> Parameter:
-    """What help says of its window."""
+def window_help(name: str) -> Parameter:
+    """Help of a window of a parameter."""
     number = NUMBERS[name]
     words = f"Lowest and highest {number.meaning} to look at, {_usual(name)} unless given"
     return Parameter(help=f"{words}{number.window_reason}.")
@@ -71,7 +63,7 @@ Window = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class LatticeOptions:
-    """What breathers live on, and what drives them, as it was typed.
+    """Lattice and drive of breathers, as they were typed.
 
     Parameters
     ----------
@@ -99,34 +91,31 @@ class LatticeOptions:
 
     @property
     def read(self) -> dict[str, str | None]:
-        """The file that the lattice is in."""
+        """File of the lattice, by its option."""
         return {"--lattice": self.lattice}
 
-    def on(self, *free: str) -> ModelArguments:
-        """What it lives on, and is judged by; letters of the forcing that are free and have no
-        value begin at 1."""
+    def on(self, *free: str) -> dict[str, Any]:
+        """Make lattice, forcing, site and walls, as `symmetric` takes them; letters of the forcing
+        that are free and have no value begin at 1."""
+        from contbreather.checks import one_of
         from contbreather.lattice.formula import forcing_of
         from contbreather.lattice.parse import lattice_by, walls_by
-        from contbreather.stability.verdict import THRESHOLD
 
         lattice = lattice_by(self.lattice, self.sites)
-        if self.threshold is not None and lattice.sites is None:
-            raise BadInput(
-                "--threshold needs --sites or --lattice: only finite lattices have a threshold"
-            )
         wanted = "NAME=VALUE was expected, for instance --set c3=2.7"
         letters = assigned("--set", self.set, _a_number, wanted)
         if letters or self.forcing.replace(" ", "") != HARMONIC:
             letters |= {name: 1.0 for name in free if name not in (*NAMES, *letters)}
-        forcing = forcing_of(self.forcing, **letters)
-        names = (*NAMES, *forcing.params)
+        forcing, walls = forcing_of(self.forcing, **letters), walls_by(self.walls, lattice.sites)
         for name in free:
-            if name not in names:
-                raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
-        threshold = THRESHOLD if self.threshold is None else self.threshold
-        walls = walls_by(self.walls, lattice.sites)
-        given = {"lattice": lattice, "forcing": forcing, "site": self.site, "walls": walls}
-        return ModelArguments(lattice, threshold, given)
+            one_of("the parameter", name, (*NAMES, *forcing.params))
+        return {"lattice": lattice, "forcing": forcing, "site": self.site, "walls": walls}
+
+    def verge(self, lattice: Any) -> float:
+        """Threshold of instability on a lattice, refused where it has none."""
+        from contbreather.stability.verdict import threshold_on
+
+        return threshold_on(lattice, self.threshold)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,24 +136,20 @@ class ModelOptions(LatticeOptions, _Needed):  # fields of the last base come fir
         Short for --lattice ring:N; of a point, that ring as well.
     """
 
-    @property
-    def given(self) -> dict[str, float]:
-        """The parameters as far as they were given."""
+    def given(self, *free: str) -> dict[str, float]:
+        """Return the parameters that were given; all that are needed must be, but for free ones."""
         values = {name: getattr(self, name) for name in NAMES}
+        for name in NEEDED:
+            if values[name] is None and name not in free:
+                number = NUMBERS[name]
+                raise BadInput(f"--{name} is missing: the {number.meaning}, {number.span}")
         return {name: value for name, value in values.items() if value is not None}
-
-    def need(self, *names: str) -> dict[str, float]:
-        """The values that were given, or which of these is missing."""
-        for name in names:
-            if name not in self.given:
-                raise BadInput(f"--{name} is missing: {_meaning(name)}")
-        return self.given
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ZoneOptions(LatticeOptions):
-    """Windows of zone diagrams, and what their breathers live on.
+    """Windows of zone diagrams, and the lattice of their breathers.
 
     Parameters
     ----------
@@ -173,52 +158,28 @@ class ZoneOptions(LatticeOptions):
         no upper one does.
     """
 
-    gamma_window: Annotated[Span | None, looked_at("gamma")] = None
-    a_window: Annotated[Span | None, looked_at("a")] = None
-    k_window: Annotated[Span | None, looked_at("k")] = None
+    gamma_window: Annotated[Span | None, window_help("gamma")] = None
+    a_window: Annotated[Span | None, window_help("a")] = None
+    k_window: Annotated[Span | None, window_help("k")] = None
     past_folds: bool = False
 
-    @property
-    def within(self) -> dict[str, Span]:
-        """The windows that were given."""
+    def options(self) -> dict[str, Any]:
+        """Make all arguments of `zones` of it; say so where a window is cut."""
         typed = {name: getattr(self, f"{name}_window") for name in NEEDED}
-        reach = {name: window_of(name) for name in NEEDED}
-        return {name: typed_interval(name, span, reach) for name, span in typed.items() if span}
-
-    def options(self, on: ModelArguments) -> dict[str, Any]:
-        """All of it as `zones` takes it."""
-        losses = {"damping": self.damping or 0.0, "spring": self.spring}
-        how = {"past_folds": self.past_folds, "within": self.within, "threshold": self.threshold}
-        return {**on.given, **how, **losses}
-
-
-class ModelArguments(NamedTuple):
-    """What a breather lives on: its lattice with a threshold, and all as `symmetric` takes it."""
-
-    lattice: Any
-    threshold: float
-    given: dict[str, Any]
-
-    @property
-    def reach(self) -> dict[str, Span]:
-        """The domain of each parameter that has one."""
-        reach = {name: number.domain for name, number in NUMBERS.items()}
-        if getattr(self.lattice, "highest_gamma", 0.0) == math.inf:
-            reach["gamma"] = (0.0, math.inf)
-        return reach
-
-    def entry(self) -> dict[str, Any]:
-        """For JSON."""
-        from contbreather.lattice.conditions import Walls
-
-        given, walls = self.given, Walls.given(self.given["walls"])
-        return model_entry(given["forcing"], self.lattice, self.threshold, given["site"], walls)
+        within = {name: span for name, span in typed.items() if span}
+        for name, (low, high) in within.items():
+            least, most = window_of(name)
+            if least < high and low < most and not least <= low < high <= most:
+                part = f"{max(low, least):g} to {min(high, most):g}"
+                inform(f"of the window {low:g} to {high:g} of {name} only {part} is looked at")
+        how = {"past_folds": self.past_folds, "within": within, "threshold": self.threshold}
+        return {**self.on(), **how, "damping": self.damping or 0.0, "spring": self.spring}
 
 
 def assigned(
     option: str, typed: Iterable[str], read: Callable[[str, str], T | None], wanted: str
 ) -> dict[str, T]:
-    """What was typed as NAME=VALUE, each name once, as Python reads those in a formula."""
+    """Read NAME=VALUE, each name once, as Python reads those in a formula."""
     values: dict[str, T] = {}
     for text in typed:
         name, equals, words = text.partition("=")
@@ -240,36 +201,10 @@ def _a_number(name: str, words: str) -> float | None:
     return None
 
 
-def _meaning(name: str) -> str:
-    return f"the {NUMBERS[name].meaning}, {NUMBERS[name].span}" if name in NUMBERS else "bounded"
-
-
-def typed_interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
-    """What was typed, as far as it lies in `reach`; by default all that is looked at."""
-    if window is None:
-        return window_of(name)
-    low, high = reach.get(name, (-math.inf, math.inf))
-    typed = f"{window[0]:g} to {window[1]:g}"
-    if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
-        raise BadInput(
-            f"window {typed} of {name}: two finite numbers were expected, the smaller first"
-        )
-    inside = max(low, window[0]), min(high, window[1])
-    meaning = _meaning(name)
-    if not inside[0] < inside[1]:
-        raise BadInput(f"the window {typed} contains no breather: {name} is {meaning}")
-    if max(abs(inside[0] - window[0]), abs(inside[1] - window[1])) > ROUND:
-        inform(
-            f"of the window {typed} of {name} only {inside[0]:g} to {inside[1]:g} is looked at: "
-            f"{name} is {meaning}"
-        )
-    return inside
-
-
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class BranchWindow:
-    """What varies along a branch.
+    """Parameter that varies along a branch.
 
     Parameters
     ----------
@@ -277,29 +212,45 @@ class BranchWindow:
         Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's.
     """
 
-    free: str | None = None
+    free: str
     window: Window = None
 
-    def start(self, where: ModelOptions, root: int | None = None) -> Start:
-        """A breather at the value of the free parameter, if one is given, or in its window."""
-        if self.free is None:
-            raise BadInput("--free is missing: which parameter is to vary, a for instance?")
+    @property
+    def within(self) -> dict[str, Span]:
+        """Window of the parameter, where it is looked at unless given."""
+        return {self.free: self.window or window_of(self.free)}
+
+    def start(self, where: ModelOptions, root: int | None = None) -> Any:
+        """Find a breather at the value of the free parameter, if one is given, or in its window."""
         free, on = self.free, where.on(self.free)
-        params = where.need(*(name for name in NEEDED if name != free))
-        span = typed_interval(free, self.window, on.reach)
-        near = (params[free], params[free]) if free in params else span
-        if not span[0] <= near[0] <= near[1] <= span[1]:
+        params = where.given(free)
+        near = (params[free], params[free]) if free in params else self.within[free]
+        return cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
+
+    def problem(
+        self, where: ModelOptions, root: int | None = None, *, switched: bool = False
+    ) -> cb.Problem:
+        """Equations of the breather, with all events; where other branches are `switched` to, on
+        finite lattices those of shooting."""
+        from contbreather.orbits.start_search import problem_with
+        from contbreather.stability.verdict import THRESHOLD
+
+        breather = self.start(where, root)
+        threshold = where.verge(breather.lattice)
+        if switched and threshold != THRESHOLD:
             raise BadInput(
-                f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
+                f"--threshold {threshold:g}: branches that are switched to are judged by the "
+                f"paper's {THRESHOLD}; leave it out"
             )
-        breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on.given})
-        return Start(breather, on, free, {free: span})
+        if switched and breather.lattice.sites is not None:
+            return cb.shooting(breather)
+        return problem_with(breather, self.free, threshold=threshold)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StepSizes:
-    """How long steps along a curve may be.
+    """Lengths of steps along a curve.
 
     Parameters
     ----------
@@ -319,7 +270,7 @@ class StepSizes:
     most: Whole | None = None
 
     def steps(self, **usual: Any) -> cb.Steps:
-        """As they were typed, the usual ones otherwise."""
+        """Make them as they were typed, the usual ones otherwise."""
         typed = {name: value for name, value in vars(self).items() if value is not None}
         return cb.Steps(**{**usual, **typed})
 
@@ -327,7 +278,7 @@ class StepSizes:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Axes:
-    """What is drawn over what.
+    """Columns that are drawn over each other.
 
     Parameters
     ----------
@@ -340,47 +291,12 @@ class Axes:
     x: str | None = None
     y: str | None = None
 
-    def check(self, figure: str | None, problem: cb.Problem | None = None, *more: str) -> None:
-        """Refuse columns that a curve of the problem will not have, before it is computed."""
+    def check(self, figure: str | None) -> None:
+        """Refuse columns where nothing is drawn."""
         for option, name in vars(self).items():
-            if name is None:
-                continue
-            if figure is None:
+            if name is not None and figure is None:
                 raise BadInput(f"--{option} {name}: nothing is drawn; name a figure, -o branch.png")
-            if problem is None or problem.normed(name):
-                continue
-            names = (*problem.names, *problem.record, *more, *OWN)
-            if name not in names:
-                raise BadInput(f"--{option}: no column {name!r}; there are {', '.join(names)}")
 
     def plot(self, *branches: cb.Branch) -> Any:
-        """The figure."""
+        """Draw branches."""
         return cb.plotting.plot(*branches, x=self.x, y=self.y)
-
-
-class Start(NamedTuple):
-    """Where a branch begins: the breather, what it lives on, what varies, and its window."""
-
-    breather: Any
-    on: ModelArguments
-    free: str
-    within: dict[str, Span]
-
-    @property
-    def problem(self) -> cb.Problem:
-        """Its equations, with all events."""
-        from contbreather.orbits.start_search import problem_with
-
-        return problem_with(self.breather, self.free, threshold=self.on.threshold)
-
-    @property
-    def shot(self) -> cb.Problem:
-        """Equations that can be switched from: on finite lattices those of shooting."""
-        from contbreather.stability.verdict import THRESHOLD
-
-        if self.on.threshold != THRESHOLD:
-            raise BadInput(
-                f"--threshold {self.on.threshold:g}: branches that are switched to are judged by "
-                f"the paper's {THRESHOLD}; leave it out"
-            )
-        return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)

@@ -1,4 +1,4 @@
-"""What a command leaves: a table for people, JSON or CSV for programs, a figure."""
+"""Results of a command: a table for people, JSON or CSV for programs, a figure."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.process import end
+from contbreather.cli.process import CutShort
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
 from contbreather.tables import visible
@@ -23,11 +23,6 @@ ENDLESS = 100_000
 Table = tuple[Sequence[str], Iterable[Sequence[Any]]]  # the names of columns, and the rows
 CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
-
-
-def printed(*paths: str | None) -> bool:
-    """Whether one of these has standard output to itself."""
-    return any(path is not None and stream_of(path) == 1 for path in paths)
 
 
 def say(*lines: object, aside: bool = False) -> None:
@@ -80,23 +75,34 @@ def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
 
 
 def table_of(columns: Mapping[str, Any]) -> Table:
-    """Columns as rows, for CSV."""
-    plain = [array.tolist() if hasattr(array, "tolist") else array for array in columns.values()]
-    return list(columns), zip(*plain, strict=True)
+    """Turn columns of single numbers into rows, for CSV."""
+    flat = {name: column for name, column in columns.items() if getattr(column, "ndim", 1) == 1}
+    plain = [array.tolist() if hasattr(array, "tolist") else array for array in flat.values()]
+    return list(flat), zip(*plain, strict=True)
 
 
 def sentences(lines: Iterable[str]) -> list[str]:
-    """With a capital and one full stop each."""
+    """Give each a capital and one full stop."""
     return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]
 
 
 # --- where it goes --------------------------------------------------------------------------------
 
 
+class Result(NamedTuple):
+    """Forms of what a command leaves, each made where it is wanted: a JSON object, lines for
+    people, a table of numbers, a figure."""
+
+    entry: Callable[[], Mapping[str, Any]]
+    lines: Callable[[], Iterable[object]]
+    table: Callable[[], Table]
+    draw: Callable[[], Any]
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Where results go.
+    """Places where results go.
 
     Parameters
     ----------
@@ -114,25 +120,22 @@ class Output:
 
     @property
     def library_file(self) -> str | None:
-        """A file that the library writes."""
+        """File that the library writes."""
         return getattr(self, "save", None)
 
     def check(self, read: Mapping[str, str | None] | None = None, **more: str | None) -> None:
         """Refuse files that cannot be written before anything is computed, `more` by their options
         among them, and one place for two things, however its name is written: two files, a file
         and what is `read`, or what is printed."""
+        from contbreather.storage.netcdf import target_of
+
         typed = {"--csv": self.csv, "--save": self.library_file}
         typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
         written = {option: path for option, path in typed.items() if path is not None}
-        for option, path in written.items():  # what is kept and a figure have names of their sort
-            if option == "--save":
-                from contbreather.storage.netcdf import target_of
-
-                target_of(path)
-            elif option == "--output":
-                cb.plotting.canvas.figure_path(path)
-            else:
-                writable(path)
+        # what is kept and a figure have names of their sort
+        checks = {"--save": target_of, "--output": cb.plotting.canvas.figure_path}
+        for option, path in written.items():
+            checks.get(option, writable)(path)
         taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
         taken[identity(1)] = "standard output"
         if self.json:
@@ -149,33 +152,31 @@ class Output:
                 )
             taken[place] = option
 
-    def leave(
-        self,
-        content: Callable[[], Mapping[str, Any]],
-        lines: Iterable[object],
-        table: Callable[[], Table],
-        draw: Callable[[], Any],
-        *,
-        cut: bool = False,
-    ) -> None:
-        """Files first, then one JSON object, or lines for people; each made where it is wanted."""
-        written = [] if self.library_file is None else [self.library_file]
+    def leave(self, result: Result, *, cut: bool = False, others: Sequence[str] = ()) -> None:
+        """Write files first, beside `others` that are there, then one JSON object, or lines for
+        people; raise where Ctrl-C has `cut` it short."""
+        written = [*others] if self.library_file is None else [self.library_file, *others]
         if self.csv is not None:
             # what was cut short by Ctrl-C says so in a last line
-            written.append(str(write_csv(self.csv, *table(), CUT if cut else "")))
+            written.append(str(write_csv(self.csv, *result.table(), CUT if cut else "")))
         if self.output is not None:
-            written.append(str(to_figure(self.output, draw, cut=cut)))
+            written.append(str(to_figure(self.output, result.draw, cut=cut)))
         if self.json:
-            to_json({**content(), "interrupted": cut, "written": written})
+            entry = result.entry()
+            cut_too = entry.get("interrupted", cut)
+            to_json({**entry, "interrupted": cut_too, "written": written})
         else:
-            say(*lines, *(f"Wrote {path}." for path in written), aside=printed(self.csv))
-        end(cut)
+            # a table that has standard output to itself
+            aside = any(stream_of(path) == 1 for path in (self.csv, *others) if path is not None)
+            say(*result.lines(), *(f"Wrote {path}." for path in written), aside=aside)
+        if cut:
+            raise CutShort
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedOutput(Output):
-    """Where results go that are kept as they are found.
+    """Places of results that are kept as they are found.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ class SavedOutput(Output):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedRun(SavedOutput):
-    """Where a run goes.
+    """Places where a run goes.
 
     Parameters
     ----------
@@ -203,32 +204,12 @@ class SavedRun(SavedOutput):
 # --- branches -----------------------------------------------------------------------------------
 
 
-def number_columns(branch: cb.Branch) -> list[str]:
-    """The columns of a branch that are numbers."""
-    first = branch[0]
-    return [n for n in branch.names if n in OWN or not getattr(first[n], "ndim", 0)]
+def branch_table(branches: Sequence[cb.Branch], tag: str = "") -> Table:
+    """Make the table of the library, of several branches one below the other, numbered."""
+    from contbreather.columns import stacked
 
-
-OWN = ("arclength", "residual")  # columns that points have as attributes
-
-
-def branch_table(branches: Sequence[cb.Branch], tag: str = "", first: int = 0) -> Table:
-    """One row for each point, in order along each branch, with its label; and the columns. Under
-    `tag` the branches are numbered."""
-    names = dict.fromkeys(name for branch in branches for name in number_columns(branch))
-    columns = [*filter(None, [tag]), *names, "label"]
-
-    def rows() -> Iterator[list[Any]]:
-        for number, branch in enumerate(branches, start=first):
-            own, cells = table_of({name: branch[name] for name in number_columns(branch)})
-            counts = [name for name in branch.problem.record if name in own]
-            for point, values in zip(branch, cells, strict=True):
-                row = {tag: number, **dict(zip(own, values, strict=True)), "label": point.label}
-                if point.kind:  # no count where rounding decides it, as in tables
-                    row |= {name: point.table_value(name) for name in counts}
-                yield [row.get(name) for name in columns]
-
-    return columns, rows()
+    numbers = enumerate(branches, start=1)
+    return table_of(stacked(({tag: i} if tag else {}, one.tabulated()) for i, one in numbers))
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
@@ -247,19 +228,22 @@ def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
 
 
 def model_entry(
-    forcing: cb.lattice.Forcing, lattice: Any, threshold: float, site: int, walls: Any
+    threshold: float, *, forcing: cb.lattice.Forcing, lattice: Any, site: int, walls: Any
 ) -> dict[str, Any]:
-    """What a breather lives on for JSON; of the infinite chain the forcing alone."""
+    """Lattice and drive of a breather for JSON; of the infinite chain the forcing alone."""
+    from contbreather.lattice.conditions import Walls
+
     about: dict[str, Any] = {"forcing": forcing.describe()}
     if lattice.sites is not None:
         about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
-        pairs = dict(walls.own) or walls.of_all
+        every = Walls.given(walls)
+        pairs = dict(every.own) or every.of_all
         about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
     return about
 
 
 def lives_on(branch: cb.Branch) -> dict[str, Any]:
-    """The same of the breathers of a branch; nothing of a problem of one's own."""
+    """Lattice and drive of the breathers of a branch for JSON; nothing of other problems."""
     from contbreather.orbits.orbit_problem import OrbitProblem
 
     problem: Any = branch[0].base_point.curve.problem
@@ -267,13 +251,15 @@ def lives_on(branch: cb.Branch) -> dict[str, Any]:
         return {}
     (site, _), *_ = problem.section.impacts
     on = problem.conditions
-    return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
+    return model_entry(
+        problem.threshold, forcing=on.forcing, lattice=on.lattice, site=site, walls=on.walls
+    )
 
 
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:
     """A branch for JSON: all columns, special points, and why it ends where it does."""
     return {
-        "columns": {name: branch[name] for name in number_columns(branch)},
+        "columns": {name: of for name in branch.names if (of := branch[name]).ndim == 1},
         "special": [point_entry(point) for point in branch.special],
         "doubtful": [point_entry(point) for point in branch.doubtful],
         "ends": end_sentences(branch),
@@ -281,7 +267,7 @@ def branch_entry(branch: cb.Branch) -> dict[str, Any]:
 
 
 def end_sentences(branch: cb.Branch) -> list[str]:
-    """The reason of each end, as sentences."""
+    """Reason of each end, as sentences."""
     sentences = []
     sides = (
         (branch[0], branch.began, branch.began_reason, "began"),
@@ -308,7 +294,7 @@ def lines_of(branch: cb.Branch) -> Iterator[object]:
 
 
 def _grazed(point: cb.continuation.Point) -> str:
-    """What touches a wall at an end of breathers or orbits; nothing at other ends."""
+    """Name what touches a wall at an end of breathers or orbits; nothing at other ends."""
     kinds = point.kind.split("-")
     if not {"GR", "VI"} & set(kinds):
         return ""

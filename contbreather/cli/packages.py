@@ -8,13 +8,13 @@ from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 from contbreather.cli.options import Whole, Workers, parameter_help
-from contbreather.cli.output import Output, inform, say, to_json
-from contbreather.cli.process import computing, end, until_interrupted
+from contbreather.cli.output import Output, Result, inform, say, to_json
+from contbreather.cli.process import CutShort, computing, until_interrupted
 from contbreather.errors import BadInput, NotConverged
 from contbreather.parameters import NUMBERS
 
 
-def figure(number: str | None = None, *, into: Output = Output()) -> None:
+def figure(number: str, *, into: Output = Output()) -> None:
     """A figure of the paper, with what is exact beside what the paper says, and our verdict.
 
     It is drawn to the file that --output names; without --output, --csv and --json to figure2.png
@@ -27,9 +27,8 @@ def figure(number: str | None = None, *, into: Output = Output()) -> None:
     """
     from contbreather.paper import FIGURES
 
-    if number is None or number not in map(str, FIGURES):
-        there = ", ".join(map(str, FIGURES))
-        raise BadInput(f"figure {number or '(none given)'}: there are the figures {there}")
+    if number not in map(str, FIGURES):
+        raise BadInput(f"figure {number}: there are the figures {', '.join(map(str, FIGURES))}")
     if into == Output():
         into = replace(into, output=f"figure{number}.png")
     into.check()
@@ -40,7 +39,7 @@ def figure(number: str | None = None, *, into: Output = Output()) -> None:
     if hasattr(drawing, "numbers"):  # what the caption's verdict is made of
         content["numbers"] = drawing.numbers
     table = list(rows[0]), [[row.get(name) for name in rows[0]] for row in rows]
-    into.leave(lambda: content, [drawing.caption], lambda: table, drawing.draw)
+    into.leave(Result(lambda: content, lambda: [drawing.caption], lambda: table, drawing.draw))
 
 
 def explore(
@@ -83,7 +82,7 @@ def explore(
 
 
 def run(
-    study: str | None = None,
+    study: str,
     /,
     *,
     folder: str | None = None,
@@ -118,8 +117,6 @@ def run(
     """
     from contbreather import studies
 
-    if study is None:
-        raise BadInput("which study? Name its file: contbreather run study.toml")
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
     if dry_run:
@@ -139,6 +136,7 @@ def run(
         to_json({**asdict(report), "folder": str(report.folder), "written": written})
     else:
         say(report.table())
-    end(cut)
+    if cut:
+        raise CutShort
     if report.failed:
         raise NotConverged(f"{len(report.failed)} of the study failed: {', '.join(report.failed)}")

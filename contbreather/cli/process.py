@@ -1,4 +1,4 @@
-"""What a process finds around it: standard streams and environment, made fit for use, and Ctrl-C.
+"""Surroundings of a process: standard streams and environment, made fit for use, and Ctrl-C.
 
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
@@ -113,12 +113,6 @@ def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -
         if stop.partial is None:
             raise
         return cast("Any", stop.partial), True
-
-
-def end(cut: bool) -> None:
-    """Stop, where Ctrl-C has cut short what was shown."""
-    if cut:
-        raise CutShort
 
 
 # --- streams --------------------------------------------------------------------------------------

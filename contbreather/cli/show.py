@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import contbreather as cb
-from contbreather.cli.curves import arms_entry, curve_entry, diagram_entry, leave
-from contbreather.cli.options import Axes, Span, Whole, typed_interval
+from contbreather.cli.curves import arms_entry, of_branch, of_diagram
+from contbreather.cli.options import Axes, Span, Whole
 from contbreather.cli.output import (
     Output,
+    Result,
     SavedOutput,
     Table,
-    branch_entry,
     branch_table,
+    check_ends,
     lines_of,
     lives_on,
     point_entry,
     table_of,
 )
 from contbreather.cli.process import until_interrupted
-from contbreather.cli.simulate import content, strobe_table, summary_of, with_verdict
-from contbreather.cli.simulate import draw as draw_run
-from contbreather.cli.zones import curves_table, zones_entry, zones_lines
+from contbreather.cli.simulate import RunSummary, of_run
+from contbreather.cli.zones import of_zones, zones_lines
 from contbreather.errors import BadInput
 from contbreather.files import identity
-from contbreather.parameters import NEEDED
 
 
 def show(
-    run: str | None = None,
+    run: str,
     name: str | None = None,
     /,
     *,
@@ -51,23 +50,18 @@ def show(
     """
     into.check({"RUN": run})
     axes.check(into.output)
-    results = opened_results(run)
-    chosen = results if name is None else {"": results[name]}
+    results = _opened(run)
+    chosen = dict(results) if name is None else {"": results[name]}
+    result, about = _presented(chosen, axes), {"path": str(results.path)}
+    lines = partial(iter, [results.table()])
     if len(chosen) == 1:
-        (result,) = chosen.values()
-        lines, what = _lines(result), _entry(result)
-    else:
-        lines, what = iter([results.table()]), {}
-    into.leave(
-        lambda: {"path": str(results.path), **what, **_as_left(chosen, axes).entry()},
-        lines,
-        lambda: _as_left(chosen, axes).table(),
-        lambda: _as_left(chosen, axes).draw(),
-    )
+        (alone,) = chosen.values()
+        about, lines = {**about, **_entry(alone)}, partial(_lines, alone)
+    into.leave(result._replace(entry=lambda: {**about, **result.entry()}, lines=lines))
 
 
 def extend(
-    run: str | None = None,
+    run: str,
     name: str | None = None,
     /,
     *,
@@ -95,15 +89,12 @@ def extend(
     """
     from contbreather.continuation.checkpoint import Checkpoint, Inner
 
-    results = opened_results(run)
-    branch, place, key = _chosen(results, name)
+    branch, place, key = _chosen(_opened(run), name)
     in_place = into.save is None or identity(into.save) == identity(place)
     into = replace(into, save=str(place) if in_place else into.save)
     into.check({} if in_place else {"RUN": str(place)})
     settings = branch.settings or cb.continuation.settings.Settings()
-    within = dict(settings.within)
-    if window is not None:
-        within[branch.free] = typed_interval(branch.free, window, {})
+    within = {**settings.within, **({} if window is None else {branch.free: window})}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}
     file = Checkpoint(into.save or place, key)
@@ -112,11 +103,18 @@ def extend(
         cb.extend, branch, end=end, within=within, steps=steps, save=inner
     )
     file.finish({**others, key: longer})
-    leave(longer, "branch", into, cut, entry=lambda x: {"free": x.free, **branch_entry(x)})
+    result, free = of_branch(longer), {"free": longer.free}
+    into.leave(result._replace(entry=lambda: {**result.entry(), **free}), cut=cut)
+    check_ends(longer, "branch")
+
+
+def _opened(path: str) -> cb.Run:
+    cb.load(path)  # says what is wrong where nothing is there
+    return cb.Run(path)
 
 
 def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
-    """The branch, the file it is in, and its name there."""
+    """Find the branch, the file it is in, and its name there."""
     branches = [key for key, result in run.items() if isinstance(result, cb.Branch)]
     if not branches:
         raise BadInput(
@@ -131,14 +129,6 @@ def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     if name not in branches:
         raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
     return branch, *run.place(name)
-
-
-def opened_results(path: str | None) -> cb.Run:
-    """What is on disk; a sentence where nothing is."""
-    if path is None:
-        raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
-    cb.load(path)  # says what is wrong
-    return cb.Run(path)
 
 
 def _described(result: Any) -> str:
@@ -161,7 +151,7 @@ def _lines(result: Any) -> Iterator[object]:
 
 
 def _in_words(point: cb.continuation.Point, value: Any) -> str:
-    """A number or a word; a vector by the names of its unknowns, arrays by their largest entry."""
+    """Write a number, or a vector by the names of its unknowns, arrays by their largest entry."""
     if isinstance(value, list | tuple):
         return "; ".join(_in_words(point, item) for item in value)
     if not hasattr(value, "shape") or not value.shape:
@@ -176,83 +166,59 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-class _Left(NamedTuple):
-    """Results as the command that leaves such makes them: for JSON, for CSV, as a figure."""
-
-    entry: Callable[[], Mapping[str, Any]]
-    table: Callable[[], Table]
-    draw: Callable[[], Any]
-
-
-def _as_left(by_name: Mapping[str, Any], axes: Axes) -> _Left:
-    """Results of one command together, those of several each by its name."""
+def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
+    """Present results of one command together, as it does, those of several each by its name."""
     from contbreather.continuation.diagram import Diagram
 
     results: list[Any] = list(by_name.values())
-    stacked, draw = partial(_stacked, by_name), partial(_branches_drawn, results, axes)
-    if all(isinstance(result, cb.orbits.Zones) for result in results):
-        draw = partial(cb.plotting.plot_zones, results)
-        if all(map(any, results)):
-            return _Left(partial(zones_entry, results), partial(curves_table, results), draw)
-    arms = all(isinstance(result, cb.Branch) and result[0].parent for result in results)
-    arms = arms and all(re.fullmatch(r"arm\d+", name) for name in by_name)
-    if arms and all(map(lives_on, results)):
-        return _Left(partial(arms_entry, results), partial(branch_table, results, "arm", 1), draw)
-    if len(results) > 1:
-        return _Left(partial(_each, by_name, axes), stacked, draw)
-    match results[0]:
-        case cb.Branch() as branch:
-            return _Left(partial(curve_entry, branch), partial(branch_table, [branch]), draw)
-        case Diagram() as tree:
-            table = partial(branch_table, tree.branches, "branch")
-            draw = partial(cb.plotting.plot_diagram, tree)
-            return _Left(partial(diagram_entry, tree), table, draw)
-        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run:
+    if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
+        return of_zones(results)
+    draw = partial(_branches_drawn, results, axes)
+    arms = all(isinstance(one, cb.Branch) and one[0].parent and lives_on(one) for one in results)
+    if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
+        table = partial(branch_table, results, "arm")
+        return Result(partial(arms_entry, results), list, table, draw)
+    match results:
+        case [cb.Branch() as branch]:
+            return of_branch(branch, axes)
+        case [Diagram() as tree]:
+            return of_diagram(tree)
+        case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]
-            draw = partial(draw_run, run, int(hits[0]) if len(hits) else 0)  # its site hits first
-            return _Left(partial(_run_entry, run), partial(strobe_table, summary_of(run)), draw)
-        case other:
-            return _Left(partial(_special, other), stacked, draw)
+            return of_run(RunSummary(run, int(hits[0]) if len(hits) else 0))  # its site hits first
+    return Result(partial(_entries, by_name), list, partial(_stacked, by_name), draw)
 
 
-def _run_entry(run: Any) -> dict[str, Any]:
-    on = run.conditions
-    params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-    return content(with_verdict(summary_of(run)), params, getattr(on, "m", None))
-
-
-def _each(by_name: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
-    entries = {
-        name: {**_entry(one), **_as_left({"": one}, axes).entry()} for name, one in by_name.items()
-    }
-    return {"results": entries}
-
-
-def _special(result: Any) -> dict[str, Any]:
+def _entries(by_name: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a result of another sort, or several by their names, for JSON."""
+    if len(by_name) > 1:
+        entries = {
+            name: {**_entry(one), **_presented({"": one}, Axes()).entry()}
+            for name, one in by_name.items()
+        }
+        return {"results": entries}
+    (result,) = by_name.values()
     special = [point_entry(point) for point in getattr(result, "special", ())]
     return {"special": special} if special else {}
 
 
 def _entry(result: Any) -> dict[str, Any]:
-    """What a result is, for JSON."""
+    """Describe a result for JSON."""
     if isinstance(result, cb.continuation.Point):
         return point_entry(result)
     return {"kind": type(result).__name__, "description": _described(result)}
 
 
 def _stacked(by_name: Mapping[str, Any]) -> Table:
-    """All columns, below each other."""
+    """Put all columns below each other."""
     from contbreather.columns import stacked
 
     results = list(by_name.values())
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
-    if len(by_name) > 1:
-        return table_of(
-            stacked(({"name": name}, result.columns()) for name, result in by_name.items())
-        )
-    columns = results[0].columns().items()
-    return table_of({name: column for name, column in columns if column.ndim == 1})
+    heads = [{"name": name} if len(by_name) > 1 else {} for name in by_name]
+    tables = [result.columns() for result in results]
+    return table_of(stacked(zip(heads, tables, strict=True)))
 
 
 def _branches_drawn(results: list[Any], axes: Axes) -> Any:

@@ -6,25 +6,17 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.options import ModelArguments, ModelOptions, Whole
-from contbreather.cli.output import (
-    SavedRun,
-    Table,
-    inform,
-    printed,
-    say,
-    sentences,
-    to_figure,
-    to_json,
-)
-from contbreather.cli.process import computing, end
+from contbreather.cli.options import ModelOptions, Whole
+from contbreather.cli.output import Result, SavedRun, Table, inform, sentences
+from contbreather.cli.process import CutShort, computing
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_csv, write_whole
 from contbreather.parameters import NEEDED
@@ -86,10 +78,12 @@ class RunOptions:
 
     def check(self, where: ModelOptions, into: SavedRun) -> None:
         """Refuse what cannot be, before anything is computed."""
+        from contbreather.checks import number, whole
+
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
         rigid = {"--impacts": self.impacts, "--stream": self.stream, "--noise": self.noise}
-        for option, value in rigid.items():
+        for option, value in {**rigid, "--walls": where.walls}.items():
             if self.smooth is not None and value:
                 raise BadInput(f"{option} goes with rigid walls only: leave out --smooth")
         if self.noise and self.stream is not None:
@@ -98,14 +92,8 @@ class RunOptions:
             )
         if self.stream is not None and into.save is not None:
             raise BadInput("--save and --stream: a stream is kept in its folder; leave --save out")
-        if self.stream is not None and not self.periods.is_integer():
-            raise BadInput(f"--periods {self.periods:g}: a stream is of whole periods")
-        if not (math.isfinite(self.perturb) and self.perturb >= 0.0):
-            raise BadInput(f"--perturb {self.perturb:g}: a size, at least 0, was expected")
-        if self.seed < 0:
-            raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was expected")
-        if self.smooth is not None and where.walls:
-            raise BadInput("--walls goes with rigid walls only: leave out --smooth")
+        number("--perturb", self.perturb, 0.0, math.inf, "a size, at least 0")
+        whole("--seed", self.seed, 0)
         if where.threshold is not None:
             raise BadInput("--threshold: the verdict on a run has none; leave it out")
 
@@ -117,27 +105,37 @@ class RunOptions:
 
         # also before the first period: on long rings and dense lattices the breather takes a while
         with Bar(None, int(length_of(self.periods, 0))) as bar:
-            values, on = where.need(*NEEDED), where.on()
-            lattice = None if on.lattice.sites is None else on.lattice
+            values, on = where.given(), where.on()
+            lattice = None if on["lattice"].sites is None else on["lattice"]
             state, t0 = (
                 _breather(where, on, lattice) if self.start is None else self._read(where, lattice)
             )
-            pushed = self._pushed(state)
-            shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.given["forcing"]}
+            pushed, periods = self._pushed(state), self.periods
+            shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on["forcing"]}
             shared |= {"t0": t0, "progress": bar}
             if self.smooth is not None:
-                shared |= {"m": self.smooth, "periods": self.periods}
-                return summary_of(cb.simulation.simulate_smooth(pushed, **shared))
-            shared["walls"] = on.given["walls"]
-            if self.stream is not None:
-                count = int(self.periods)
-                recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
-                return summary_of(recording.last(2 * JUDGED), where.site, recording, count)
-            shared |= {"noise": self.noise, "seed": self.seed, "periods": self.periods}
-            return summary_of(cb.simulate(pushed, **shared), where.site)
+                run = cb.simulation.simulate_smooth(
+                    pushed, m=self.smooth, periods=periods, **shared
+                )
+                return RunSummary(run)
+            shared["walls"] = on["walls"]
+            if self.stream is None:
+                shared |= {"noise": self.noise, "seed": self.seed}
+                return RunSummary(cb.simulate(pushed, periods=periods, **shared), where.site)
+            count: Any = int(periods) if periods.is_integer() else periods
+            recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
+            last = recording.last(2 * JUDGED)
+            summary = RunSummary(last, where.site, recording)
+            if recording.interrupted:
+                summary.interrupted = True
+                summary.stop = (
+                    f"interrupted after {recording.periods} of {count} periods; the same command "
+                    "goes on"
+                )
+            return summary
 
     def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
-        """The state in a file, and its time."""
+        """Read the state in a file, and its time."""
         (u, v), t0 = read_state(str(self.start))
         if lattice is not None and lattice.sites != len(u):
             typed = "--sites" if where.lattice is None else "--lattice"
@@ -159,7 +157,7 @@ class RunOptions:
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:
-    """Displacements, velocities, and their time; 0 where the file does not say."""
+    """Read displacements, velocities, and their time; 0 where the file does not say."""
     import numpy as np
 
     try:
@@ -181,11 +179,11 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
     return (u, v), 0.0
 
 
-def _breather(where: ModelOptions, on: ModelArguments, lattice: Any) -> tuple[Any, float]:
-    """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
-    a ring is the one without damping, as in the paper; that of --lattice has all."""
-    values = where.given | ({} if where.lattice else {"damping": 0.0})
-    breather = cb.symmetric(**{**values, **on.given, "lattice": lattice or cb.Ring(SITES)})
+def _breather(where: ModelOptions, on: dict[str, Any], lattice: Any) -> tuple[Any, float]:
+    """Find the exact breather at t = 0, or a quarter of a period later if it hits just then. On a
+    ring it is the one without damping, as in the paper; on --lattice it has all."""
+    values = where.given() | ({} if where.lattice else {"damping": 0.0})
+    breather = cb.symmetric(**{**values, **on, "lattice": lattice or cb.Ring(SITES)})
     margins = breather.admissibility()
     if not margins.ok:
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
@@ -211,57 +209,62 @@ def simulate(
     if summary.interrupted:
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
-    summary = with_verdict(summary)
-    undamped = where.given.get("damping") and not (where.lattice or options.start or options.smooth)
+    result = of_run(summary, where.given())
+
+    def entry() -> dict[str, Any]:
+        about = dict(result.entry())
+        begun = options.start is None and summary.by_site is not None  # as a breather that impacts
+        return {**about, "lost_after": summary.lost} if begun else about
+
+    into.leave(result._replace(entry=entry, lines=lambda: _lines(summary, options)), others=written)
+    undamped = where.damping and not (where.lattice or options.start or options.smooth)
     if undamped and summary.lost is not None:
         inform(
             "it started on the breather without damping, which is no orbit of the damped ring: "
             f"--lattice ring:{where.sites or SITES} starts on the one with damping"
         )
-    aside = printed(into.csv, options.impacts, options.final)
-    if into.json:
-        params = where.need(*NEEDED)
-        begun = options.start is None and summary.by_site is not None  # as a breather that impacts
-        lost = {"lost_after": summary.lost} if begun else {}
-        to_json({**content(summary, params, options.smooth), **lost, "written": written})
-    else:
-        rigid = options.smooth is None
-        walls = "rigid walls" if rigid else f"smooth walls, m = {options.smooth:g}"
-        length = summary.periods if summary.stream else periods_gone(summary.run)
-        lattice = summary.run.conditions.lattice.describe()
-        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
-        if rows := list(_rows(summary, options)):
-            say(Sheet.of(rows), aside=aside)
-        lines = [summary.verdict["reason"]]
-        if summary.interrupted or summary.stop != "went through all its periods":
-            lines.append(summary.stop)
-        say(*sentences(lines), *(f"Wrote {path}." for path in written), aside=aside)
-    end(summary.interrupted)
+    if summary.interrupted:
+        raise CutShort
+
+
+def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator[Any]:
+    """Write the last state first, from which it goes on: large tables take long."""
+    if options.final is not None:
+        state = summary.run.final
+        last = {"t": float(summary.run.end), "u": state.u.tolist(), "v": state.v.tolist()}
+        text = json.dumps(last, allow_nan=False) + "\n"
+        yield write_whole(options.final, lambda file: file.write(text.encode()))
+    if into.save is not None:
+        cb.save(into.save, run=summary.run)
+    if options.impacts is not None:
+        rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
+        yield write_csv(options.impacts, IMPACTS, rows)
 
 
 # --- what it shows --------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunSummary:
-    """A run (of a stream its last periods), how it ended, and what it is in the end. What took long
-    to simulate is on disk before it is judged."""
+    """A run (of a stream its last periods), how it ended, and what it is in the end. It is judged
+    when what took long to simulate is on disk."""
 
     run: Ran
-    site: int
-    periods: int
-    interrupted: bool
-    stop: str
+    site: int = 0
     stream: cb.simulation.Recording | None = None
     by_site: dict[int, int] | None = None
     rests: int = 0
     lost: int | None = None
-    verdict: dict[str, Any] = field(
-        default_factory=lambda: _undecided("no verdict: interrupted before it was found")
-    )
+    verdict: dict[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        self.periods = self.run.periods if self.stream is None else self.stream.periods
+        self.interrupted = self.run.stop is cb.simulation.RunStop.INTERRUPTED
+        self.stop = getattr(self.run, "reason", "") or self.run.stop.value
 
     def chunks(self) -> Iterator[Chunk]:
-        """All of it; a stream piece by piece, so that memory does not grow with its length."""
+        """Go through all of it; through a stream piece by piece, so that memory does not grow with
+        its length."""
         if self.stream is None:
             from contbreather.simulation.integrator import EVENTS, Chunk
 
@@ -273,67 +276,51 @@ class RunSummary:
             chunk.impacts["time"] += self.stream.t0
             yield chunk
 
+    @computing()
+    def judge(self) -> dict[str, Any]:
+        """Count its impacts and find the verdict; without it where Ctrl-C does not wait for it."""
+        if self.verdict is None:
+            self.verdict = _undecided("no verdict: interrupted before it was found")
+            try:
+                if hasattr(self.run, "impacts"):
+                    self._count()
+                self.verdict = _judged(self.run)
+            except KeyboardInterrupt:
+                self.interrupted = True
+        return self.verdict
 
-def summary_of(
-    run: Ran, site: int = 0, stream: cb.simulation.Recording | None = None, wanted: int = 0
-) -> RunSummary:
-    """A run, or the end of one on disk, and how it ended, not judged yet."""
-    stop = getattr(run, "reason", "") or run.stop.value
-    if stream is None:
-        interrupted = run.stop is cb.simulation.RunStop.INTERRUPTED
-        return RunSummary(run, site, run.periods, interrupted, stop)
-    if stream.interrupted:
-        stop = f"interrupted after {stream.periods} of {wanted} periods; the same command goes on"
-    return RunSummary(run, site, stream.periods, stream.interrupted, stop, stream)
+    def _count(self) -> None:
+        """Count impacts, and periods until it was no breather any more."""
+        import numpy as np
 
+        from contbreather.paper.lifetimes import unlike_a_breather
 
-@computing()
-def with_verdict(summary: RunSummary) -> RunSummary:
-    """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
-    try:
-        if hasattr(summary.run, "impacts"):
-            counts, rests = Counter[int](), 0
-            for chunk in summary.chunks():
-                counts.update(chunk.impacts["site"].tolist())
-                rests += int(chunk.rests["begins"].sum())
-            by_site = dict(sorted(counts.items()))
-            summary = replace(summary, by_site=by_site, rests=rests, lost=_lost_in(summary))
-        verdict = _judged(summary.run)
-    except KeyboardInterrupt:
-        return replace(summary, interrupted=True)
-    return replace(summary, verdict=verdict)
-
-
-def _lost_in(summary: RunSummary) -> int | None:
-    """After which period it was no breather any more, if ever."""
-    import numpy as np
-
-    from contbreather.paper.lifetimes import unlike_a_breather
-
-    wall = 0
-    for chunk in summary.chunks():
-        wrong = unlike_a_breather(chunk.impacts, chunk.periods, chunk.first, wall, summary.site)
-        gone = np.flatnonzero(wrong)
-        if gone.size:
-            return chunk.first + int(gone[0])
-        wall = int(chunk.impacts["wall"][-1]) if chunk.impacts.size else wall
-    return None
+        counts, rests, lost, wall = Counter[int](), 0, None, 0
+        for chunk in self.chunks():
+            hits = chunk.impacts
+            counts.update(hits["site"].tolist())
+            rests += int(chunk.rests["begins"].sum())
+            if lost is None:
+                wrong = unlike_a_breather(hits, chunk.periods, chunk.first, wall, self.site)
+                gone = np.flatnonzero(wrong)
+                lost = chunk.first + int(gone[0]) if gone.size else None
+            wall = int(hits["wall"][-1]) if hits.size else wall
+        self.by_site, self.rests, self.lost = dict(sorted(counts.items())), rests, lost
 
 
 def _judged(run: Ran) -> dict[str, Any]:
-    """Kind, sentence and evidence from the later half of a run."""
+    """Find kind, sentence and evidence from the later half of a run."""
     from contbreather.simulation.classify import judge
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is cb.simulation.RunStop.CHATTER:
         return _undecided("it ends before a period of too many impacts")
     if half < ENOUGH:
-        length = periods_gone(run)
-        words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
-        return _undecided(f"no verdict: {words}, give at least {2 * ENOUGH}")
-    verdict: Any
+        length = _length(run)
+        verb = "is" if length == "1 period" else "are"
+        return _undecided(f"no verdict: {length} {verb} too few, give at least {2 * ENOUGH}")
     try:
-        verdict = judge(run.since(run.periods - half))
+        verdict: Any = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
         return _undecided(f"no verdict: {error}")
     kinds = {"kind": verdict.kind.name, "motion": verdict.motion.name}
@@ -344,48 +331,76 @@ def _undecided(reason: str) -> dict[str, Any]:
     return {"kind": "UNDECIDED", "motion": "UNDECIDED", "reason": reason, "evidence": {}}
 
 
-def periods_gone(run: Ran) -> float:
-    """How many periods it went, the fraction at its end included."""
+def _length(run: Ran) -> str:
+    """Length of a run in words, the fraction of a period at its end included."""
     from contbreather.simulation.states import PERIOD
 
-    return run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6)
+    return _in_periods(run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6))
 
 
-def periods_in_words(count: float) -> str:
-    """So many periods, in numbers."""
+def _in_periods(count: float) -> str:
     return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
-# --- what is left ---------------------------------------------------------------------------------
+def _lines(summary: RunSummary, options: RunOptions) -> Iterator[object]:
+    from contbreather.simulation.classify import in_words
+
+    verdict, run = summary.judge(), summary.run
+    walls = "rigid walls" if options.smooth is None else f"smooth walls, m = {options.smooth:g}"
+    length = _in_periods(summary.periods) if summary.stream else _length(run)
+    lattice = run.conditions.lattice.describe()
+    yield f"{lattice[0].upper()}{lattice[1:]}, {walls}, {length}"
+    rows = list[tuple[str, str]]()
+    if summary.by_site is not None:
+        rows.append(("impacts", str(sum(summary.by_site.values()))))
+        rows.append((f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))))
+        if summary.rests:  # the last rebounds of a chatter are summed: no impacts of the table
+            times = "once" if summary.rests == 1 else f"{summary.rests} times"
+            rows.append(("came to rest on a wall", times))
+        if options.start is None:
+            lost = "to the end" if summary.lost is None else _in_periods(summary.lost)
+            rows.append(("breather kept for", lost))
+    if rows := [*rows, *in_words(verdict["evidence"])]:
+        yield Sheet.of(rows)
+    plain = not summary.interrupted and summary.stop == "went through all its periods"
+    yield from sentences([verdict["reason"], *([] if plain else [summary.stop])])
 
 
-def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator[Any]:
-    """What goes on from here first: large tables take long enough to be interrupted."""
-    if options.final is not None:
-        state = summary.run.final
-        last = {"t": float(summary.run.end), "u": state.u.tolist(), "v": state.v.tolist()}
-        text = json.dumps(last, allow_nan=False) + "\n"
-        yield write_whole(options.final, lambda file: file.write(text.encode()))
-    if into.save is not None:
-        cb.save(into.save, run=summary.run)
-        yield into.save
-    if into.csv is not None:
-        yield write_csv(into.csv, *strobe_table(summary))
-    if options.impacts is not None:
-        rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
-        yield write_csv(options.impacts, IMPACTS, rows)
-    if into.output is not None:
-        yield to_figure(into.output, lambda: draw(summary.run, summary.site))
+def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Result:
+    """Present a run, with its parameters as they were typed."""
+
+    def entry() -> dict[str, Any]:
+        verdict, run, c = summary.judge(), summary.run, summary.run.conditions
+        numbers = params or {name: getattr(c, name) for name in NEEDED if hasattr(c, name)}
+        counts = summary.by_site
+        hits = {} if counts is None else {"total": sum(counts.values()), "by_site": counts}
+        return {
+            **numbers,
+            "damping": c.damping,
+            "forcing": c.forcing.describe(),
+            "m": getattr(c, "m", None),
+            "lattice": c.lattice.describe(),
+            "sites": run.sites,
+            "periods": summary.periods,
+            "stop": summary.stop,
+            "interrupted": summary.interrupted,
+            "noise": getattr(run, "noise", 0.0),
+            "verdict": verdict,
+            "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
+            **({"impacts": hits} if hits else {}),
+        }
+
+    return Result(entry, list, partial(_strobe_table, summary), partial(_draw, summary))
 
 
-def strobe_table(summary: RunSummary) -> Table:
-    """A row for each stroboscopic state, and the columns."""
+def _strobe_table(summary: RunSummary) -> Table:
+    """Make a row for each stroboscopic state."""
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
     return ["period", "time", *names], _strobes(summary)
 
 
 def _strobes(summary: RunSummary) -> Iterator[list[float]]:
-    """One row for each stroboscopic state; those of a stream are read piece by piece."""
+    """Read stroboscopic states, those of a stream piece by piece."""
     import numpy as np
 
     from contbreather.simulation.states import PERIOD
@@ -400,8 +415,9 @@ def _strobes(summary: RunSummary) -> Iterator[list[float]]:
             yield [period, t0 + PERIOD * period, *u[i].tolist(), *v[i].tolist()]
 
 
-def draw(run: Ran, site: int = 0) -> Figure:
-    """The last periods of three sites, the section of one, and how localised it was."""
+def _draw(summary: RunSummary) -> Figure:
+    """Draw the last periods of three sites, the section of one, and how localised it was."""
+    run, site = summary.run, summary.site
     plotting = cb.plotting
     titles = ["the last periods", "once in a period, later half", "where the energy is"]
     if getattr(run, "noise", 0.0):  # the last periods cannot be simulated once more by themselves
@@ -420,7 +436,7 @@ def draw(run: Ran, site: int = 0) -> Figure:
 
 
 def _window(run: Any, site: int) -> Any:
-    """The last periods again, with some sites recorded densely."""
+    """Simulate the last periods again, with some sites recorded densely."""
     from contbreather.simulation.simulate import completed, let_go
 
     count = min(WINDOW, run.periods)
@@ -429,42 +445,3 @@ def _window(run: Any, site: int) -> Any:
     window: dict[str, Any] = {"periods": max(1, count), "sample": cb.simulation.Sample(shown, 100)}
     window |= {"t0": float(run.times[-1 - count]), "progress": False}
     return completed(let_go(state, run.conditions, **window)).record
-
-
-def content(summary: RunSummary, params: Mapping[str, Any], m: float | None) -> dict[str, Any]:
-    """A run for JSON: its parameters, how it ended, and the verdict."""
-    run, c = summary.run, summary.run.conditions
-    entry: dict[str, Any] = {
-        **params,
-        "damping": c.damping,
-        "forcing": c.forcing.describe(),
-        "m": m,
-        "lattice": c.lattice.describe(),
-        "sites": run.sites,
-        "periods": summary.periods,
-        "stop": summary.stop,
-        "interrupted": summary.interrupted,
-        "noise": getattr(run, "noise", 0.0),
-        "verdict": summary.verdict,
-        "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
-    }
-    if summary.by_site is not None:
-        entry["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
-    return entry
-
-
-def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]:
-    from contbreather.simulation.classify import in_words
-
-    if summary.by_site is not None:
-        yield "impacts", str(sum(summary.by_site.values()))
-        yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
-        if summary.rests:  # the last rebounds of a chatter are summed: no impacts of the table
-            yield (
-                "came to rest on a wall",
-                "once" if summary.rests == 1 else f"{summary.rests} times",
-            )
-        if options.start is None:
-            lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
-            yield "breather kept for", lost
-    yield from in_words(summary.verdict["evidence"])

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.cli.options import Workers, ZoneOptions, assigned
-from contbreather.cli.output import Output, SavedOutput, Table, lives_on, table_of
+from contbreather.cli.output import (
+    Output,
+    Result,
+    SavedOutput,
+    Table,
+    lives_on,
+    model_entry,
+    table_of,
+)
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
 
@@ -40,36 +49,31 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead.
     """
-    from contbreather.parameters import parameter
-
     typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
-    if len(typed) > 1:
-        raise BadInput(
-            f"zones are drawn with one parameter fixed, but {' and '.join(typed)} were given; "
-            "leave one"
-        )
-    ((name, values),) = (typed or {"k": RESTITUTIONS}).items()
-    for value in values:
-        parameter(name, value)
     if into == SavedOutput():
         into = SavedOutput(csv="zones.csv", output="zones.png")
     into.check(plane.read)
-    options = {"ks" if name == "k" else name: values, **plane.options(plane.on())}
+    options = {("ks" if name == "k" else name): values for name, values in typed.items()}
+    options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
     diagrams, cut = until_interrupted(_computed, options, into.save)
     if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
-    into.leave(
-        lambda: zones_entry(diagrams),
-        zones_lines(diagrams),
-        lambda: curves_table(diagrams),
-        lambda: cb.plotting.plot_zones(diagrams, within=options["within"])[0],
-        cut=cut,
+    into.leave(of_zones(diagrams, options["within"]), cut=cut)
+
+
+def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
+    """Present zone diagrams."""
+    return Result(
+        partial(zones_entry, diagrams),
+        partial(zones_lines, diagrams),
+        partial(curves_table, diagrams),
+        lambda: cb.plotting.plot_zones(diagrams, within=within)[0],
     )
 
 
 def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
-    """All diagrams, over the cores where that pays."""
+    """Draw all diagrams, over the cores where that pays."""
     from contbreather.continuation.checkpoint import checkpoint
     from contbreather.workers import Failed
 
@@ -127,7 +131,7 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
 
 
 def zones_lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
-    """Where the curves meet, and how many points they have."""
+    """Say where the curves meet, and how many points they have."""
     table = planes[0].table().further(*(row for plane in planes[1:] for row in plane.table().rows))
     yield table if table.rows else "No two curves meet there."
     for plane in planes:
@@ -184,25 +188,26 @@ def atlas(
     further = assigned("--over", over, lambda n, words: values_by(f"--over {n}", words), wanted)
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     plane = replace(plane, set=(*plane.set, *begin))
-    on = plane.on()
-    options = {**plane.options(on), "executor": workers, **fixed}
+    options = {**plane.options(), "executor": workers, **fixed}
+    entry = model_entry(plane.verge(options["lattice"]), **plane.on())
     for name in further:
         if name in options:
             raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
     dataset, cut = until_interrupted(cb.atlas, **{**options, **further})
     lost = {name: options[name] for name in ("damping", "spring") if options[name]}
     written = [] if save is None else [str(save_atlas(save, dataset))]
-    into.leave(
-        lambda: {**on.entry(), **lost, "atlas": _columns(dataset), "failed": _failed(dataset)},
-        [*_atlas_lines(dataset), *(f"Wrote {path}." for path in written)],
-        lambda: table_of(_columns(dataset)),
-        lambda: cb.plotting.plot_atlas(dataset),
-        cut=cut,
+    columns = _columns(dataset)
+    result = Result(
+        lambda: {**entry, **lost, "atlas": columns, "failed": _failed(dataset)},
+        partial(_atlas_lines, dataset),
+        lambda: table_of(columns),
+        partial(cb.plotting.plot_atlas, dataset),
     )
+    into.leave(result, cut=cut, others=written)
 
 
 def _columns(dataset: Dataset) -> dict[str, Any]:
-    """Those along points, words in place of their numbers."""
+    """Columns along points, with words in place of their numbers."""
     from contbreather.orbits.atlas import words
 
     columns: dict[str, Any] = {
@@ -217,7 +222,7 @@ def _failed(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:
-    """How many there are, and what is missing."""
+    """Count diagrams, and say what is missing."""
     kinds = _columns(dataset)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
     count = len({*dataset.slice.values.tolist()})

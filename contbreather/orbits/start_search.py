@@ -194,6 +194,7 @@ def find_event(
             refusal = refusal or error
             continue
         problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
+        one_of("the kind", kind, (*(event.kind for event in problem.events), "PD"))
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
         # a symmetric breather breaks its symmetry (PF) before it can double its period

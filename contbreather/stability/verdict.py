@@ -173,7 +173,7 @@ def threshold_on(lattice: Any, threshold: float | None) -> float:
     if threshold is not None and lattice.sites is None:
         raise BadInput(
             f"threshold = {brief(threshold)}: the infinite chain has none, its verdict is exact; "
-            "name a finite lattice, Ring(400) for instance."
+            "name a finite lattice, Ring(400) or 'ring:400'"
         )
     return THRESHOLD if threshold is None else threshold
 

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from contbreather.errors import BadInput, ContbreatherError, partial_result
 from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
@@ -19,18 +19,17 @@ from contbreather.plotting.pictures import plot
 from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
 from contbreather.studies.folder import put_in_place
-from contbreather.studies.schema import Figure, Study, part
+from contbreather.studies.schema import Part, Study
 from contbreather.studies.tasks import ATLAS, Task, dry_run, finish
 from contbreather.tables import Column, HtmlRepr, Sheet
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
-PATIENCE = 5  # seconds until a scheduler that does not answer is given up
 
 
 @dataclass
 class Report(HtmlRepr):
-    """What became of a study.
+    """Outcome of a study.
 
     Attributes
     ----------
@@ -41,7 +40,7 @@ class Report(HtmlRepr):
     failed : dict
         Name of each part without a result, and the reason.
     absent : dict
-        The same of what the study calls optional: there was nothing to start from.
+        Parts that the study calls optional, and to which nothing was there to start from.
     written : list of Path
         Figures, and atlases as datasets.
     interrupted : bool
@@ -73,13 +72,14 @@ class Report(HtmlRepr):
         there = f", {len(self.kept)} were there" if self.kept else ""
         cut = "; interrupted, the same command goes on" if self.interrupted else ""
         names, outcomes, reasons = zip(*rows, strict=True) if rows else ((), (), ())
+        made = f"{len(self.computed)} result{'s' * (len(self.computed) != 1)} computed"
         return Sheet(
             [Column("name", names), Column("outcome", outcomes), Column("reason", reasons)],
-            f"{len(self.computed)} results computed{there}, in {self.folder}{cut}",
+            f"{made}{there}, in {self.folder}{cut}",
         )
 
     def enter(self, name: str, outcome: str, why: str = "") -> None:
-        """A part that was computed or kept, or failed or is absent for a reason."""
+        """Enter a part that was computed or kept, or failed or is absent for a reason."""
         where = getattr(self, outcome)
         if isinstance(where, dict):
             where[name] = why
@@ -87,7 +87,7 @@ class Report(HtmlRepr):
             where.append(name)
 
     def so_far(self) -> Report:
-        """Where an interruption leaves it."""
+        """Mark it as interrupted."""
         self.interrupted = True
         return self
 
@@ -147,8 +147,13 @@ def run(
     (['first'], ['first'])
     """
     asked = dry_run(path, folder=folder, again=again)
-    report, todo = Report(asked.folder), asked.left
-    ended = _reporting(tell, len(todo))
+    report, todo, numbers = Report(asked.folder), asked.left, count(1)
+
+    def ended(task: Task, result: Failed | str) -> None:
+        _, why = _outcome(result)
+        if tell is not None:
+            tell(f"{next(numbers)} of {len(todo)}, {task.name}{f': none, {why}' if why else ''}")
+
     try:
         report.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -160,49 +165,36 @@ def run(
             report.enter(name, outcome, why)
     with partial_result(report.so_far):
         for level in sorted({task.level for task in todo}):
-            work = [task for task in todo if task.level == level and _begun(task, report, ended)]
-            computed = each(
+            work = []
+            for task in todo:
+                if task.level == level:
+                    if task.needs is None or task.needs.name not in report.missing:
+                        work.append(task)
+                        continue
+                    before = "absent" if task.needs.name in report.absent else "failed"
+                    outcome, why = task.lacking(before)
+                    report.enter(task.name, outcome, why)
+                    ended(task, why)
+            results = each(
                 partial(finish, folder=report.folder), work, executor=executor,
                 progress=progress, unit="parts", together=1, ended=ended,
             )  # fmt: skip
-            for task, result in zip(work, computed, strict=False):
+            for task, result in zip(work, results, strict=False):
                 report.enter(task.name, *_outcome(result))
         draw_figures(asked.study, asked.tasks, report)
     return report
 
 
-def _begun(task: Task, report: Report, ended: Callable[[Task, Any], object]) -> bool:
-    """Whether there is what it starts from."""
-    if task.needs is None or task.needs.name not in report.missing:
-        return True
-    outcome, why = task.lacking("absent" if task.needs.name in report.absent else "failed")
-    report.enter(task.name, outcome, why)
-    ended(task, why)
-    return False
-
-
 def _outcome(result: Failed | str) -> tuple[str, str]:
-    """What became of a part that was not there, and why."""
+    """Tell what became of a part that was not there, and why."""
     if isinstance(result, Failed):
         return "failed", result.reason
     return "absent" if result else "computed", result
 
 
-def _reporting(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
-    """Called with each part as it ends."""
-    numbers = count(1)
-
-    def report_part(task: Task, result: Failed | str) -> None:
-        _, why = _outcome(result)
-        if tell is not None:
-            tell(f"{next(numbers)} of {total}, {task.name}{f': none, {why}' if why else ''}")
-
-    return report_part
-
-
 @contextmanager
-def cluster(address: str) -> Iterator[Executor]:
-    """The executor of the cluster with this scheduler.
+def cluster(address: str, patience: float = 5.0) -> Iterator[Executor]:
+    """Connect to the scheduler of a cluster, as an executor; given up after so many seconds.
 
     Raises
     ------
@@ -216,7 +208,7 @@ def cluster(address: str) -> Iterator[Executor]:
             "a cluster needs dask: pip install 'contbreather[cluster]', here and on its workers"
         ) from error
     try:
-        client = distributed.Client(address, timeout=PATIENCE)
+        client = distributed.Client(address, timeout=patience)
     except (OSError, TimeoutError, ValueError) as error:
         raise BadInput(
             f"no cluster answers at {address}: {error}; start one with `dask scheduler` and "
@@ -230,70 +222,56 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
-    """All figures of which everything is there, and all atlases."""
-    shown = _StudyResults(study, tasks, report)
-    for name in study.atlas:
-        if shown.there(name):
-            path, atlas = report.folder / f"{name}{ATLAS}", shown.atlas(name)
-            report.written.append(put_in_place(path, partial(save_atlas, atlas=atlas)))
-    for name, figure in study.figure.items():
-        missing = [name for name in figure.draws if not shown.there(name)]
-        lost = [name for name in missing if not shown.absent(name)]
-        if lost or len(missing) == len(figure.draws):
-            why = f"there is nothing of {', '.join(lost or missing)} to draw"
-            (report.failed if lost else report.absent)[f"figure {name}"] = why
-            continue
-        path = report.folder / figure.path(name)
-        try:
-            report.written.append(put_in_place(path, partial(save_figure, shown.drawn(figure))))
-        except ContbreatherError as error:  # a column that is not there: the others are drawn
-            report.failed[f"figure {name}"] = str(error)
+    """Write all atlases, and all figures of which everything is there."""
 
+    def named(source: Part) -> list[Task]:
+        return [one for one in tasks if one.family == source.family and source.has(one.values)]
 
-class _StudyResults(NamedTuple):
-    """The results of a study, read for drawing."""
+    def there(source: Part) -> list[Task]:
+        return [one for one in named(source) if one.name not in report.missing]
 
-    study: Study
-    tasks: Sequence[Task]
-    report: Report
-
-    def named(self, name: str) -> list[Task]:
-        """Those that a figure names."""
-        source = part(name)
-        family = [task for task in self.tasks if task.family == source.family]
-        return [task for task in family if source.has(task.values)]
-
-    def there(self, name: str) -> bool:
-        return any(task.name not in self.report.missing for task in self.named(name))
-
-    def absent(self, name: str) -> bool:
-        return all(task.name in self.report.absent for task in self.named(name))
-
-    def results(self, name: str) -> list[Any]:
-        """All that is named, as far as it is there; arms one by one."""
-        arm, results = part(name).arm, list[Any]()
-        for task in self.named(name):
-            if task.name in self.report.missing:
-                continue
-            result = load(task.file(self.report.folder))
-            several = result.values() if isinstance(result, Run) else [result]
-            results += [result[arm]] if arm and isinstance(result, Run) else several
-        return results
-
-    def atlas(self, name: str) -> Any:
-        table, drive = self.study.atlas[name], self.study.chain.drive
-        slices = slices_of({table.fixed: getattr(table, table.fixed)}, table.over, drive)
+    def atlas(name: str) -> Any:
+        """Make it of all diagrams, those that failed with their reasons."""
+        table, drive, whole = study.atlas[name], study.chain.drive, named(Part(name, {}, ""))
+        lost = report.failed
         diagrams = [
-            Failed(task.name, BadInput(self.report.failed[task.name]))
-            if task.name in self.report.failed
-            else load(task.file(self.report.folder))
-            for task in self.named(name)
+            Failed(one.name, BadInput(lost[one.name]))
+            if one.name in lost
+            else load(one.file(report.folder))
+            for one in whole
         ]
-        return surfaces(slices, diagrams)
+        return surfaces(slices_of(table.given, table.over, drive), diagrams)
 
-    def drawn(self, figure: Figure) -> Any:
-        first = figure.draws[0]
-        if first in self.study.atlas:
-            return plot_atlas(self.atlas(first), over=figure.over, at=figure.at)
-        results = [result for name in figure.draws for result in self.results(name)]
-        return plot(*results, x=figure.x, y=figure.y)
+    for name in study.atlas:
+        if there(Part(name, {}, "")):
+            path = report.folder / f"{name}{ATLAS}"
+            report.written.append(put_in_place(path, partial(save_atlas, atlas=atlas(name))))
+    for name, path in study.pictures(report.folder).items():
+        figure, title = study.figure[name], f"figure {name}"
+        missing = [source for source in figure.draws if not there(source)]
+        lost = [one for one in missing if {task.name for task in named(one)} - {*report.absent}]
+        if lost or len(missing) == len(figure.draws):
+            why = f"there is nothing of {', '.join(map(str, lost or missing))} to draw"
+            report.enter(title, "failed" if lost else "absent", why)
+            continue
+        try:
+            if (family := figure.draws[0].family) in study.atlas:
+                drawn: Any = plot_atlas(atlas(family), **figure.options)
+            else:
+                results = [
+                    _loaded(task, source.arm, report.folder)
+                    for source in figure.draws
+                    for task in there(source)
+                ]
+                drawn = plot(*chain.from_iterable(results), **figure.options)
+            report.written.append(put_in_place(path, partial(save_figure, drawn)))
+        except ContbreatherError as error:  # a column that is not there: the others are drawn
+            report.enter(title, "failed", str(error))
+
+
+def _loaded(task: Task, arm: str, folder: Path) -> list[Any]:
+    """Read a result; arms one by one, or the one that is named."""
+    result = load(task.file(folder))
+    if not isinstance(result, Run):
+        return [result]
+    return [result[arm]] if arm else list(result.values())

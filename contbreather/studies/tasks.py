@@ -1,5 +1,5 @@
-"""The tasks of a study: each computed by itself, kept in a file of its own, and never again; what
-will be computed, with its conditions, and what is there already."""
+"""Tasks of a study: each computed by itself, kept in a file of its own, and never again; and the
+list of what is to be computed, with its conditions, and of what is there already."""
 
 from __future__ import annotations
 
@@ -23,22 +23,34 @@ from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, write_whole
-from contbreather.orbits.atlas import Slice, drawn_in_plane
 from contbreather.orbits.start_search import find_symmetric, problem_with
+from contbreather.orbits.zones import zones
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
 from contbreather.studies.folder import MARKS, check_links, is_own, places
-from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
+from contbreather.studies.schema import (
+    Arms,
+    Boundary,
+    BranchTask,
+    Chain,
+    FromPoint,
+    GridTask,
+    Study,
+    ZonesTask,
+)
 from contbreather.studies.validation import read
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 ATLAS = ".nc4"  # beside the results that `load` reads
 WORDS = {"": "to compute", "kept": "there", "failed": "failed before", "absent": "absent"}
+# keys that do not change a result: where it starts, which is a task of its own, and values, which
+# are in lists to which others may be added later
+OUTSIDE = {"of", "a", "gamma", "k", "over", "optional"}
 
 
 class Mark(BaseModel):
-    """What is known of a task: of which settings its result is, and why there is none: it `failed`,
-    or what it starts from is `absent`."""
+    """Record of a task: the settings that its result is of, and why there is none: it `failed`, or
+    its start is `absent`."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 
@@ -49,14 +61,26 @@ class Mark(BaseModel):
 
 @dataclass(frozen=True)
 class Task:
-    """What one process computes: plain data, so that it goes anywhere."""
+    """One process's work: plain data, so that it goes anywhere.
 
-    family: str  # the name in the study
-    label: str  # which of its family, "k=0.8"; empty where it is alone
-    kind: str  # branch, arms, boundary or zones
-    asked: Mapping[str, Any]  # all that its result depends on, but for the part it starts from
-    needs: Task | None = None  # that task
-    optional: bool = False  # whether it may be that there is nothing to start from
+    Attributes
+    ----------
+    family, label : str
+        Its name in the study, and which of its family it is, "k=0.8"; empty where it is alone.
+    table : BranchTask, Arms, Boundary or ZonesTask
+    values : dict
+        Parameters that the study fixes.
+    chain : Chain
+    needs : Task, optional
+        The one whose result it starts from.
+    """
+
+    family: str
+    label: str
+    table: Any
+    values: Mapping[str, float]
+    chain: Chain
+    needs: Task | None = None
 
     @property
     def name(self) -> str:
@@ -67,16 +91,21 @@ class Task:
         return 0 if self.needs is None else 1 + self.needs.level
 
     @property
-    def values(self) -> dict[str, float]:
-        """Of the parameters, as far as the study fixes them."""
-        return dict(self.asked["at"]) if self.needs is None else self.needs.values
+    def optional(self) -> bool:
+        """Tell whether there may be nothing to start from."""
+        return getattr(self.table, "optional", False)
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """All that its result depends on, but for values, the chain and where it starts."""
+        return self.table.model_dump(exclude=OUTSIDE, exclude_none=True)
 
     @property
     def fingerprint(self) -> str:
-        """Of everything that the result depends on."""
-        before = None if self.needs is None else self.needs.fingerprint
-        settings = json.dumps([self.kind, self.asked, before], sort_keys=True)
-        return hashlib.sha256(settings.encode()).hexdigest()
+        """Hash of everything that the result depends on."""
+        start = None if self.needs is None else [self.table.of.arm, self.needs.fingerprint]
+        settings = [self.table.kind, self.said, self.values, self.chain.model_dump(), start]
+        return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
     def file(self, folder: Path) -> Path:
         return folder / f"{self.name}.nc"
@@ -92,14 +121,14 @@ class Task:
             return None
 
     def stored_state(self, folder: Path) -> Mark | None:
-        """What is known of it, as far as its result is there."""
+        """Read what is known of it, as far as its result is there."""
         mark = self.last_mark(folder)
         there = mark and (mark.failed or mark.absent or self.file(folder).exists())
         return mark if there else None
 
     def outcome(self, folder: Path, again: bool = False) -> tuple[str, str]:
-        """What is on disk of it, "kept", "failed" or "absent", and why; nothing where it is to be
-        computed, `again` where there is no result."""
+        """Look up what is on disk of it, "kept", "failed" or "absent", and why; nothing where it is
+        to be computed, `again` where there is no result."""
         before = "" if self.needs is None else self.needs.outcome(folder, again)[0]
         if before in ("failed", "absent"):
             return self.lacking(before)
@@ -113,13 +142,13 @@ class Task:
         return ("", "") if again else ("absent" if absent else "failed", why)
 
     def lacking(self, before: str) -> tuple[str, str]:
-        """Its outcome where what it starts from failed, or is absent."""
+        """Outcome where what it starts from failed, or is absent."""
         assert self.needs is not None
         absent = self.optional and before == "absent"
         return "absent" if absent else "failed", f"there is no {self.needs.name} to start from"
 
     def mark(self, folder: Path, **why: str) -> None:
-        """Say that it is finished, or why there is nothing."""
+        """Record that it is finished, or why there is nothing."""
         mark = Mark(settings=self.fingerprint, **why)
         path = self.mark_file(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -127,50 +156,31 @@ class Task:
 
 
 def tasks_of(study: Study) -> list[Task]:
-    """All tasks, those that others start from first."""
-    chain = study.chain.entries
+    """List all tasks, those that others start from first."""
 
     @cache
     def family(name: str) -> list[Task]:
         table = study.results[name]
-        if isinstance(table, GridTask):
-            kind = "branch" if name in study.branch else "zones"
-            return _over(name, kind, table.grid, {**table.entries, "chain": chain})
-        assert isinstance(table, FromPoint)
-        source, kind = part(table.of), "arms" if name in study.arms else "boundary"
-        # a result is the same, be it asked for alone or with the others of its family
-        asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
-        starts = (start for start in family(source.family) if source.has(start.values))
-        return [_task(name, start.label, kind, asked, start) for start in starts]
+        if isinstance(table, FromPoint):
+            starts = [start for start in family(table.source) if table.of.has(start.values)]
+            if not starts:
+                have = ", ".join(start.name for start in family(table.source))
+                raise BadInput(f"{name}.of: there is no {table.of}; there are {have}")
+            return [Task(name, one.label, table, one.values, study.chain, one) for one in starts]
+        assert isinstance(table, GridTask)
+        grid = {**table.given, **table.over}
+        several = [key for key in grid if len(grid[key]) > 1]
+        return [
+            Task(name, ",".join(f"{key}={at[key]!r}" for key in several), table, at, study.chain)
+            for at in combinations(grid)
+        ]
 
     tasks = (task for name in study.results for task in family(name))
     return sorted(tasks, key=lambda task: task.level)
 
 
-def _over(
-    name: str, kind: str, grid: Mapping[str, list[float]], asked: Mapping[str, Any]
-) -> list[Task]:
-    """A task for each combination of values."""
-    several = [name for name in grid if len(grid[name]) > 1]
-    # a result depends on its own values only, so that more of them may be asked for later
-    alike = {key: value for key, value in asked.items() if key not in (*grid, "over")}
-    family = []
-    for at in combinations(grid):
-        label = ",".join(f"{name}={at[name]!r}" for name in several)
-        family.append(_task(name, label, kind, {**alike, "at": at}))
-    return family
-
-
-def _task(
-    family: str, label: str, kind: str, said: Mapping[str, Any], needs: Task | None = None
-) -> Task:
-    """What it comes to does not depend on whether it may be absent."""
-    asked = {name: value for name, value in said.items() if name != "optional"}
-    return Task(family, label, kind, asked, needs, said.get("optional", False))
-
-
 class NoStart(BadInput):
-    """What a part starts from is not there."""
+    """Nothing is there that a part could start from."""
 
 
 def finish(task: Task, folder: Path) -> str:
@@ -205,7 +215,7 @@ def finish(task: Task, folder: Path) -> str:
     if isinstance(result, tuple):
         save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
     else:
-        save(path, **{task.kind: result})
+        save(path, **{task.table.kind: result})
     return ""
 
 
@@ -213,51 +223,46 @@ def finish(task: Task, folder: Path) -> str:
 
 
 def computed(task: Task, folder: Path) -> Any:
-    """The result of a task.
+    """Compute the result of a task.
 
     Raises
     ------
     NoStart
         Where what it starts from is not there.
     """
-    asked = task.asked
-    steps = Steps(largest=asked["largest"]) if "largest" in asked else None
-    within = {name: (low, high) for name, (low, high) in asked.get("within", {}).items()}
-    if task.needs is not None:
-        point = _source(task, folder)
-        if task.kind == "arms":
-            return switch(point, within=within, progress=False)
-        return boundary(point, tuple(asked["pair"]), within=within, steps=steps, progress=False)
-    chain = Chain.model_validate(asked["chain"])
-    drive = chain.drive
-    letters = {name: value for name, value in asked["at"].items() if name in drive.params}
-    at = {name: value for name, value in asked["at"].items() if name not in letters}
-    drive = drive.at(**letters) if letters else drive
-    if task.kind == "zones":
-        ((name, value),) = at.items()
-        how = {"past_folds": asked["past_folds"], "threshold": chain.threshold}
-        return drawn_in_plane(Slice(name, value, drive), **chain.on, **how, within=within)
-    free = asked["free"]
-    span = tuple(asked.get("window") or window_of(free))
-    near = (at[free], at[free]) if free in at else span
-    chosen = {**at, **chain.on, "forcing": drive}
+    table, chain, values = task.table, task.chain, dict(task.values)
+    largest = getattr(table, "largest", None)
+    steps = None if largest is None else Steps(largest=largest)
+    within = getattr(table, "within", {})
+    if isinstance(table, Arms):
+        return switch(_source(task, folder), within=within, progress=False)
+    if isinstance(table, Boundary):
+        start, (first, second) = _source(task, folder), table.pair
+        return boundary(start, (first, second), within=within, steps=steps, progress=False)
+    drive = chain.drive.at(**{name: values.pop(name) for name in table.over})
+    on: dict[str, Any] = {**values, **chain.on, "forcing": drive}
+    if isinstance(table, ZonesTask):
+        on |= {"past_folds": table.past_folds, "threshold": chain.threshold, "within": within}
+        return zones(**on, progress=False)
+    free, span = table.free, table.window or window_of(table.free)
+    near = (values[free], values[free]) if free in values else span
     try:
-        start = find_symmetric(free, near, root=asked.get("root"), **chosen)
+        breather = find_symmetric(free, near, root=table.root, **on)
     except NoSolution as error:
         raise NoStart(str(error)) from error
-    problem = problem_with(start, free, threshold=chain.verge)
+    problem = problem_with(breather, free, threshold=chain.verge)
     return trace(problem, free, within={free: span}, steps=steps, progress=False)
 
 
 def _source(task: Task, folder: Path) -> Point:
-    """The special point that it starts from."""
+    """Load the special point that it starts from."""
     assert task.needs is not None
-    branches, arm = load(task.needs.file(folder)), part(task.asked["of"]).arm
+    branches, arm = load(task.needs.file(folder)), task.table.of.arm
     if isinstance(branches, Branch):  # also where there is one arm alone
         branches = {"": branches, "arm1": branches}
     if arm not in branches:
         raise NoStart(f"{task.needs.name} has no {arm}; it has {', '.join(filter(None, branches))}")
-    branch, at = branches[arm], task.asked["at"]
+    branch, at = branches[arm], task.table.at
     try:
         return branch.first(at)
     except BadInput as error:
@@ -271,7 +276,7 @@ def _source(task: Task, folder: Path) -> Point:
 
 @dataclass(frozen=True)
 class DryRun(HtmlRepr):
-    """What a study would compute.
+    """Plan of a study: its parts, and what is there of them.
 
     Attributes
     ----------
@@ -281,8 +286,8 @@ class DryRun(HtmlRepr):
     folder : Path
         Where results go.
     outcomes : dict
-        By the name of a part what there is of it, "kept", "failed" or "absent", and why; nothing of
-        those that are to be computed.
+        State of each part by its name, "kept", "failed" or "absent", and why; empty for those that
+        are to be computed.
     """
 
     study: Study
@@ -292,7 +297,7 @@ class DryRun(HtmlRepr):
 
     @property
     def left(self) -> list[Task]:
-        """Those that are not there yet."""
+        """Parts that are not there yet."""
         return [task for task in self.tasks if not self.outcomes[task.name][0]]
 
     def overview(self) -> list[dict[str, Any]]:
@@ -300,7 +305,7 @@ class DryRun(HtmlRepr):
         return [
             {
                 "name": task.name,
-                "kind": task.kind,
+                "kind": task.table.kind,
                 "conditions": task_conditions(task),
                 "state": WORDS[self.outcomes[task.name][0]],
             }
@@ -317,7 +322,7 @@ class DryRun(HtmlRepr):
 
     @property
     def on(self) -> str:
-        """What breathers live on, and what drives it."""
+        """Lattice and drive in words."""
         chain = self.study.chain
         names = ("damping", "spring", "site", "walls", "threshold")
         settings = [(name, value) for name in names if (value := getattr(chain, name))]
@@ -325,7 +330,7 @@ class DryRun(HtmlRepr):
 
 
 def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> DryRun:
-    """What `run` would do with a study file: everything is checked, nothing is computed or written.
+    """List what `run` would do with a study file: nothing is computed or written.
 
     Parameters
     ----------
@@ -350,8 +355,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     study = read(path)
     place = named("write", folder) if folder is not None else Path(path).with_suffix("")
     place, tasks = place.resolve(), tasks_of(study)
-    drawn = [place / f"{name}{ATLAS}" for name in study.atlas]
-    drawn += [place / figure.path(name) for name, figure in study.figure.items()]
+    drawn = [place / f"{name}{ATLAS}" for name in study.atlas] + [*study.pictures(place).values()]
     check_links(file for task in tasks for file in (task.file(place), task.mark_file(place)))
     check_links(file for path in drawn for file in places(path))
     if not again:
@@ -377,26 +381,24 @@ def _check_replaced(place: Path, tasks: Sequence[Task], drawn: Sequence[Path]) -
 
 
 def task_conditions(task: Task) -> str:
-    """What is computed, at which values, in which windows, from what."""
-    asked, words = task.asked, [task.kind]
+    """Describe what is computed, at which values, in which windows, from what."""
+    table, said, words = task.table, task.said, task.table.kind
+    windows = dict(said.get("within", {}))
+    fixed = dict(task.values) if task.needs is None else {}
     if task.needs is not None:
-        arm = part(asked["of"]).arm
-        words += [f"of {asked['at']} on {task.needs.name}{'/' if arm else ''}{arm}"]
-    elif task.kind == "branch":
-        words += [f"in {asked['free']}"]
-    fixed = {} if task.needs else {n: v for n, v in task.values.items() if n != asked.get("free")}
+        arm = f"/{table.of.arm}" if table.of.arm else ""
+        words += f" of {table.at} on {task.needs.name}{arm}"
+    elif isinstance(table, BranchTask):
+        words += f" in {table.free}"
+        fixed.pop(table.free, None)
+        windows[table.free] = table.window or window_of(table.free)
     if fixed:
-        words += [f"at {', '.join(map(_setting, fixed.items()))}"]
-    if "pair" in asked:
-        words += [f"in ({', '.join(asked['pair'])})"]
-    windows = dict(asked.get("within", {}))
-    if task.kind == "branch":
-        windows[asked["free"]] = asked.get("window") or window_of(asked["free"])
+        words += f" at {', '.join(map(_setting, fixed.items()))}"
+    if isinstance(table, Boundary):
+        words += f" in ({', '.join(table.pair)})"
     ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
-    options = [name for name in ("root", "largest", "past_folds") if asked.get(name)]
-    return ", ".join(
-        [" ".join(words), *ranges, *(_setting((name, asked[name])) for name in options)]
-    )
+    options = [(name, said[name]) for name in ("root", "largest", "past_folds") if said.get(name)]
+    return ", ".join([words, *ranges, *map(_setting, options)])
 
 
 def _setting(setting: tuple[str, Any]) -> str:
