@@ -196,7 +196,7 @@ def _bottom(
     from scipy.optimize import brentq
 
     def rate(s: float) -> float:
-        at, n = np.array([s]), len(flight.states)
+        at, n = np.array([s]), flight.dimension
         value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p)
         # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
         rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration

@@ -150,7 +150,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
-    refuse_false_period(parts, [flight.states for flight in flights], forcing, params)
+    refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
         events = events_of_cycle(equations)
@@ -415,7 +415,7 @@ def _closed(
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-            _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
+            _refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))

@@ -42,9 +42,9 @@ def _shrinks(equations: FlowEquations) -> bool:
 def _amplitude(equations: FlowEquations, x: Array) -> float:
     """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
     equilibrium the curve goes on as the same cycles half a turn later."""
-    first, states = equations.start[0].states, x[equations.layout.nodes[0]].T
-    way = first - first.mean(axis=1, keepdims=True)
-    swing = (states - states.mean(axis=1, keepdims=True)) * way
+    first, states = equations.start[0].states, x[equations.layout.nodes[0]]
+    way = first - first.mean(axis=0)
+    swing = (states - states.mean(axis=0)) * way
     return float(swing.sum() / (np.linalg.norm(way) * np.linalg.norm(first)))
 
 
@@ -56,7 +56,7 @@ def _swing(least: float, point: Point) -> float:
 def _examine_swing(least: float, point: Point) -> Examined:
     orbit: Cycle = point.base_point.solution
     states = orbit.flights[0].states
-    extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
+    extent, size = float(np.ptp(states, axis=0).max()), float(abs(states).max())
     first = orbit.equations.start[0].states
     if extent < _EXTENT * least * max(size, float(np.linalg.norm(first))):
         return ""

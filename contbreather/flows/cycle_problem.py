@@ -99,9 +99,9 @@ class Cycle(HtmlRepr):
         times = self.times
         inside = times[0] + np.mod(np.atleast_1d(t) - times[0], self.period)
         number = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(self.flights) - 1)
-        if len({len(flight.states) for flight in self.flights}) > 1:
+        if len({flight.dimension for flight in self.flights}) > 1:
             raise BadInput("the flows have different states: look at them one by one in `flights`")
-        states = np.empty((len(self.flights[0].states), inside.size))
+        states = np.empty((self.flights[0].dimension, inside.size))
         for i, flight in enumerate(self.flights):
             mine = number == i
             states[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
@@ -118,7 +118,7 @@ class Cycle(HtmlRepr):
     def extreme(self, name: str, sign: float) -> float:
         """The largest value of one state, with -1 the smallest."""
         i = [*self.equations.states].index(name)
-        return sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
+        return sign * max(_top(f, i, sign) for f in self.flights if i < f.dimension)
 
     @cached_property
     @one_thread
@@ -311,7 +311,7 @@ class CycleProblem(Problem):
     def having(self, *names: str) -> Problem:
         """Free parameters, if the forcing keeps the period while these change."""
         equations = self.residual
-        states = [flight.states for flight in equations.start]
+        states = [flight.states.T for flight in equations.start]
         refuse_false_period(equations.flows, states, equations.period, self.params, names)
         return super().having(*names)
 

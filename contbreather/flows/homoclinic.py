@@ -122,11 +122,11 @@ class _Saddle:
 
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
-    flows, sizes, places, speeds = orbit.equations.flows, sizes_of(orbit.flights), [], []
-    for i, (flight, size) in enumerate(zip(orbit.flights, sizes, strict=True)):
-        moved = values(flows[i].f, flight.begins, flight.states, orbit.params)
-        speeds += np.linalg.norm(moved / size[:, None], axis=0).tolist()
-        places += [(i, state, size) for state in flight.states.T]
+    sizes, places, speeds = sizes_of(orbit.flights), [], []
+    velocities = orbit.equations.velocities(orbit.x, orbit.params)
+    for i, (flight, moved, size) in enumerate(zip(orbit.flights, velocities, sizes, strict=True)):
+        speeds += np.linalg.norm(moved / size, axis=1).tolist()
+        places += [(i, state, size) for state in flight.states]
     first = int(np.argmax(speeds))  # from there on around
     pace = np.roll(speeds, -first) / speeds[first]
     cuts = np.flatnonzero((pace > _FAST) & (pace.min() < _SLOW))  # where none is slow one will do
