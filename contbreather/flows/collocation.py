@@ -24,11 +24,7 @@ from .flow import Flow, Params, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
-_NEARLY = 1e-9  # and from this size on they may stop shrinking
-_STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
-_LONGEST = 18.4  # ln of a path in its sizes, which is at least the inverse
-_AT_REST = 0.1  # how far an orbit goes at least, in its size: what sets out from rest keeps a mesh
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -219,7 +215,8 @@ class TrajectorySegment:
         """Evaluate the motion at Gauss points, and the squares of what makes a mesh dense: of that,
         of the least that counts as motion, and of the time."""
         moved, time = self.slopes / (sizes * length), (self.steps**2)[:, None]
-        least = _AT_REST * self.rounds / length  # so a doubled orbit has the same mesh twice
+        # a tenth of its size: what sets out from rest keeps a mesh, doubled it has that twice
+        least = 0.1 * self.rounds / length
         return moved, np.einsum("jcn,jcn->jc", moved, moved), time * least**2, time
 
     @property
@@ -234,7 +231,8 @@ class TrajectorySegment:
         def over(length: float) -> float:
             return float(self.shares(sizes, math.exp(length)).mean()) - 1
 
-        return math.exp(brentq(over, -_LONGEST, _LONGEST, xtol=1e-14))
+        longest = 18.4  # its logarithm, in the sizes; at least it is the inverse
+        return math.exp(brentq(over, -longest, longest, xtol=1e-14))
 
     def adapted(self, sizes: Array) -> TrajectorySegment:
         """Interpolate on a mesh with equal shares, as far as interpolation tells."""
@@ -309,7 +307,8 @@ def _newton(
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
-    moves = max(abs(k).max(), _STILL * max(unit, abs(flight.states).max()))
+    # where all is at rest slopes count as a tenth of what moves
+    moves = max(abs(k).max(), 0.1 * max(unit, abs(flight.states).max()))
     for _ in range(12):
         if fresh := inverse is None:
             linear = derivatives(flow, flight, k, p)
@@ -322,7 +321,8 @@ def _newton(
         size = float(abs(step).max() / moves)
         # a correction shrinks by as much as the one before
         ahead = size if before == np.inf else size * size / before
-        if min(size, ahead) <= error or (good and before <= _NEARLY and size >= 0.5 * before):
+        # and nearly at its size it may stop shrinking
+        if min(size, ahead) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
             return k
         # one from elsewhere is good once it has made a correction shrink
         good = good or size <= _SHRINKS * before < np.inf
@@ -355,7 +355,7 @@ def derivatives(
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:
-        inverse: Array = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError as error:
         raise Undefined("an interval of the mesh is too long for its flow") from error
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
@@ -381,7 +381,7 @@ def fitted(
     inner = knots[:-1, None] + np.diff(knots)[:, None] * scheme.nodes
     states = motion(start + duration * knots[:-1]).T
     reached = motion(start + duration * inner.ravel()).T.reshape(*inner.shape, -1)
-    slopes: Array = np.linalg.solve(scheme.matrix, reached - states[:, None])  # A k = x - x_0
+    slopes = np.asarray(np.linalg.solve(scheme.matrix, reached - states[:, None]))  # A k = x - x_0
     return TrajectorySegment(scheme, knots, start, duration, states, slopes)
 
 

@@ -23,9 +23,6 @@ from .flow import Clock, Function, Params, slopes, values
 from .layout import Places
 from .multipliers import paces
 
-_ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
-_AS_MUCH = 10.0  # or off by so many times what the flow before it is off where it ends
-_FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
@@ -164,7 +161,7 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
     after = state if reset is None else values(reset, before.last, state, p)
     off = abs(values(until, before.last, after, p)[0, 0])
     error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
-    return bool(off > _ON_IT * size + _AS_MUCH * error)
+    return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
@@ -178,7 +175,8 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
         v = v[:-1] / (1 - s[:-1])
     beside = np.concatenate([[math.inf], v, [math.inf]])
     depth = np.maximum(beside[:-2], beside[2:]) - v
-    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > _FLAT * abs(v).max())
+    # less deep is rounding
+    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * abs(v).max())
     low[0] &= begins
     low[-1] &= not ends
     return [int(j) for j in np.flatnonzero(low)]

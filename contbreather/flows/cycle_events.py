@@ -28,7 +28,6 @@ from .homoclinic import HOMOCLINIC
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
-_EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -58,7 +57,7 @@ def _examine_swing(least: float, point: Point) -> Examined:
     states = orbit.flights[0].states
     extent, size = float(np.ptp(states, axis=0).max()), float(abs(states).max())
     first = orbit.equations.start[0].states
-    if extent < _EXTENT * least * max(size, float(np.linalg.norm(first))):
+    if extent < 100 * least * max(size, float(np.linalg.norm(first))):
         return ""
     return f"it swings by {extent:.2g}: no equilibrium"
 

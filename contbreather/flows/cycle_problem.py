@@ -30,8 +30,6 @@ from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-_ROUNDING = 1e-8  # of its size at the start: smaller orbits are
-_FAR = 1e3  # parameters larger than this are measured by their size
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
@@ -151,7 +149,8 @@ class Cycle(HtmlRepr):
         if off <= COARSE:
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
-        left = [flight.unresolved(_ROUNDING * size.max()) for flight, size in pairs]
+        # orbits of less than 1e-8 of the size at the start are rounding
+        left = [flight.unresolved(1e-8 * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
         if math.isnan(off) and left[i][0] <= UNRESOLVED:
             return ""
@@ -351,7 +350,7 @@ def problem_of(
     whole = sum(flight.duration for flight in equations.start)
     scales = {"orbit": size} | {name: whole for name in (times, "phase") if name in start}
     # or steps would be all about what has large numbers, as the frequency of what is fast
-    scales |= {name: abs(value) for name, value in params.items() if abs(value) > _FAR}
+    scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
     return CycleProblem(
         equations, start, dict(params), events=tuple(events), record=record, scales=scales,
         label=label,

@@ -23,12 +23,10 @@ from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
-_AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others is measured by them
+AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
-_ROUNDED = 1e-12  # of the states: what a reset moves by no more stays
 _RECENT = 16  # solutions that are kept, to begin from the nearest
-_NEAR = 0.1  # of the size of the unknowns: from a solution this near the next one is begun
 
 
 class Linear(NamedTuple):
@@ -139,7 +137,7 @@ class FlowEquations:
         """Sort the places that are solved for, and near: the nearest first."""
         places = self._latest or [self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
-        most = _NEAR * abs(x).max()
+        most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
         return [places[j] for j in off.argsort().tolist() if off[j] <= most]
 
     def _guess(
@@ -159,7 +157,6 @@ class FlowEquations:
         return SolvedPlace("begin", np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
-        """A flow with its states and times, nothing inside yet."""
         knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
         duration = float(x[self.layout.lengths[i]])
         if not duration > 0:
@@ -213,7 +210,7 @@ class FlowEquations:
         return self._over(i, x, p)
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
-        """By how much durations exceed their periods."""
+        """Measure by how much durations exceed their periods."""
         taken, turns = self._timed(i)
         return float(taken @ x[self.layout.lengths] - turns * self.forcing_period(p))
 
@@ -223,14 +220,15 @@ class FlowEquations:
         return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
 
     def taken_back(self, x: Array, p: Params) -> Array | None:
-        """By how much the reset of a smooth flow moves each of the states, if that is the same for
-        all of them: a turn of an angle, and no mirror."""
+        """Measure how far the reset of a smooth flow moves each state, if all alike: a turn of an
+        angle, and no mirror."""
         if not self.smooth or self.flows[0].reset is None:
             return None
         states = x[self.layout.nodes[0]].T
         moved = values(self.flows[0].reset, self.start[0].start, states, p) - states
-        same = np.ptp(moved, axis=1).max() <= _ROUNDED * abs(states).max()
-        back = np.where(abs(moved) > _ROUNDED * abs(states).max(), abs(moved), 0.0)
+        rounded = 1e-12 * abs(states).max()  # what is moved by no more stays
+        same = np.ptp(moved, axis=1).max() <= rounded
+        back = np.where(abs(moved) > rounded, abs(moved), 0.0)
         return back.T.ravel() if same else None
 
     def _timed(self, i: int | None) -> tuple[Array, float]:
@@ -319,7 +317,7 @@ class FlowEquations:
         return self.layout.matrix(np.concatenate(blocks), len(names))
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
-        """The values of all blocks, where `Layout` says."""
+        """Values of all blocks, where `Layout` says."""
         yield np.ones(self.layout.orbit)  # each state in its own row
         for i, piece in enumerate(self.linearised(x, p, names).linear):
             yield -piece.ends[:-1]
@@ -452,10 +450,10 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
         moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
         size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
-        least = _AT_REST * size.max()
+        least = AT_REST * size.max()
         sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
     largest = max(size.max() for size in sizes) or 1.0
-    rests = [size.max() < _AT_REST * largest for size in sizes]
+    rests = [size.max() < AT_REST * largest for size in sizes]
     return tuple(
         np.full_like(size, largest) if at_rest else size
         for size, at_rest in zip(sizes, rests, strict=True)

@@ -28,11 +28,7 @@ from .filippov import slid_along
 from .flow import Function, slopes, values
 from .layout import Places
 
-_OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
-_SHARED = 1e-6  # the same where it rests a second time
-_LEFT = 1e-4  # and on a curve in two parameters where it is as good as homoclinic no more
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
-_CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _GROWS = "the period grows without bound"
@@ -56,7 +52,8 @@ class _Passage:
         return None if system is None else system.h
 
     def near(self, states: Array, place: Array) -> Any:
-        return np.linalg.norm((states - place) / self.sizes, axis=-1) < _CLOSE
+        """Tell which states are within a hundredth of its size."""
+        return np.linalg.norm((states - place) / self.sizes, axis=-1) < 1e-2
 
     def off(self, most: float) -> float:
         """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
@@ -138,7 +135,8 @@ def _passages(orbit: Cycle) -> list[_Passage]:
 
 def _pace(point: Point) -> float:
     passages = _passages(point.base_point.solution)
-    return min(passage.off(_SHARED if i else _OFF) for i, passage in enumerate(passages))
+    # how far off the parameter is, but for a factor, where it has come to rest, and a second time
+    return min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
 
 
 def _examine(point: Point) -> Examined:
@@ -200,7 +198,8 @@ def _derivative(lengths: Places, curve: Curve, z: Array, extra: Array) -> Array:
 
 
 def _rests(point: Point) -> float:
-    return _passages(point.base_point.solution)[0].off(_LEFT)
+    # where the parameter is off by more, but for a factor, it is as good as homoclinic no more
+    return _passages(point.base_point.solution)[0].off(1e-4)
 
 
 def _examine_moving(point: Point) -> Examined:

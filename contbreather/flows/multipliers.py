@@ -18,8 +18,6 @@ from ..continuation.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
 from .flow import Params, values
 
-_KEPT = 1e6  # condition of a product that still has ten digits of its smallest singular value
-
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """Eigenvalues of the product of all factors, the largest first.
@@ -101,7 +99,8 @@ def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:
         return np.ones(len(matrices), dtype=bool)
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
     sizes = np.linalg.svd(np.where(finite, matrices, 0.0), compute_uv=False)
-    return np.asarray(sizes[:, 0] < _KEPT * sizes[:, -1])
+    # beyond a condition of 1e6 less than ten digits of the smallest singular value are left
+    return np.asarray(sizes[:, 0] < 1e6 * sizes[:, -1])
 
 
 def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
