@@ -69,7 +69,6 @@ class Collocation:
 
     @cached_property
     def weights(self) -> Array:
-        """Integrals of the Lagrange polynomials from 0 to 1."""
         return self.spread(np.ones(1))[0]
 
     @cached_property
@@ -119,7 +118,6 @@ class TrajectorySegment:
 
     @cached_property
     def begins(self) -> Array:
-        """Times at which its intervals begin."""
         return np.asarray(self.start + self.duration * self.knots[:-1])
 
     @cached_property
@@ -129,7 +127,6 @@ class TrajectorySegment:
 
     @cached_property
     def lengths(self) -> Array:
-        """Durations of its intervals."""
         return np.asarray(self.duration * self.steps)
 
     @cached_property
@@ -148,7 +145,6 @@ class TrajectorySegment:
 
     @property
     def last(self) -> float:
-        """The time at which it ends."""
         return self.start + self.duration
 
     def at(self, s: Array) -> Array:

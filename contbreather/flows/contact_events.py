@@ -17,10 +17,9 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
 from .cycle_problem import Cycle
-from .equations import FlowEquations
+from .equations import FlowEquations, lasting
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
-from .layout import Places
 from .multipliers import paces
 
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
@@ -267,12 +266,12 @@ def _shares(orbit: Cycle) -> list[Margin]:
     """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond."""
-    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
+    flows = orbit.equations.flows
     rates = paces(orbit.equations, orbit.x, orbit.params)
     return [
         Margin(
             flight.duration / orbit.period - _SHRUNK,
-            partial(_shortest, lengths, lengths[i]),
+            partial(_shortest, orbit.equations, i),
             f"flow {i} shrinks to nothing, it begins at a tangency",
         )
         for i, flight in enumerate(orbit.flights)
@@ -281,17 +280,10 @@ def _shares(orbit: Cycle) -> list[Margin]:
     ]
 
 
-def _shortest(lengths: Places, shrunk: int) -> DefiningSystem:
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return z[shrunk, None] - _SHRUNK * z[lengths].sum()
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        row = np.zeros((1, z.size))
-        row[0, lengths] = -_SHRUNK
-        row[0, shrunk] += 1.0
-        return row
-
-    return DefiningSystem({}, conditions, derivative)
+def _shortest(equations: FlowEquations, i: int) -> DefiningSystem:
+    shares = np.full(len(equations.flows), -_SHRUNK)
+    shares[i] += 1.0
+    return DefiningSystem({}, *lasting(equations.layout.lengths, shares, 0.0))
 
 
 def shrinking(kind: str) -> Event:

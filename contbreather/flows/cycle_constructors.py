@@ -195,7 +195,6 @@ def _alone(flows: Any) -> Flow | None:
 
 
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
-    """Evaluate the period as a function to differentiate."""
     return value_at(period, p)
 
 
@@ -374,7 +373,6 @@ def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = Fals
 
 
 def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
-    """Put flights on meshes that follow them."""
     return tuple(
         flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
     )

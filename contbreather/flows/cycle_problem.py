@@ -79,7 +79,6 @@ class Cycle(HtmlRepr):
 
     @property
     def durations(self) -> Array:
-        """Duration of each flow."""
         return np.array([flight.duration for flight in self.flights])
 
     @property
@@ -162,7 +161,6 @@ class Cycle(HtmlRepr):
         )
 
     def table(self) -> Sheet:
-        """Its numbers, as text for people."""
         rows: list[tuple[str, Any]] = [("period", self.period)]
         rows += [(name, float(value)) for name, value in self.params.items()]
         rows += [
@@ -219,8 +217,6 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CycleProblem(Problem):
-    """A cycle of flows."""
-
     residual: FlowEquations
     tested = True
 
@@ -250,8 +246,7 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        """Return those of the orbit but the trivial one: small ones are as exact as large ones."""
-        return point.solution.others, 0.0
+        return point.solution.others, 0.0  # small ones are as exact as large ones
 
     @property
     def perturbed(self) -> NDArray[np.intp]:

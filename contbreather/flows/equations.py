@@ -21,7 +21,7 @@ from ..continuation.sparse import Matrix
 from ..errors import BadInput
 from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
-from .layout import Layout
+from .layout import Layout, Places
 
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -70,8 +70,7 @@ class FlowEquations:
     _latest: list[SolvedPlace] = field(default_factory=list, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what was solved lately."""
-        return {**self.__dict__, "_latest": []}
+        return {**self.__dict__, "_latest": []}  # but for what was solved lately
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -96,7 +95,6 @@ class FlowEquations:
         return Layout(counts, ended, self.autonomous, self.phased)
 
     def unknowns(self, flights: Sequence[TrajectorySegment]) -> dict[str, Any]:
-        """The unknowns by name, as a problem starts."""
         durations = np.array([flight.duration for flight in flights])
         start: dict[str, Any] = {
             "orbit": np.concatenate([f.states.ravel() for f in flights]),
@@ -188,7 +186,6 @@ class FlowEquations:
         return np.concatenate(rows)
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
-        """The state in which the next flow begins."""
         reset = self.flows[i].reset
         if reset is None:
             return flight.end
@@ -391,7 +388,7 @@ class FlowEquations:
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
     def single_round(self, x: Array, p: Params) -> FlowEquations:
-        """As begun at this orbit, a single time around where it goes around several times."""
+        """Begin at this orbit, a single time around where it goes around several times."""
         flights = self.flights(x, p)
         rounds = next((m for m in range(24, 1, -1) if self._repeats(m, flights, p)), 1)
         if not self.smooth:
@@ -434,6 +431,23 @@ def _earlier(
 ) -> Any:
     """A function of (t, x, p) so many periods before."""
     return function(t - turns * period(t, x, p), x, p)
+
+
+def lasting(lengths: Places, weights: Array, total: float) -> tuple[Any, Any]:
+    """Make the condition that durations, weighted, add up to a time, and its derivative."""
+    return partial(_left, lengths, weights, total), partial(_weighted, lengths, weights)
+
+
+def _left(
+    lengths: Places, weights: Array, total: float, curve: Any, z: Array, extra: Array
+) -> Array:
+    return np.array([weights @ z[lengths] - total])
+
+
+def _weighted(lengths: Places, weights: Array, curve: Any, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, lengths] = weights
+    return row
 
 
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:

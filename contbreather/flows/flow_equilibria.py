@@ -91,8 +91,6 @@ class _Rest:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium(Problem):
-    """An equilibrium of a flow."""
-
     residual: _Rest
 
     def having(self, *names: str) -> Problem:

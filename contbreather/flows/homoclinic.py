@@ -13,20 +13,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle, equations_of
-from .equations import sizes_of
+from .equations import lasting, sizes_of
 from .filippov import slid_along
 from .flow import Function, slopes, values
-from .layout import Places
 
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
@@ -56,7 +54,7 @@ class _Passage:
         return np.linalg.norm((states - place) / self.sizes, axis=-1) < 1e-2
 
     def off(self, most: float) -> float:
-        """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
+        """Evaluate ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
         saddle = self.saddle if self.pace < _SLOW else None  # where it is fast there is none close
         sizes = abs(saddle.leading.real) if saddle else np.array([0.5, 1.0])  # before a saddle-node
         ratio = sizes.min() / sizes.max()
@@ -140,7 +138,7 @@ def _pace(point: Point) -> float:
 
 
 def _examine(point: Point) -> Examined:
-    """Which equilibria these are: a relaxation oscillation is slow without one."""
+    """Name the equilibria: a relaxation oscillation is slow without one."""
     orbit: Cycle = point.base_point.solution
     if orbit.coarse:
         return orbit.coarse
@@ -183,18 +181,10 @@ def _named(orbit: Cycle, state: Array) -> str:
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
     lengths = equations_of(point.base_point).layout.lengths
-    longer = partial(_longer, lengths, point.base_point.solution.period)
+    # all durations together
+    longer = lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    derivative = partial(_derivative, lengths)
-    return DefiningSystem({}, longer, derivative, events=(_MOVES,), meets=nothing)
-
-
-def _longer(lengths: Places, period: float, curve: Curve, z: Array, extra: Array) -> Array:
-    return np.array([z[lengths].sum() - period])
-
-
-def _derivative(lengths: Places, curve: Curve, z: Array, extra: Array) -> Array:
-    return np.isin(np.arange(z.size), lengths)[None].astype(float)
+    return DefiningSystem({}, *longer, events=(_MOVES,), meets=nothing)
 
 
 def _rests(point: Point) -> float:

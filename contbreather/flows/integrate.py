@@ -154,7 +154,6 @@ class Trajectory(Columns, HtmlRepr):
         return states.reshape(-1, *times.shape)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Time and states at the steps of the integrator."""
         return {"t": self.t, **dict(zip(self.names, self.x, strict=True))}
 
     def table(self) -> Sheet:

@@ -52,7 +52,6 @@ class Layout:
 
     @cached_property
     def lengths(self) -> Places:
-        """Places of the durations."""
         first = self.knots[-1][-1] + 1
         return np.arange(first, first + len(self.counts))
 

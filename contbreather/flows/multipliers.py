@@ -94,7 +94,7 @@ def _halved(stack: Array) -> Array:
 
 
 def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:
-    """Which of them are; what acts on nothing is, as across an orbit of one state."""
+    """Tell which of them are; what acts on nothing is, as across an orbit of one state."""
     if not matrices.size:
         return np.ones(len(matrices), dtype=bool)
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
