@@ -47,7 +47,6 @@ class SolvedPlace:
     """A place that was solved for, perhaps with velocities where intervals begin, and derivatives
     in unknowns and named parameters: from there flights near by begin to be solved for."""
 
-    key: Any
     x: Array
     params: Params
     flights: tuple[TrajectorySegment, ...]
@@ -67,10 +66,10 @@ class FlowEquations:
     turns: int  # over how many of these periods it closes
     states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
-    _latest: list[SolvedPlace] = field(default_factory=list, init=False)
+    _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_latest": []}  # but for what was solved lately
+        return {**self.__dict__, "_latest": {}}  # but for what was solved lately
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -117,7 +116,7 @@ class FlowEquations:
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """Solve for all flows, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
-        place = next((place for place in self._latest if place.key == key), None)
+        place = self._latest.pop(key, None)
         if place is None or place.error > error:
             near, flights = self._near(x), []
             t = float(x[-1]) if self.phased else self.start[0].start
@@ -126,14 +125,15 @@ class FlowEquations:
                 guess = self._guess(i, plain, p, near) if near else None
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
                 t += plain.duration
-            place = SolvedPlace(key, x.copy(), dict(p), tuple(flights), error)
-            others = [other for other in self._latest if other.key != key]
-            self._latest[:] = [*others[1 - _RECENT :], place]
+            place = SolvedPlace(x.copy(), dict(p), tuple(flights), error)
+            if len(self._latest) == _RECENT:
+                del self._latest[next(iter(self._latest))]
+        self._latest[key] = place
         return place
 
     def _near(self, x: Array) -> list[SolvedPlace]:
         """Sort the places that are solved for, and near: the nearest first."""
-        places = self._latest or [self._begin]
+        places = [*self._latest.values()] or [self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
         most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
         return [places[j] for j in off.argsort().tolist() if off[j] <= most]
@@ -152,7 +152,7 @@ class FlowEquations:
     @cached_property
     def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
-        return SolvedPlace("begin", np.concatenate(x), {}, self.start)
+        return SolvedPlace(np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
