@@ -139,8 +139,9 @@ def enough_damping(breather: Orbit, sites: int) -> float:
 
 
 def lives(
-    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int
-) -> dict[str, float]:
+    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int,
+    periods: int = 2400,
+) -> dict[str, float]:  # fmt: skip
     """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
@@ -154,12 +155,12 @@ def lives(
     except NotConverged:
         rates["softest"] = softest(breather, damping, sites)
     else:
-        rates |= {"growth": growth(smooth), "multiplier": smooth.largest}
+        rates |= {"growth": growth(smooth, periods), "multiplier": smooth.largest}
     return {
         "lost": math.nan if lost is None else float(lost),
         **rates,
         "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
-        "rigid_growth": growth(rigid),
+        "rigid_growth": growth(rigid, periods),
         "rigid_multiplier": rigid.largest,
         "enough_damping": enough_damping(breather, sites),
         "long_multiplier": periodic(breather.state(long), symmetric=True, **on).largest,
