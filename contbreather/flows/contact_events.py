@@ -17,15 +17,11 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
 from .cycle_problem import Cycle
-from .equations import FlowEquations
+from .equations import FlowEquations, lasting
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
-from .layout import Places
 from .multipliers import paces
 
-_ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
-_AS_MUCH = 10.0  # or off by so many times what the flow before it is off where it ends
-_FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
@@ -164,7 +160,7 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
     after = state if reset is None else values(reset, before.last, state, p)
     off = abs(values(until, before.last, after, p)[0, 0])
     error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
-    return bool(off > _ON_IT * size + _AS_MUCH * error)
+    return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
@@ -178,7 +174,8 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
         v = v[:-1] / (1 - s[:-1])
     beside = np.concatenate([[math.inf], v, [math.inf]])
     depth = np.maximum(beside[:-2], beside[2:]) - v
-    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > _FLAT * abs(v).max())
+    # less deep is rounding
+    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * abs(v).max())
     low[0] &= begins
     low[-1] &= not ends
     return [int(j) for j in np.flatnonzero(low)]
@@ -196,7 +193,7 @@ def _bottom(
     from scipy.optimize import brentq
 
     def rate(s: float) -> float:
-        at, n = np.array([s]), len(flight.states)
+        at, n = np.array([s]), flight.dimension
         value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p)
         # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
         rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
@@ -269,12 +266,12 @@ def _shares(orbit: Cycle) -> list[Margin]:
     """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond."""
-    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
+    flows = orbit.equations.flows
     rates = paces(orbit.equations, orbit.x, orbit.params)
     return [
         Margin(
             flight.duration / orbit.period - _SHRUNK,
-            partial(_shortest, lengths, lengths[i]),
+            partial(_shortest, orbit.equations, i),
             f"flow {i} shrinks to nothing, it begins at a tangency",
         )
         for i, flight in enumerate(orbit.flights)
@@ -283,17 +280,10 @@ def _shares(orbit: Cycle) -> list[Margin]:
     ]
 
 
-def _shortest(lengths: Places, shrunk: int) -> DefiningSystem:
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return z[shrunk, None] - _SHRUNK * z[lengths].sum()
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        row = np.zeros((1, z.size))
-        row[0, lengths] = -_SHRUNK
-        row[0, shrunk] += 1.0
-        return row
-
-    return DefiningSystem({}, conditions, derivative)
+def _shortest(equations: FlowEquations, i: int) -> DefiningSystem:
+    shares = np.full(len(equations.flows), -_SHRUNK)
+    shares[i] += 1.0
+    return DefiningSystem({}, *lasting(equations.layout.lengths, shares, 0.0))
 
 
 def shrinking(kind: str) -> Event:

@@ -22,21 +22,16 @@ from .collocation import Collocation, TrajectorySegment, fitted, flown
 from .contact_events import lowest, sliding
 from .cycle_events import events_of_cycle
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
-from .equations import FlowEquations, sizes_of
+from .equations import AT_REST, FlowEquations, sizes_of
 from .filippov import Filippov, slid_along
 from .flow import Flow, Function, Params, value_at, values
 from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .time_dependence import period_at, refuse_false_period
 
-_CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
-_NEARLY = 3.0  # the first return that is nearly as close as the closest is the period
-_CLOSE = 1e-3  # of the size: all returns this close are as good
-_AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
-_LONGER = (1, 3, 9, 27)  # and then
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
@@ -150,7 +145,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
-    refuse_false_period(parts, [flight.states for flight in flights], forcing, params)
+    refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
         events = events_of_cycle(equations)
@@ -200,7 +195,6 @@ def _alone(flows: Any) -> Flow | None:
 
 
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
-    """Evaluate the period as a function to differentiate."""
     return value_at(period, p)
 
 
@@ -216,7 +210,7 @@ Motion = tuple[Callable[[Array], Array], float, float]  # states at times, from 
 def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
     """Simulate, stiff systems by an implicit method; a run that leaves the domain of its functions
     finds no orbit."""
-    run = partial(integrate, flows, params=params, tolerance=_CLOSELY, **how)
+    run = partial(integrate, flows, params=params, tolerance=1e-9, **how)  # Newton does the rest
     try:
         with suppress(TooManySteps):
             return run(steps=10_000)  # by an explicit method, or it is taken to be stiff
@@ -281,7 +275,7 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     if length is None:
         moved = settle * values(last.flow.f, t0 + settle, ran.final[:, None], ran.params)[:, 0]
         alike = [piece.x for piece in ran.pieces if len(piece.x) == moved.size]
-        if (abs(moved) <= _AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
+        if (abs(moved) <= AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
             _refuse_rest(0 * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
     middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
     return middle, last(middle), last.number
@@ -320,7 +314,8 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
             "(settle=), or start closer to the orbit",
             residual=least,
         )
-    return next(what for off, what in returns if off <= max(_NEARLY * least, _CLOSE))
+    # within 1e-3 of the size all are as good
+    return next(what for off, what in returns if off <= max(3 * least, 1e-3))
 
 
 def _smooth(
@@ -330,7 +325,7 @@ def _smooth(
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    for wait in np.multiply(settle or _WAIT, _LONGER):
+    for wait in np.multiply(settle or _WAIT, (1, 3, 9, 27)):
         ran = run(x0=state, time=float(wait), t0=t0)
         t0, state = t0 + float(wait), ran.final  # if it was not settled yet
         # what is slow has time to settle that is as long
@@ -367,8 +362,8 @@ def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = Fals
     """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
     before tells how small is none."""
     size = max(size, float(abs(state).max()))
-    if float(abs(moved).max()) <= _AT_REST * size:
-        place = [float(f"{x:.6g}") if abs(x) > _AT_REST * size else 0.0 for x in state.tolist()]
+    if float(abs(moved).max()) <= AT_REST * size:
+        place = [float(f"{x:.6g}") if abs(x) > AT_REST * size else 0.0 for x in state.tolist()]
         kind, more = "an equilibrium", "cb.equilibrium continues it"
         if slides:
             kind, more = "a pseudo-equilibrium", "the motion along the surface comes to rest there"
@@ -378,7 +373,6 @@ def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = Fals
 
 
 def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
-    """Put flights on meshes that follow them."""
     return tuple(
         flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
     )
@@ -415,7 +409,7 @@ def _closed(
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-            _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
+            _refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))

@@ -28,7 +28,6 @@ from .homoclinic import HOMOCLINIC
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
-_EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -42,9 +41,9 @@ def _shrinks(equations: FlowEquations) -> bool:
 def _amplitude(equations: FlowEquations, x: Array) -> float:
     """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
     equilibrium the curve goes on as the same cycles half a turn later."""
-    first, states = equations.start[0].states, x[equations.layout.nodes[0]].T
-    way = first - first.mean(axis=1, keepdims=True)
-    swing = (states - states.mean(axis=1, keepdims=True)) * way
+    first, states = equations.start[0].states, x[equations.layout.nodes[0]]
+    way = first - first.mean(axis=0)
+    swing = (states - states.mean(axis=0)) * way
     return float(swing.sum() / (np.linalg.norm(way) * np.linalg.norm(first)))
 
 
@@ -56,9 +55,9 @@ def _swing(least: float, point: Point) -> float:
 def _examine_swing(least: float, point: Point) -> Examined:
     orbit: Cycle = point.base_point.solution
     states = orbit.flights[0].states
-    extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
+    extent, size = float(np.ptp(states, axis=0).max()), float(abs(states).max())
     first = orbit.equations.start[0].states
-    if extent < _EXTENT * least * max(size, float(np.linalg.norm(first))):
+    if extent < 100 * least * max(size, float(np.linalg.norm(first))):
         return ""
     return f"it swings by {extent:.2g}: no equilibrium"
 

@@ -30,8 +30,6 @@ from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-_ROUNDING = 1e-8  # of its size at the start: smaller orbits are
-_FAR = 1e3  # parameters larger than this are measured by their size
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
@@ -81,7 +79,6 @@ class Cycle(HtmlRepr):
 
     @property
     def durations(self) -> Array:
-        """Duration of each flow."""
         return np.array([flight.duration for flight in self.flights])
 
     @property
@@ -99,9 +96,9 @@ class Cycle(HtmlRepr):
         times = self.times
         inside = times[0] + np.mod(np.atleast_1d(t) - times[0], self.period)
         number = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(self.flights) - 1)
-        if len({len(flight.states) for flight in self.flights}) > 1:
+        if len({flight.dimension for flight in self.flights}) > 1:
             raise BadInput("the flows have different states: look at them one by one in `flights`")
-        states = np.empty((len(self.flights[0].states), inside.size))
+        states = np.empty((self.flights[0].dimension, inside.size))
         for i, flight in enumerate(self.flights):
             mine = number == i
             states[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
@@ -118,7 +115,7 @@ class Cycle(HtmlRepr):
     def extreme(self, name: str, sign: float) -> float:
         """The largest value of one state, with -1 the smallest."""
         i = [*self.equations.states].index(name)
-        return sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
+        return sign * max(_top(f, i, sign) for f in self.flights if i < f.dimension)
 
     @cached_property
     @one_thread
@@ -151,7 +148,8 @@ class Cycle(HtmlRepr):
         if off <= COARSE:
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
-        left = [flight.unresolved(_ROUNDING * size.max()) for flight, size in pairs]
+        # orbits of less than 1e-8 of the size at the start are rounding
+        left = [flight.unresolved(1e-8 * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
         if math.isnan(off) and left[i][0] <= UNRESOLVED:
             return ""
@@ -163,7 +161,6 @@ class Cycle(HtmlRepr):
         )
 
     def table(self) -> Sheet:
-        """Its numbers, as text for people."""
         rows: list[tuple[str, Any]] = [("period", self.period)]
         rows += [(name, float(value)) for name, value in self.params.items()]
         rows += [
@@ -220,8 +217,6 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CycleProblem(Problem):
-    """A cycle of flows."""
-
     residual: FlowEquations
     tested = True
 
@@ -251,8 +246,7 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        """Return those of the orbit but the trivial one: small ones are as exact as large ones."""
-        return point.solution.others, 0.0
+        return point.solution.others, 0.0  # small ones are as exact as large ones
 
     @property
     def perturbed(self) -> NDArray[np.intp]:
@@ -311,7 +305,7 @@ class CycleProblem(Problem):
     def having(self, *names: str) -> Problem:
         """Free parameters, if the forcing keeps the period while these change."""
         equations = self.residual
-        states = [flight.states for flight in equations.start]
+        states = [flight.states.T for flight in equations.start]
         refuse_false_period(equations.flows, states, equations.period, self.params, names)
         return super().having(*names)
 
@@ -351,7 +345,7 @@ def problem_of(
     whole = sum(flight.duration for flight in equations.start)
     scales = {"orbit": size} | {name: whole for name in (times, "phase") if name in start}
     # or steps would be all about what has large numbers, as the frequency of what is fast
-    scales |= {name: abs(value) for name, value in params.items() if abs(value) > _FAR}
+    scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
     return CycleProblem(
         equations, start, dict(params), events=tuple(events), record=record, scales=scales,
         label=label,

@@ -19,43 +19,40 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import ROUNDING, Guess, Slopes, TrajectorySegment, derivatives, flown
+from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
-from .layout import Layout
+from .layout import Layout, Places
 
-_AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others is measured by them
+AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
-_ROUNDED = 1e-12  # of the states: what a reset moves by no more stays
-_RECENT = 4  # solutions that are kept, and as many derivatives, to begin from the nearest
+_RECENT = 16  # solutions that are kept, to begin from the nearest
 
 
 class Linear(NamedTuple):
-    """A flow linearised, but for its `Slopes`.
+    """A flow linearised. Columns of `reset` and `condition` are the state, the time and the
+    parameters; of all others the unknowns of `Layout.columns`."""
 
-    Columns of `shares` are those of these; those of `reset` and `condition` the state, the time and
-    the parameters.
-    """
-
-    shares: Array  # (intervals, n + 2 + parameters): of the density of the mesh
+    slopes: Slopes
+    ends: Array  # (intervals, n, columns): of the state where each interval ends
+    arrival: Array  # (n + 1 + parameters, columns): of state, time and parameters where all ends
+    shares: Array  # (intervals, columns): of the density of the mesh
     longer: Array  # (intervals,): minus the same in the logarithm of the path
-    waited: Array  # (intervals,): and in the length relative to the duration
     reset: Array
     condition: Array | None
 
 
 @dataclass(eq=False)
 class SolvedPlace:
-    """A place that was solved for, and where they were asked for the derivatives in unknowns and
-    named parameters: from there flights near by begin to be solved for."""
+    """A place that was solved for, perhaps with velocities where intervals begin, and derivatives
+    in unknowns and named parameters: from there flights near by begin to be solved for."""
 
-    key: Any
     x: Array
     params: Params
     flights: tuple[TrajectorySegment, ...]
     error: float = ROUNDING  # of the slopes inside, relative
+    velocities: tuple[Array, ...] = ()
     names: tuple[str, ...] = ()
-    slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
 
 
@@ -69,11 +66,10 @@ class FlowEquations:
     turns: int  # over how many of these periods it closes
     states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
-    _latest: list[SolvedPlace] = field(default_factory=list, init=False)
+    _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what was solved lately."""
-        return {**self.__dict__, "_latest": []}
+        return {**self.__dict__, "_latest": {}}  # but for what was solved lately
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -93,15 +89,14 @@ class FlowEquations:
 
     @cached_property
     def layout(self) -> Layout:
-        counts = tuple(flight.states.shape[::-1] for flight in self.start)
+        counts = tuple(flight.states.shape for flight in self.start)
         ended = tuple(flow.until is not None for flow in self.flows)
         return Layout(counts, ended, self.autonomous, self.phased)
 
     def unknowns(self, flights: Sequence[TrajectorySegment]) -> dict[str, Any]:
-        """The unknowns by name, as a problem starts."""
         durations = np.array([flight.duration for flight in flights])
         start: dict[str, Any] = {
-            "orbit": np.concatenate([f.states.T.ravel() for f in flights]),
+            "orbit": np.concatenate([f.states.ravel() for f in flights]),
             "mesh": np.concatenate(
                 [
                     np.append(flight.knots[1:-1], math.log(flight.path(sizes)))
@@ -121,7 +116,7 @@ class FlowEquations:
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """Solve for all flows, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
-        place = next((place for place in self._latest if place.key == key), None)
+        place = self._latest.pop(key, None)
         if place is None or place.error > error:
             near, flights = self._near(x), []
             t = float(x[-1]) if self.phased else self.start[0].start
@@ -130,46 +125,41 @@ class FlowEquations:
                 guess = self._guess(i, plain, p, near) if near else None
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
                 t += plain.duration
-            place = SolvedPlace(key, x.copy(), dict(p), tuple(flights), error)
-            self._keep(place)
+            place = SolvedPlace(x.copy(), dict(p), tuple(flights), error)
+            if len(self._latest) == _RECENT:
+                del self._latest[next(iter(self._latest))]
+        self._latest[key] = place
         return place
 
-    def _keep(self, place: SolvedPlace) -> None:
-        """As the latest; of the oldest that with derivatives stays the longest."""
-        kept = [other for other in self._latest if other.key != place.key]
-        linear = [other for other in kept[:-_RECENT] if other.slopes]
-        self._latest[:] = [*linear[-_RECENT:], *kept[-_RECENT:], place]
-
     def _near(self, x: Array) -> list[SolvedPlace]:
-        """Places that are solved for, and near, the nearest first."""
-        places = [*self._latest, self._begin]
+        """Sort the places that are solved for, and near: the nearest first."""
+        places = [*self._latest.values()] or [self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
         most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
         return [places[j] for j in off.argsort().tolist() if off[j] <= most]
 
     def _guess(
         self, i: int, flight: TrajectorySegment, p: Params, near: Sequence[SolvedPlace]
-    ) -> Guess:
+    ) -> tuple[Array, Array | None]:
         """Estimate the slopes inside of a flow to first order, and the inverse that finds them."""
-        nearest, linear = near[0], next((place for place in near if place.slopes), None)
-        if linear is None or not nearest.params:
+        nearest, place = near[0], next((place for place in near if place.linear), None)
+        if place is None:
             return nearest.flights[i].slopes, None
-        moved = [p[name] - nearest.params[name] for name in linear.names]
-        slopes = linear.slopes[i]
+        moved = np.array([p[name] - nearest.params[name] for name in place.names])
+        slopes = place.linear[i].slopes
         return slopes.beside(nearest.flights[i], flight, moved), slopes.inverse
 
     @cached_property
     def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
-        return SolvedPlace("begin", np.concatenate(x), {}, self.start)
+        return SolvedPlace(np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
-        """A flow with its states and times, nothing inside yet."""
         knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
         duration = float(x[self.layout.lengths[i]])
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
-        states = x[self.layout.nodes[i]].T
+        states = x[self.layout.nodes[i]]
         flight = replace(self.start[i], knots=knots, start=t, duration=duration, states=states)
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
@@ -181,9 +171,9 @@ class FlowEquations:
         rows = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
-            gaps = flight.states.T.copy()
+            gaps = flight.states.copy()
             gaps[0] -= before
-            gaps[1:] -= flight.ends.T[:-1]
+            gaps[1:] -= flight.ends[:-1]
             rows.append(gaps.ravel())
         rows += [
             # m equal shares for the m - 1 inner knots and the unit of the path
@@ -196,7 +186,6 @@ class FlowEquations:
         return np.concatenate(rows)
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
-        """The state in which the next flow begins."""
         reset = self.flows[i].reset
         if reset is None:
             return flight.end
@@ -214,13 +203,11 @@ class FlowEquations:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
         if self.autonomous:
             # integral of (x - x_start) . x_start' over the orbit
-            return float(
-                self._phase[i] @ (x[self.layout.nodes[i]] - self.start[i].states.T).ravel()
-            )
+            return float(self._phase[i] @ (x[self.layout.nodes[i]] - self.start[i].states).ravel())
         return self._over(i, x, p)
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
-        """By how much durations exceed their periods."""
+        """Measure by how much durations exceed their periods."""
         taken, turns = self._timed(i)
         return float(taken @ x[self.layout.lengths] - turns * self.forcing_period(p))
 
@@ -230,19 +217,20 @@ class FlowEquations:
         return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
 
     def taken_back(self, x: Array, p: Params) -> Array | None:
-        """By how much the reset of a smooth flow moves each of the states, if that is the same for
-        all of them: a turn of an angle, and no mirror."""
+        """Measure how far the reset of a smooth flow moves each state, if all alike: a turn of an
+        angle, and no mirror."""
         if not self.smooth or self.flows[0].reset is None:
             return None
         states = x[self.layout.nodes[0]].T
         moved = values(self.flows[0].reset, self.start[0].start, states, p) - states
-        same = np.ptp(moved, axis=1).max() <= _ROUNDED * abs(states).max()
-        back = np.where(abs(moved) > _ROUNDED * abs(states).max(), abs(moved), 0.0)
+        rounded = 1e-12 * abs(states).max()  # what is moved by no more stays
+        same = np.ptp(moved, axis=1).max() <= rounded
+        back = np.where(abs(moved) > rounded, abs(moved), 0.0)
         return back.T.ravel() if same else None
 
     def _timed(self, i: int | None) -> tuple[Array, float]:
-        """Which flows take how many periods: all of them; of a cycle that was doubled those up to
-        the end of the round of a flow that only the period ends, or their split would be free."""
+        """Tell which flows take how many periods: all of them; of a cycle that was doubled those up
+        to the end of the round of a flow that only the period ends, or their split is free."""
         rounds = [j for j, flow in enumerate(self.flows) if flow.until is None]
         part = 1.0 if i is None else (rounds.index(i) + 1) / len(rounds)
         taken = np.arange(len(self.flows)) < part * len(self.flows)
@@ -262,96 +250,83 @@ class FlowEquations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
+    def velocities(self, x: Array, p: Params) -> tuple[Array, ...]:
+        """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
+        place = self._solved(x, p)
+        if not place.velocities:
+            place.velocities = tuple(
+                values(flow.f, flight.begins, flight.states.T, p).T
+                for flow, flight in zip(self.flows, place.flights, strict=True)
+            )
+        return place.velocities
+
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
         place = self._solved(x, p)
         if not place.linear or names not in (None, place.names):
-            pairs = zip(self.flows, place.flights, strict=True)
-            place.slopes = tuple(derivatives(*pair, p, names or ()) for pair in pairs)
             place.names = names or ()
-            place.linear = tuple(
-                self._linearised(i, slopes, x, place) for i, slopes in enumerate(place.slopes)
-            )
-            self._keep(place)
+            place.linear = tuple(self._linearised(i, x, place) for i in range(len(self.flows)))
         return place
 
-    def _linearised(self, i: int, derivative: Slopes, x: Array, place: SolvedPlace) -> Linear:
+    def _linearised(self, i: int, x: Array, place: SolvedPlace) -> Linear:
         flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
-        sizes, path, n = self.sizes[i], math.exp(x[self.layout.knots[i][-1]]), len(flight.states)
-        share, slope, longer = flight.share_slopes(sizes, path)
-        share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
-        shares = (share_of @ derivative.inside)[:, 0]
-        # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)
-        timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
-        state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
-        if flow.reset is not None:
-            reset = slopes(flow.reset, flight.last, state, p, names)[1][..., 0]
-        condition = None
-        if flow.until is not None:
-            condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(shares, longer, timed / flight.steps, reset, condition)
+        derivative = derivatives(flow, flight, flight.slopes, p, names)
+        path, n = math.exp(x[self.layout.knots[i][-1]]), flight.dimension
+        inside, steps, longer = flight.share_slopes(self.sizes[i], path)
+        local = self._local(i, flight, len(names))
+        shares = inside.reshape(len(steps), 1, -1) @ derivative.inside @ local
+        # the step of an interval is the difference of the knots at its ends
+        shares[:, 0, n] -= steps
+        shares[:, 0, n + 1] += steps
+        ends = derivative.ends @ local
+        # where the last interval ends: its time is the sum of its beginning and its length
+        time = local[-1, n] + local[-1, n + 1]
+        arrival = np.concatenate([ends[-1], time[None], local[-1, n + 2 :]])
+        reset, condition = (
+            slopes(function, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
+            if function
+            else None
+            for function in (flow.reset, flow.until)
+        )
+        reset = np.eye(n, n + 1 + len(names)) if reset is None else reset
+        return Linear(derivative, ends, arrival, shares[:, 0], longer, reset, condition)
 
-    def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
-        """The derivative of all equations in unknowns and named parameters; dense if small."""
-        values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
-        return self.layout.matrix(values, len(names))
+    def _local(self, i: int, flight: TrajectorySegment, named: int) -> Array:
+        """Derivatives of the state, the beginning and the length of each interval, and of the
+        parameters, in the unknowns of `Layout.columns`."""
+        n, first = flight.dimension, flight.dimension + 3 + i + self.phased  # of the parameters
+        local = np.zeros((len(flight.states), n + 2 + named, first + named))
+        local[:, :n, :n] = np.eye(n)
+        begins, lengths = local[:, n], local[:, n + 1]
+        # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j), t_0 the phase and what lasted before
+        begins[:, n], begins[:, n + 2] = flight.duration, flight.knots[:-1]
+        begins[:, n + 3 : first] = 1.0
+        lengths[:, n : n + 2] = -flight.duration, flight.duration
+        lengths[:, n + 2] = flight.steps
+        local[:, n + 2 :, first:] = np.eye(named)
+        return local
+
+    def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
+        """Differentiate in all unknowns and named parameters: (size, size + names) and sparse, or
+        dense where there are few."""
+        blocks = [np.ravel(block) for block in self._blocks(x, p, names)]
+        return self.layout.matrix(np.concatenate(blocks), len(names))
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
-        """The values of all blocks, where `Layout` says."""
-        place = self.linearised(x, p, names)
+        """Values of all blocks, where `Layout` says."""
         yield np.ones(self.layout.orbit)  # each state in its own row
-        for i, (piece, flight) in enumerate(zip(place.linear, place.flights, strict=True)):
-            n, last = len(flight.states), place.slopes[i].ends[-1]
-            rows = np.concatenate([place.slopes[i].ends, piece.shares[:, None]], axis=1)
-            rows = self._spread(i, flight, rows)
-            ends, shares = rows[:, :n], rows[:, n:]
-            # the step of an interval is the difference of the knots at its ends
-            shares[:, 0, n] -= piece.waited
-            shares[:, 0, n + 1] += piece.waited
-            yield -ends[:-1]
-            kept = self.flows[i].reset is None
-            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, last))
-            yield shares
+        for i, piece in enumerate(self.linearised(x, p, names).linear):
+            yield -piece.ends[:-1]
+            yield -piece.reset @ piece.arrival
+            yield piece.shares
             yield -piece.longer
             if piece.condition is not None:
-                yield self._carried(i, flight, piece.condition, last)
+                yield piece.condition @ piece.arrival
             else:
                 yield self._phase[i] if self.autonomous else self._of_period(i, p, names)
         if self.phased:
             yield self._of_period(None, p, names)
-
-    def _spread(self, i: int, flight: TrajectorySegment, slope: Array) -> Array:
-        """The derivative of something of each interval in its state, its beginning, its length and
-        the parameters as one in the unknowns: the state, the knots at both ends, the duration,
-        what the beginning of the flow is the sum of, and the parameters."""
-        n, knots = len(flight.states), flight.knots
-        start, steps = (
-            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], flight.steps)
-        )
-        begins, lasts = slope[..., n : n + 1], slope[..., n + 1 : n + 2]
-        return np.concatenate(
-            [
-                slope[..., :n],
-                # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j)
-                flight.duration * (begins - lasts),
-                flight.duration * lasts,
-                start * begins + steps * lasts,
-                *[begins] * (i + self.phased),
-                slope[..., n + 2 :],
-            ],
-            axis=-1,
-        )
-
-    def _carried(self, i: int, flight: TrajectorySegment, outer: Array, inner: Array) -> Array:
-        """A function of (state, time, parameters) where a flow ends, as one of the unknowns of its
-        last interval: the time is the sum of its beginning and its length."""
-        n = len(flight.states)
-        total = outer[..., :n] @ inner
-        total[..., n] += outer[..., n]
-        total[..., n + 1 :] += outer[..., n:]
-        last = replace(flight, knots=flight.knots[-2:])
-        return self._spread(i, last, total[None])[0]
 
     def place(self, i: int, s: float, x: Array, p: Params) -> tuple[float, Array]:
         """Time and state of a flow at a part of its duration."""
@@ -362,21 +337,20 @@ class FlowEquations:
         """The derivative of that state, and of the time below, in all unknowns, named parameters
         and the part of the duration."""
         place = self.linearised(x, p, names)
-        flight, slopes = place.flights[i], place.slopes[i]
+        flight, n, named = place.flights[i], place.flights[i].dimension, len(names)
         (j,), (u,) = flight.places(np.array([s]))
-        n = len(flight.states)
-        local = np.eye(n + 1, n + 2 + len(names))  # the time is that at which the interval begins
-        local[n, n + 1] = u  # and a part of its length
-        inside = slopes.inside[j].reshape(flight.scheme.points, n, -1)
-        local[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], inside, 1)
-        interval = replace(flight, knots=flight.knots[j : j + 2])
+        # in the state, the beginning and the length of the interval, and the parameters
+        inner = np.eye(n + 1, n + 2 + named)
+        inner[n, n + 1] = u  # the time: so much of the length later than the beginning
+        inside = place.linear[i].slopes.inside[j].reshape(flight.scheme.points, n, -1)
+        inner[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], inside, 1)
         rise = np.append(flight.rates(np.array([s]))[:, 0], flight.duration)
-        spread = self._spread(i, interval, local[None])[0]
-        spread[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
-        spread[:, n + 1] -= u * rise
-        columns = self.layout.columns(i, len(names))[j]
-        derivative = np.zeros((n + 1, self.layout.size + len(names) + 1))
-        derivative[:, columns[columns >= 0]] = spread[:, columns >= 0]
+        whole = inner @ self._local(i, flight, named)[j]
+        whole[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
+        whole[:, n + 1] -= u * rise
+        columns = self.layout.columns(i, named)[j]
+        derivative = np.zeros((n + 1, self.layout.size + named + 1))
+        derivative[:, columns[columns >= 0]] = whole[:, columns >= 0]
         derivative[:, -1] = rise
         return derivative
 
@@ -396,7 +370,7 @@ class FlowEquations:
             (flight,) = flights
             knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
             # slopes are per interval: twice the duration and half the steps leave them as they are
-            states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
+            states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
             twice = replace(
                 flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
                 rounds=2 * flight.rounds,
@@ -414,7 +388,7 @@ class FlowEquations:
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
     def single_round(self, x: Array, p: Params) -> FlowEquations:
-        """As begun at this orbit, a single time around where it goes around several times."""
+        """Begin at this orbit, a single time around where it goes around several times."""
         flights = self.flights(x, p)
         rounds = next((m for m in range(24, 1, -1) if self._repeats(m, flights, p)), 1)
         if not self.smooth:
@@ -459,6 +433,23 @@ def _earlier(
     return function(t - turns * period(t, x, p), x, p)
 
 
+def lasting(lengths: Places, weights: Array, total: float) -> tuple[Any, Any]:
+    """Make the condition that durations, weighted, add up to a time, and its derivative."""
+    return partial(_left, lengths, weights, total), partial(_weighted, lengths, weights)
+
+
+def _left(
+    lengths: Places, weights: Array, total: float, curve: Any, z: Array, extra: Array
+) -> Array:
+    return np.array([weights @ z[lengths] - total])
+
+
+def _weighted(lengths: Places, weights: Array, curve: Any, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, lengths] = weights
+    return row
+
+
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     """Measure the motion of each state of each flow, or its size.
 
@@ -466,17 +457,17 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     one flow as in another has such meshes, too, wherever its branch began.
     """
     sizes = []
-    for n in (len(flight.states) for flight in flights):
-        alike = [flight for flight in flights if len(flight.states) == n]
+    for n in (flight.dimension for flight in flights):
+        alike = [flight for flight in flights if flight.dimension == n]
         sampled = [flight.sampled(2)[1] for flight in alike]
         # what hardly moves is measured by its value: its motion may be rounding
         moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
         size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
-        least = _AT_REST * size.max()
+        least = AT_REST * size.max()
         sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
     largest = max(size.max() for size in sizes) or 1.0
-    rests = [size.max() < _AT_REST * largest for size in sizes]
+    rests = [size.max() < AT_REST * largest for size in sizes]
     return tuple(
         np.full_like(size, largest) if at_rest else size
         for size, at_rest in zip(sizes, rests, strict=True)

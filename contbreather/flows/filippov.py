@@ -128,7 +128,7 @@ class Filippov:
         return self._from_surface(t, x, p)
 
     def ended(self, mode: int, guard: int) -> int:
-        """Which of the four flows that was, now that it is known how sliding ended."""
+        """Tell the four flows apart, now that it is known how sliding ended."""
         return mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
@@ -153,7 +153,7 @@ class Filippov:
         return _PLUS if rise + fall > 0 else _MINUS
 
     def _on_surface(self, t: float, x: Array, p: Params) -> Array:
-        """Without the rounding that would put it to one side."""
+        """Take off the rounding that would put it to one side."""
         h, slope = slopes(self.h, t, x[:, None], p)
         gradient = slope[0, :-1, 0]
         return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2

@@ -26,11 +26,9 @@ Params = Mapping[str, Any]  # numbers; one may be complex or an array while it i
 _LOG = logging.getLogger(__name__)
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
 _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
-_UNSEEN = 1e-5  # of the largest: a difference in slopes that is no rounding
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
-_ROUNDING = 1e-14  # relative to the largest state
 _SAME = 1e-9  # relative; sums over all states at once round differently
 
 
@@ -43,8 +41,8 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        part, period = value_at(self.part, p), value_at(self.period, p)
-        return (self.number + part) * period - t  # falls with slope -1
+        # falls with slope -1
+        return (self.number + value_at(self.part, p)) * value_at(self.period, p) - t
 
     def after(self, t: float, p: Params) -> float:
         """Return the time at which it strikes next."""
@@ -303,7 +301,7 @@ def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[
 
 
 def undecorated(function: Any) -> Any:
-    """Return the Python function under numba.njit, which takes no dict of parameters."""
+    """Return the function under numba.njit, which takes no dict of parameters."""
     return getattr(function, "py_func", function)
 
 
@@ -371,14 +369,18 @@ def slopes(
         if not doubtful.size:
             return value, slope
 
-    def joined(z: NDArray[Any]) -> NDArray[Any]:
-        """Evaluate it at rows of states, of times, and of parameters, the same in all columns."""
+    def joined(z: NDArray[Any]) -> NDArray[Any]:  # rows of states, times, parameters (all alike)
         moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
         return _call(how, z[n], z[:n], {**p, **moved})
 
     named = np.array([p[name] for name in names]).reshape(-1, 1)
     z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
-    scales = _scales(z, n)
+    # states and the time are measured by their spread, parameters by their size, or by 1
+    spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
+    least = _SAME * size
+    least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
+    spread[n + 1 :] = size[n + 1 :]
+    scales = np.where(spread > least, spread, 1.0)
     if how.schemes.get(names) is None:  # nobody knows yet, or no longer
         beside = np.zeros(len(z))
         if names not in how.schemes:
@@ -420,7 +422,8 @@ def _doubtful(
     beside = _call(how, np.concatenate([t + later, t - later]), at, p)
     along = 2 * (step @ slope[:, :n] + later * slope[:, n])
     off = abs(beside[:, :count] - beside[:, count:] - along)
-    size = _UNSEEN * (abs(along).max(axis=1) + _CENTRAL * _UNSEEN * abs(value).max(axis=1))
+    unseen = 1e-5  # of the largest: what differs by less may be rounding
+    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
     # beside a domain there is nothing to compare with
     return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
 
@@ -429,16 +432,6 @@ def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> f
     """Evaluate the rate at which a function changes along a flow, dh/dt + grad h . f."""
     slope = slopes(function, t, x[:, None], p)[1][0, :, 0]
     return float(slope @ np.append(values(f, t, x[:, None], p), 1.0))
-
-
-def _scales(z: Array, n: int) -> Array:
-    """Measure the rows: n states and the time by their spread, or 1 where they are constant,
-    parameters by their size, or 1 where they vanish."""
-    spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
-    least = _SAME * size
-    least[:n] += _ROUNDING * size[:n].max()  # what is rounding of other states says nothing
-    spread[n + 1 :] = size[n + 1 :]
-    return np.where(spread > least, spread, 1.0)
 
 
 def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:

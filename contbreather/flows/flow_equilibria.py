@@ -91,8 +91,6 @@ class _Rest:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium(Problem):
-    """An equilibrium of a flow."""
-
     residual: _Rest
 
     def having(self, *names: str) -> Problem:
@@ -141,7 +139,7 @@ def _born(point: Point) -> SwitchingProblem:
         curve = Curve(problem_of(equations, params, events, "cycle"), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
-        row[: equations.layout.orbit] = (flight.states - rest[:, None]).T.ravel()
+        row[: equations.layout.orbit] = (flight.states - rest).ravel()
         try:
             solution = newton(curve, curve.start, curve.metric * row, tolerance=1e-11, most=20)
         except Undefined:

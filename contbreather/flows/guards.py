@@ -15,10 +15,7 @@ from ..errors import BadInput
 from .flow import Function, Params, place, values
 
 _FEWEST, _MOST = 16, 4096  # parts of a step between which a guard is looked at
-_ROUGH = 0.1  # of its range: fourth differences this large hide dips between the places
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
-_LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
-_SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two places
 
 Guard = Callable[[Array], Array]  # over times
 
@@ -50,7 +47,6 @@ class GuardOnPiece:
 
     def _size(self, before: Array, b: float, after: Array) -> float:
         """Measure the states that the guard depends on, or its change: those it is made of."""
-        # entry by entry another state
         moved = after[:, None] + np.diag(1e-6 * np.where(after, after, 1.0))  # another state
         states = np.column_stack([after, moved])
         try:
@@ -72,7 +68,8 @@ class GuardOnPiece:
             clear = inside
         if clear.size and g[clear[0]] < 0:
             look = "look at the start or the reset"
-            if np.count_nonzero(np.diff(g[-_LATE:])) < _LATE // 2:
+            # from the 500th part of a step on one that is smooth changes from place to place
+            if np.count_nonzero(np.diff(g[-10:])) < 5:
                 look = "it changes in jumps alone: in place of sign(x[0]) or floor(x[0]) give x[0]"
             raise BadInput(
                 f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
@@ -87,8 +84,8 @@ def _first_fall(guard: Guard, a: float, b: float) -> float:
     """Look at twice as many places until the guard is smooth between them."""
     parts, t = _FEWEST, a + (b - a) * _places(_FEWEST)
     g = guard(t)
-    # a cubic through neighbours leaves fourth differences: are they small beside the range?
-    while parts < _MOST and abs(np.diff(g, 4)).max() > _ROUGH * np.ptp(g) + _EDGE * abs(g).max():
+    # a cubic through neighbours leaves fourth differences: a tenth of the range may hide dips
+    while parts < _MOST and abs(np.diff(g, 4)).max() > 0.1 * np.ptp(g) + _EDGE * abs(g).max():
         parts *= 2
         t = a + (b - a) * _places(parts)
         g = guard(t)
@@ -101,7 +98,7 @@ def _first_fall(guard: Guard, a: float, b: float) -> float:
         # A minimum may lie beside the first or the last place; and of two places as far from one
         # the first is lower, or as low: rounding decides. So two places to each side tell its depth
         around = g[max(i - 2, 0) : i + 3]
-        if 0 < g[i] < _SHALLOW * (around.max() - g[i]):
+        if 0 < g[i] < 0.3 * (around.max() - g[i]):  # shallow beside the fall to it
             low, high = t[left], t[right]
             for _ in range(8):  # to 6e-8 of the way, as close as rounding can tell
                 finer = np.linspace(low, high, 17)

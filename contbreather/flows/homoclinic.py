@@ -13,26 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle, equations_of
-from .equations import sizes_of
+from .equations import lasting, sizes_of
 from .filippov import slid_along
 from .flow import Function, slopes, values
-from .layout import Places
 
-_OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
-_SHARED = 1e-6  # the same where it rests a second time
-_LEFT = 1e-4  # and on a curve in two parameters where it is as good as homoclinic no more
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
-_CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _GROWS = "the period grows without bound"
@@ -56,10 +50,11 @@ class _Passage:
         return None if system is None else system.h
 
     def near(self, states: Array, place: Array) -> Any:
-        return np.linalg.norm((states - place) / self.sizes, axis=-1) < _CLOSE
+        """Tell which states are within a hundredth of its size."""
+        return np.linalg.norm((states - place) / self.sizes, axis=-1) < 1e-2
 
     def off(self, most: float) -> float:
-        """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
+        """Evaluate ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
         saddle = self.saddle if self.pace < _SLOW else None  # where it is fast there is none close
         sizes = abs(saddle.leading.real) if saddle else np.array([0.5, 1.0])  # before a saddle-node
         ratio = sizes.min() / sizes.max()
@@ -122,11 +117,11 @@ class _Saddle:
 
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
-    flows, sizes, places, speeds = orbit.equations.flows, sizes_of(orbit.flights), [], []
-    for i, (flight, size) in enumerate(zip(orbit.flights, sizes, strict=True)):
-        moved = values(flows[i].f, flight.begins, flight.states, orbit.params)
-        speeds += np.linalg.norm(moved / size[:, None], axis=0).tolist()
-        places += [(i, state, size) for state in flight.states.T]
+    sizes, places, speeds = sizes_of(orbit.flights), [], []
+    velocities = orbit.equations.velocities(orbit.x, orbit.params)
+    for i, (flight, moved, size) in enumerate(zip(orbit.flights, velocities, sizes, strict=True)):
+        speeds += np.linalg.norm(moved / size, axis=1).tolist()
+        places += [(i, state, size) for state in flight.states]
     first = int(np.argmax(speeds))  # from there on around
     pace = np.roll(speeds, -first) / speeds[first]
     cuts = np.flatnonzero((pace > _FAST) & (pace.min() < _SLOW))  # where none is slow one will do
@@ -138,11 +133,12 @@ def _passages(orbit: Cycle) -> list[_Passage]:
 
 def _pace(point: Point) -> float:
     passages = _passages(point.base_point.solution)
-    return min(passage.off(_SHARED if i else _OFF) for i, passage in enumerate(passages))
+    # how far off the parameter is, but for a factor, where it has come to rest, and a second time
+    return min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
 
 
 def _examine(point: Point) -> Examined:
-    """Which equilibria these are: a relaxation oscillation is slow without one."""
+    """Name the equilibria: a relaxation oscillation is slow without one."""
     orbit: Cycle = point.base_point.solution
     if orbit.coarse:
         return orbit.coarse
@@ -185,22 +181,15 @@ def _named(orbit: Cycle, state: Array) -> str:
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
     lengths = equations_of(point.base_point).layout.lengths
-    longer = partial(_longer, lengths, point.base_point.solution.period)
+    # all durations together
+    longer = lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    derivative = partial(_derivative, lengths)
-    return DefiningSystem({}, longer, derivative, events=(_MOVES,), meets=nothing)
-
-
-def _longer(lengths: Places, period: float, curve: Curve, z: Array, extra: Array) -> Array:
-    return np.array([z[lengths].sum() - period])
-
-
-def _derivative(lengths: Places, curve: Curve, z: Array, extra: Array) -> Array:
-    return np.isin(np.arange(z.size), lengths)[None].astype(float)
+    return DefiningSystem({}, *longer, events=(_MOVES,), meets=nothing)
 
 
 def _rests(point: Point) -> float:
-    return _passages(point.base_point.solution)[0].off(_LEFT)
+    # where the parameter is off by more, but for a factor, it is as good as homoclinic no more
+    return _passages(point.base_point.solution)[0].off(1e-4)
 
 
 def _examine_moving(point: Point) -> Examined:

@@ -23,8 +23,6 @@ from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, value
 from .guards import GuardOnPiece
 
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
-_SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
-_CHATTER = 4  # that many in a row
 
 
 class TooManySteps(NotConverged):
@@ -156,7 +154,6 @@ class Trajectory(Columns, HtmlRepr):
         return states.reshape(-1, *times.shape)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Time and states at the steps of the integrator."""
         return {"t": self.t, **dict(zip(self.names, self.x, strict=True))}
 
     def table(self) -> Sheet:
@@ -377,11 +374,11 @@ class _Integration:
 
 
 def _refuse_chatter(pieces: Sequence[Piece]) -> None:
-    """Ever shorter flights accumulate: infinitely many events in finite time."""
+    """Refuse ever shorter flights, four in a row: infinitely many events in finite time."""
     lengths = [float(piece.t[-1] - piece.t[0]) for piece in pieces[-200:]]
-    last = lengths[-_CHATTER:]
-    falling = all(b < a for a, b in pairwise(last))
-    if len(last) == _CHATTER and falling and last[-1] < _SHORT * max(lengths):
+    last = lengths[-4:]
+    falling = len(last) == 4 and all(b < a for a, b in pairwise(last))
+    if falling and last[-1] < 1e-5 * max(lengths):
         raise NotConverged(
             f"the events accumulate before t = {pieces[-1].t[-1]:g} (a chatter): the last pieces "
             f"took {', '.join(f'{length:.1g}' for length in last)}. What comes after is another "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,6 @@ _DENSE = 400  # unknowns up to which a dense derivative is the faster one
 Places = NDArray[np.intp]
 
 
-class _Pattern(NamedTuple):
-    """Places of values among the entries of a matrix, `cells` for those that belong nowhere; of a
-    sparse one the row of each, and where columns end."""
-
-    places: Places
-    cells: int
-    rows: Places
-    ends: Places
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """The order of unknowns and equations: states, meshes, durations, and the phase."""
@@ -36,7 +26,7 @@ class Layout:
     ended: tuple[bool, ...]  # whether a condition ends it
     autonomous: bool
     phased: bool
-    _patterns: dict[int, _Pattern] = field(default_factory=dict, init=False)
+    _cells: dict[int, Places] = field(default_factory=dict, init=False)
 
     @cached_property
     def nodes(self) -> tuple[Places, ...]:
@@ -62,7 +52,6 @@ class Layout:
 
     @cached_property
     def lengths(self) -> Places:
-        """Places of the durations."""
         first = self.knots[-1][-1] + 1
         return np.arange(first, first + len(self.counts))
 
@@ -71,18 +60,23 @@ class Layout:
         return int(self.lengths[-1]) + 1 + self.phased
 
     def matrix(self, values: Array, named: int) -> Matrix:
-        """The derivative in unknowns and so many parameters, from the values of all blocks."""
-        shape, pattern = (self.size, self.size + named), self._pattern(named)
-        # several entries may meet in one place; what is of fixed knots lands beyond the last
-        data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
+        """Assemble the derivative in unknowns and so many parameters from the values of all blocks,
+        of which several may meet in one entry; those of fixed knots are in a column beyond."""
+        width = self.size + named + 1
+        if named not in self._cells:
+            spread = [np.broadcast_arrays(*place) for place in self._places(named)]
+            rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
+            self._cells[named] = rows * width + columns % width
+        cells = self._cells[named]
         if self.size <= _DENSE:
-            return data.reshape(shape)
+            entries = np.bincount(cells, values, self.size * width)
+            return entries.reshape(self.size, width)[:, :-1]
         from scipy.sparse import csc_array
 
-        return csc_array((data, pattern.rows, pattern.ends), shape=shape)
+        return csc_array((values, np.divmod(cells, width)), (self.size, width))[:, :-1]
 
     def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
-        """Rows and columns of all blocks. The column of a knot that is fixed is -1."""
+        """Rows and columns of all blocks."""
         diagonal, width = np.arange(self.orbit), self.size + named
         whole = np.append(self.lengths, np.arange(self.size, width))
         yield diagonal, diagonal
@@ -100,7 +94,9 @@ class Layout:
             yield self.size - 1, whole
 
     def columns(self, i: int, named: int) -> Places:
-        """List the unknowns that each interval depends on, in the order of `FlowEquations`."""
+        """List the unknowns that each interval depends on, -1 for a knot that is fixed: its state,
+        the knots at both ends, the duration, what the beginning of the flow is the sum of, and the
+        parameters."""
         before = [*self.lengths[:i], *([self.size - 1] if self.phased else [])]
         shared = [self.lengths[i], *before, *range(self.size, self.size + named)]
         inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
@@ -110,21 +106,3 @@ class Layout:
                 np.tile(shared, (len(inner) - 1, 1)),
             ]
         )  # fmt: skip
-
-    def _pattern(self, named: int) -> _Pattern:
-        """Find the places of the values of all blocks, once."""
-        if named not in self._patterns:
-            width = self.size + named
-            spread = [np.broadcast_arrays(*place) for place in self._places(named)]
-            rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
-            if self.size <= _DENSE:
-                count, ends = self.size * width, np.empty(0, int)
-                places = np.where(columns < 0, count, rows * width + columns)
-            else:  # by columns, each entry once; those of fixed knots beyond the last
-                cells = np.where(columns < 0, self.size * width, columns * self.size + rows)
-                filled, places = np.unique(cells, return_inverse=True)
-                count = int(np.searchsorted(filled, self.size * width))
-                rows = filled[:count] % self.size
-                ends = np.searchsorted(filled[:count], self.size * np.arange(width + 1))
-            self._patterns[named] = _Pattern(places, count, rows, ends)
-        return self._patterns[named]

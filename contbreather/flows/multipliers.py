@@ -18,8 +18,6 @@ from ..continuation.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
 from .flow import Params, values
 
-_KEPT = 1e6  # condition of a product that still has ten digits of its smallest singular value
-
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """Eigenvalues of the product of all factors, the largest first.
@@ -96,12 +94,13 @@ def _halved(stack: Array) -> Array:
 
 
 def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:
-    """Which of them are; what acts on nothing is, as across an orbit of one state."""
+    """Tell which of them are; what acts on nothing is, as across an orbit of one state."""
     if not matrices.size:
         return np.ones(len(matrices), dtype=bool)
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
     sizes = np.linalg.svd(np.where(finite, matrices, 0.0), compute_uv=False)
-    return np.asarray(sizes[:, 0] < _KEPT * sizes[:, -1])
+    # beyond a condition of 1e6 less than ten digits of the smallest singular value are left
+    return np.asarray(sizes[:, 0] < 1e6 * sizes[:, -1])
 
 
 def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
@@ -141,46 +140,42 @@ def of_cycle(equations: FlowEquations, x: Array, p: Params) -> tuple[NDArray[np.
 
     At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
     """
-    factors, velocities = _factors(equations, equations.linearised(x, p))
+    place = equations.linearised(x, p)
+    # the velocities where they begin, in stacks of those of one shape as the factors
+    ways = equations.velocities(x, p)
+    factors: list[Array] = []
+    directions: list[Array] = []
+    for i, (piece, way) in enumerate(zip(place.linear, ways, strict=True)):
+        ends = piece.slopes.ends[:, :, : way.shape[1]]
+        last = _saltation(equations, place, i, ways) @ ends[-1:]
+        alike = last.shape[1] == last.shape[2]
+        factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
+        directions += [way] if alike else [way[:-1], way[-1:]]
     if any(np.isnan(stack).any() for stack in factors):
-        lost = np.full(len(equations.start[0].states) - equations.autonomous, np.nan, complex)
+        lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
         lost[:1] = np.inf
         return lost, np.nan
     if not equations.autonomous:
         return multipliers(factors), np.nan
-    rest, trivial = without_direction(factors, velocities)
+    rest, trivial = without_direction(factors, directions)
     return multipliers(rest), trivial
 
 
-def _factors(equations: FlowEquations, place: SolvedPlace) -> tuple[list[Array], list[Array]]:
-    """The derivatives of all pieces of the orbit in the state alone, with the saltation where
-    a flow ends, and the velocities where they begin: stacks of those of one shape."""
-    factors: list[Array] = []
-    velocities: list[Array] = []
-    for i, (flight, slopes) in enumerate(zip(place.flights, place.slopes, strict=True)):
-        ends = slopes.ends[:, :, : len(flight.states)]
-        ways = values(equations.flows[i].f, flight.begins, flight.states, place.params).T
-        last = _saltation(equations, place, i, abs(ways).max(axis=0)) @ ends[-1:]
-        alike = last.shape[1] == last.shape[2]
-        factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
-        velocities += [ways] if alike else [ways[:-1], ways[-1:]]
-    return factors, velocities
-
-
-def _saltation(equations: FlowEquations, place: SolvedPlace, i: int, fastest: Array) -> Array:
+def _saltation(
+    equations: FlowEquations, place: SolvedPlace, i: int, ways: Sequence[Array]
+) -> Array:
     """Map small perturbations across the end of a flow: by the reset, and by how much longer the
-    one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
-    piece, n = place.linear[i], len(place.flights[i].states)
+    one flow lasts and the next one shorter; NaN at VI."""
+    piece, n = place.linear[i], place.flights[i].dimension
     reset = piece.reset[:, :n]
     if piece.condition is None:
         return reset
-    j = (i + 1) % len(place.flights)
-    begin = place.flights[j]
-    after = values(equations.flows[j].f, begin.start, begin.states[:, :1], place.params)[:, 0]
+    after = ways[(i + 1) % len(ways)][0]
     before, rate = _pace(equations, place, i)
     # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
     jump = after - reset @ before - piece.reset[:, n]
     gate, waits = piece.condition[0, :n], piece.condition[0, n]
+    fastest = abs(ways[i]).max(axis=0)
     if abs(rate) <= 1e-13 * (abs(gate) @ fastest + abs(waits)):  # rounding
         return np.full_like(reset, np.nan)
     return np.asarray(reset + np.outer(jump, gate) / rate)
@@ -200,8 +195,8 @@ def paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, tuple[floa
     place, rates = equations.linearised(x, p), {}
     for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
         if piece.condition is not None:
-            gate, waits = np.split(abs(piece.condition[0]), [len(flight.states)])
-            fastest = abs(flight.slopes / flight.lengths[:, None]).max(axis=(1, 2))
+            gate, waits = np.split(abs(piece.condition[0]), [flight.dimension])
+            fastest = abs(flight.slopes / flight.lengths[:, None, None]).max(axis=(0, 1))
             rate = _pace(equations, place, i)[1]
             rates[i] = -rate, abs(rate) / (gate @ fastest + waits[0])
     return rates

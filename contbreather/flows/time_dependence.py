@@ -14,9 +14,6 @@ from .flow import Clock, Flow, Function, Params, at_state, check_function, offse
 
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
 _TIMES = 16  # at which functions are compared
-_SAME = 1e-6  # relative to the size of a function: a period of seven digits is one
-_FLOOR = 1e-4  # of the largest state: a function that is smaller may be made of rounding
-_MOVED = 0.01  # how far parameters are moved, relative
 
 
 def refuse_false_period(
@@ -29,9 +26,10 @@ def refuse_false_period(
     """Refuse functions that are not the same a period later, beside states of their flows, shape
     (n, m); without a period, at another time. With names, when these parameters move, too."""
     names = tuple(name for name in names if name in p)
-    least = _FLOOR * max(float(abs(x).max()) for x in places)
+    # a function that is smaller may be made of rounding
+    least = 1e-4 * max(float(abs(x).max()) for x in places)
     for moved in dict.fromkeys([(), *((name,) for name in names), names]):
-        at = {**p, **{name: p[name] + _MOVED * (abs(p[name]) or 1.0) for name in moved}}
+        at = {**p, **{name: p[name] + 0.01 * (abs(p[name]) or 1.0) for name in moved}}
         with suppress(Undefined):  # the parameter was moved out of a domain
             later = 2 * _GOLDEN if period is None else period_at(period, at)
             for i, (flow, x) in enumerate(zip(flows, places, strict=True)):
@@ -62,7 +60,7 @@ def _repeats(
 def _same(now: Array, then: Array, least: float = 0.0) -> bool:
     """Compare rows of values; NaN, outside of a domain, says nothing."""
     size = np.maximum(np.nanmax(abs(now), axis=1, initial=0.0), least)[:, None]
-    return not (abs(then - now) > _SAME * size).any()
+    return not (abs(then - now) > 1e-6 * size).any()  # a period of seven digits is one
 
 
 def _refusal(what: str, period: Function | None, p: Params, moved: tuple[str, ...]) -> str:

@@ -17,19 +17,10 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import (
-    SimulationRun,
-    SmoothRun,
-    completed,
-    let_go,
-    simulate,
-)  # fmt: skip
+from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go, simulate
 from contbreather.simulation.states import State
 
-MISSED = 0.6  # |u| that site 0 exceeds on both sides in every period of a breather
-REACHED = 0.93  # |u| that no other site comes to
 SMALL = 1e-6  # of a perturbation: what follows is linear
-TOGETHER = 10  # periods between two times at which it is made small again
 
 
 def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
@@ -45,8 +36,9 @@ def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
         u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
         here = run.record.sites.index(site)
         centre, others = u[:, :, here], np.delete(u, here, 2)
-        missed = (centre.max(axis=1) < MISSED) | (centre.min(axis=1) > -MISSED)
-        broken = missed | (np.abs(others).max(axis=(1, 2)) > REACHED)
+        # a breather's site exceeds 0.6 on both sides in every period, and no other comes to 0.93
+        missed = (centre.max(axis=1) < 0.6) | (centre.min(axis=1) > -0.6)
+        broken = missed | (np.abs(others).max(axis=(1, 2)) > 0.93)
     return int(broken.argmax()) if broken.any() else None
 
 
@@ -69,7 +61,7 @@ def unlike_a_breather(
 
 
 def delocalised(run: SmoothRun) -> bool:
-    """Whether the energy is all over the ring at the end."""
+    """Tell whether the energy is all over the ring at the end."""
     end = localised(run.strobe.u[-1], run.strobe.v[-1], run.times[-1], run.conditions)
     return float(end.participation) > BROAD
 
@@ -95,9 +87,11 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     off = SMALL * np.random.default_rng(0).normal(size=state.shape)
     sizes: list[float] = []
     lost = 0.0  # the logarithm of all factors taken off
-    shared: Any = {"periods": TOGETHER, "t0": motion.t0, "progress": False}
     while len(sizes) < periods:
-        run = completed(let_go(State(*(state + off)), motion.conditions, **shared))
+        run = completed(
+            let_go(State(*(state + off)), motion.conditions, periods=10, t0=motion.t0,
+                   progress=False)
+        )  # fmt: skip
         there = np.stack(run.strobe, axis=1) - state
         sizes += [lost + math.log(np.linalg.norm(offset)) for offset in there[1:]]
         shrink = SMALL / float(np.linalg.norm(there[-1]))
@@ -145,8 +139,9 @@ def enough_damping(breather: Orbit, sites: int) -> float:
 
 
 def lives(
-    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int
-) -> dict[str, float]:
+    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int,
+    periods: int = 2400,
+) -> dict[str, float]:  # fmt: skip
     """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
@@ -160,12 +155,12 @@ def lives(
     except NotConverged:
         rates["softest"] = softest(breather, damping, sites)
     else:
-        rates |= {"growth": growth(smooth), "multiplier": smooth.largest}
+        rates |= {"growth": growth(smooth, periods), "multiplier": smooth.largest}
     return {
         "lost": math.nan if lost is None else float(lost),
         **rates,
         "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
-        "rigid_growth": growth(rigid),
+        "rigid_growth": growth(rigid, periods),
         "rigid_multiplier": rigid.largest,
         "enough_damping": enough_damping(breather, sites),
         "long_multiplier": periodic(breather.state(long), symmetric=True, **on).largest,

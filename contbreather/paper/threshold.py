@@ -33,16 +33,12 @@ Array = NDArray[Any]
 Path = Callable[[float], Orbit]
 
 SITES = 400
-TINY = 1e-7  # of 1/4 - gamma: the last coupling that is looked at
-STRIDE = 3e-3  # step in gamma by which the first pair beyond the circle is looked for
-SETTLED = 1e-12
 upper = partial(symmetric, root=1)  # behind a wall, too: where the line ends is sought there
-FIRST = 0.02  # of the couplings looked at; below there is no band to speak of
 
 
 @dataclass(frozen=True, eq=False)
 class ThresholdLine:
-    """Where the largest multiplier over 2 pi has the modulus of the threshold, at one k.
+    """Line at one k on which the largest multiplier over 2 pi has the modulus of the threshold.
 
     Attributes
     ----------
@@ -106,14 +102,13 @@ def neimark_sacker_point(
     >>> [round(neimark_sacker_point(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
     [0.082409, 0.0915527, 0.0968769]
     """
-    first = FirstCrossing(InfiniteChain() if sites is None else Ring(sites), _radius(threshold))
-    return first.along(lambda gamma: upper(a, gamma, k), FIRST)
+    return _first(lambda gamma: upper(a, gamma, k), sites, threshold)
 
 
 def neimark_sacker_line(
     k: float, *, sites: int = SITES, threshold: float = THRESHOLD, points: int = 100
 ) -> ThresholdLine:
-    """The paper's Neimark-Sacker line from the fold to the upper limit of existence.
+    """Follow the paper's Neimark-Sacker line from the fold to the upper limit of existence.
 
     Parameters
     ----------
@@ -133,15 +128,19 @@ def neimark_sacker_line(
     >>> round(float(line.gamma.min()), 3)
     0.082
     """
-    points, first = whole("points", points, 1), FirstCrossing(Ring(sites), _radius(threshold))
-    lowest = first.along(lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST)
+    points = whole("points", points, 1)
+
+    def fold(gamma: float) -> Orbit:
+        return upper(smallest_amplitude(gamma, k), gamma, k)
+
+    lowest = _first(fold, sites, threshold)
     start = smallest_amplitude(lowest.gamma, k)
     crossings = {start: lowest}
 
     def at(a: float) -> ThresholdPoint:
         if a not in crossings:
             guess = crossings[min(crossings, key=lambda known: abs(known - a))].gamma
-            crossings[a] = first.along(lambda gamma: upper(a, gamma, k), guess)
+            crossings[a] = _first(lambda gamma: upper(a, gamma, k), sites, threshold, guess)
         return crossings[a]
 
     end = _upper_end(k, at, start)
@@ -181,7 +180,7 @@ def pitchfork_line(
 
 
 def _radius(threshold: float) -> float:
-    """Of the circle that multipliers of QS pass."""
+    """Radius of the circle that multipliers of QS pass."""
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
@@ -190,58 +189,43 @@ def _radius(threshold: float) -> float:
     return math.sqrt(threshold)
 
 
-@dataclass(frozen=True)
-class FirstCrossing:
-    """Where the first pair of multipliers of QS passes a circle, as the coupling grows.
+def _first(path: Path, sites: int | None, threshold: float, guess: float = 0.02) -> ThresholdPoint:
+    """Find the first coupling, next to a guess, at which a pair of multipliers of QS passes the
+    circle of a threshold; below 0.02 there is no band to speak of."""
+    from scipy.optimize import brentq  # dear to import
 
-    Parameters
-    ----------
-    lattice : InfiniteChain or Ring
-    radius : float
-    """
+    lattice: Any = InfiniteChain() if sites is None else Ring(sites)
+    radius = _radius(threshold)
 
-    lattice: Any
-    radius: float
+    def map_at(gamma: float) -> Any:  # of the infinite chain's breather, as one of the lattice
+        breather = path(gamma)
+        return half_map(gamma, breather.k, breather.representation.b, lattice)
 
-    def along(self, path: Path, guess: float) -> ThresholdPoint:
-        """The first coupling, next to a guess, at which one does."""
-        from scipy.optimize import brentq  # dear to import
+    def excess(gamma: float) -> float:
+        map = map_at(gamma)
+        if sites is None:
+            return outermost(map.unstable_multipliers(), radius)
+        return float(map.outermost(radius))
 
-        def excess(gamma: float) -> float:
-            return self.excess(self.map(path(gamma)))
-
-        low, back, last = guess, 1e-4, NUMBERS["gamma"].high - TINY
-        while excess(low) > 0.0:
-            low, back = low - back, 2.0 * back
-            if low <= 0.0:
-                raise NotConverged(
-                    f"pairs beyond the modulus {self.radius**2:g} at every coupling below {guess}"
-                )
-        high = low
-        while excess(high) <= 0.0:
-            if high >= last:
-                reason = f"no pair of multipliers reaches the modulus {self.radius**2:g} below 1/4"
-                raise NotConverged(reason)
-            low, high = high, min(high + STRIDE, last)
-        gamma = float(brentq(excess, low, high, xtol=SETTLED))
-        return ThresholdPoint(gamma, self.angle(self.map(path(gamma))))
-
-    def map(self, breather: Orbit) -> Any:
-        """Of the infinite chain's breather, as one of the lattice."""
-        return half_map(breather.gamma, breather.k, breather.representation.b, self.lattice)
-
-    def excess(self, map: Any) -> float:
-        """How far the first pair is beyond the circle."""
-        if self.lattice.sites is None:
-            return outermost(map.unstable_multipliers(), self.radius)
-        return float(map.outermost(self.radius))
-
-    def angle(self, map: Any) -> float:
-        """Over pi, of the pair on the circle."""
-        if self.lattice.sites is None:
-            return nearest_pair(map.unstable_multipliers(), self.radius)
-        near = map.reduced.around(self.radius)
-        return nearest_pair(map.coupled if near is None else near.zeros, self.radius)
+    low, back, last = guess, 1e-4, NUMBERS["gamma"].high - 1e-7
+    while excess(low) > 0.0:
+        low, back = low - back, 2.0 * back
+        if low <= 0.0:
+            raise NotConverged(
+                f"pairs beyond the modulus {radius**2:g} at every coupling below {guess}"
+            )
+    high = low
+    while excess(high) <= 0.0:
+        if high >= last:
+            reason = f"no pair of multipliers reaches the modulus {radius**2:g} below 1/4"
+            raise NotConverged(reason)
+        low, high = high, min(high + 3e-3, last)
+    gamma = float(brentq(excess, low, high, xtol=1e-12))
+    map = map_at(gamma)
+    if sites is None:
+        return ThresholdPoint(gamma, nearest_pair(map.unstable_multipliers(), radius))
+    near = map.reduced.around(radius)
+    return ThresholdPoint(gamma, nearest_pair(map.coupled if near is None else near.zeros, radius))
 
 
 def _upper_end(k: float, at: Callable[[float], ThresholdPoint], start: float) -> float:

@@ -34,10 +34,8 @@ from contbreather.simulation.sweep import sweep
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SITES = 20
-LONG = 120  # sites; a wave that goes round such a ring is damped away
-RESTITUTION = 0.8
-DAMPING = 0.005
+SITES, LONG = 20, 120  # of the long ring: a wave that goes round it is damped away
+RESTITUTION, DAMPING = 0.8, 0.005
 RINGS: dict[str, Any] = {"damping": DAMPING, "sites": SITES, "long": LONG}
 HARDNESS = 6  # "for m > 5 the simulation results ceased to depend on the exact choice of m"
 SETTLING = 400  # periods after which the start of the paper has become the breather of Fig. 5
@@ -65,9 +63,6 @@ class Panel(NamedTuple):
     curves: tuple[SampledCurve, ...]
     labels: tuple[str, str] = (r"$t/2\pi$", "$u$")
     lost: float | None = None
-
-    def has(self, look: str) -> bool:
-        return any(curve.style == look for curve in self.curves)
 
 
 LOOKS: dict[str, dict[str, Any]] = {
@@ -108,7 +103,13 @@ class TimeSeries:
 
     def draw(self) -> Figure:
         """Panels below each other, as printed; those of one time axis share it."""
-        ticks = [_same_axis(*pair) for pair in pairwise(self.panels)] + [False]
+        # lines over one stretch of time share the axis of the panel below
+        spans = [
+            (panel.labels[0], *panel.curves[0].t[[0, -1]], panel.curves[0].style)
+            for panel in self.panels
+        ]
+        ticks = [upper == lower and lower[-1] == "line" for upper, lower in pairwise(spans)]
+        ticks.append(False)
         height = sum(2.9 if shared else 3.9 for shared in ticks)
         with style():
             figure, axes = new_figure(len(self.panels), height=height)
@@ -121,11 +122,12 @@ class TimeSeries:
                 ax.set_ylabel(panel.labels[1])
                 ax.locator_params(axis="x", nbins=7)
                 ax.tick_params(labelbottom=not shared)
-                if panel.has("trace"):
+                looks = {curve.style for curve in panel.curves}
+                if "trace" in looks:
                     sites = [curve.site for curve in panel.curves]
                     ax.set_yticks([APART * n for n in sites], [f"${n}$" for n in sites])
                     ax.margins(x=0.0)
-                elif panel.has("circles"):
+                elif "circles" in looks:
                     ax.margins(x=0.01)
                 if panel.lost:
                     ax.axvline(panel.lost, color="black", linewidth=0.8, linestyle="--")
@@ -136,13 +138,6 @@ class TimeSeries:
                 )  # fmt: skip
             figure.align_ylabels()
         return figure
-
-
-def _same_axis(panel: Panel, below: Panel) -> bool:
-    """Whether two panels show the same stretch of time, in time series drawn as lines."""
-    upper, lower = panel.curves[0], below.curves[0]
-    same = panel.labels[0] == below.labels[0] and upper.style == lower.style == "line"
-    return same and upper.t[[0, -1]].tolist() == lower.t[[0, -1]].tolist()
 
 
 # --- runs, beside exact breathers -----------------------------------------------------------------
@@ -239,8 +234,10 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     return TimeSeries(5, _against({"exact": exact}, circles, f"ring, $m = {m}$"), caption, numbers)
 
 
-def figure6(m: int = HARDNESS) -> TimeSeries:
+def figure6(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
     """Fig. 6: three breathers at gamma = 0.104, started on the exact solution; all are lost.
+
+    Growth in a period is simulated over `grown` of them.
 
     Examples
     --------
@@ -264,7 +261,7 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
         run = _run(
             exact.state(SITES), m, periods=periods, sample=Sample(CENTRAL, 24), **_on(a, gamma)
         )
-        stats = lives(exact, m, life(run), **RINGS)
+        stats = lives(exact, m, life(run), periods=grown, **RINGS)
         t, lost = run.record.times / PERIOD, stats["lost"]
         curves = tuple(
             SampledCurve(f"u_{n}", n, t, u + APART * n, "trace")
@@ -340,8 +337,10 @@ def figure7(m: int = 20) -> TimeSeries:
     return TimeSeries(7, _against(lines, settled, f"ring, $m = {m}$"), caption, numbers)
 
 
-def figure8(m: int = HARDNESS) -> TimeSeries:
+def figure8(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
     """Fig. 8: beyond Neimark-Sacker, a = 0.15, gamma = 0.104: a transient; and a genuine torus.
+
+    Growth in a period is simulated over `grown` of them.
 
     Examples
     --------
@@ -356,7 +355,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     first = max(0, (lost or 250) - 40)
     there = long.strobe.u[first], long.strobe.v[first]
     window = _run(there, m, periods=6, sample=Sample(SHOWN, CIRCLES // 2), **on)
-    stats = lives(exact, m, lost, **RINGS)
+    stats = lives(exact, m, lost, periods=grown, **RINGS)
     damping, beyond = 0.02, 0.106  # where a torus attracts
     torus = classify(
         symmetric(a, beyond, RESTITUTION).state(SITES), settle=8000, periods=3000,

@@ -36,7 +36,9 @@ def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:
             settle=90,
         )  # fmt: skip
         branch = cb.trace(problem, "F", within={"F": (0.5, 0.6)})
-        return [at["F"] for at in branch.special if at.kind == "PD"]
+        # where a Gauss point comes into contact multipliers jump: a place may be told in doubt
+        places = (*branch.special, *branch.doubtful)
+        return sorted(at["F"] for at in places if at.kind == "PD")
 
     upwards = doublings(0.5)
     assert len(upwards) == 2

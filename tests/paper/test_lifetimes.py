@@ -12,7 +12,7 @@ import pytest
 import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.orbits.constructors import asymmetric
-from contbreather.paper import lifetimes, time_series
+from contbreather.paper import lifetimes
 from contbreather.simulation import Sample, State, periodic, simulate, simulate_smooth
 from contbreather.simulation.integrator import IMPACT
 from tests.simulation import zoo
@@ -88,14 +88,8 @@ def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
     assert 20 < lifetimes.life(simulate(state, **shared)) < 90
 
 
-@pytest.fixture
-def soon(monkeypatch):
-    """What the command does with a figure does not take a transient that has died out."""
-    monkeypatch.setattr(time_series, "SETTLING", 60)
-
-
 @pytest.mark.slow
-def test_figure_for_programs_carries_the_numbers_of_its_verdict(soon, capsys):
+def test_figure_for_programs_carries_the_numbers_of_its_verdict(capsys):
     assert main(["figure", "5", "--json"]) == DONE
     content = json.loads(capsys.readouterr().out)
     assert content["numbers"]["difference_0"] == pytest.approx(0.0979, abs=1e-4)

@@ -4,35 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from functools import partial
+from functools import cache
 
 import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.paper import lifetimes, time_series
-from contbreather.paper.lifetimes import growth
+from contbreather.paper import time_series
 
 
 @pytest.fixture(scope="module")
 def figures():
-    # growth beside a multiplier is the matter of test_lifetimes; here a few periods do, as they do
-    # of the breather of figure 6 (c), which is lost at once
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(time_series, "RUNS6", (*time_series.RUNS6[:2], (0.7, 20)))
-        patch.setattr(lifetimes, "growth", partial(growth, periods=30))
-        yield _once()
-
-
-def _once():
-    made = {}
-
-    def of(number):
-        if number not in made:
-            made[number] = getattr(time_series, f"figure{number}")()
-        return made[number]
-
-    return of
+    # growth beside a multiplier is the matter of test_lifetimes; here a few periods do
+    few = {6: {"grown": 30}, 8: {"grown": 30}}
+    return cache(lambda n: getattr(time_series, f"figure{n}")(**few.get(n, {})))
 
 
 def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
