@@ -60,8 +60,8 @@ class BranchPiece:
 
     @property
     def first(self) -> tuple[Stop | None, Point | None]:
-        """Why the walk ends with the first, and its branch point: what befell the last is not its
-        own."""
+        """Reason why the walk ends with the first, and its branch point: what befell the last is
+        not its own."""
         return (self.stop, self.crossing) if len(self.points) == 1 else (None, None)
 
     def beyond(self, n: int) -> BranchPiece | None:
