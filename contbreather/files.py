@@ -119,7 +119,8 @@ def writable(path: str | Path) -> Path:
     if mode and not stat.S_ISREG(mode):
         places = [target]
     if not all(os.access(place, os.W_OK) for place in places):
-        reason = _forbidden(folder)
+        read_only = hasattr(os, "statvfs") and os.statvfs(folder).f_flag & os.ST_RDONLY
+        reason = "the file system is read-only" if read_only else "no permission"
         raise BadInput(f"cannot write {target}: {reason}; choose another place")
     return target
 
@@ -205,11 +206,6 @@ def _mode(verb: str, target: Path) -> int:
         return 0
     except (OSError, ValueError) as error:  # too long a name, a circle of links, a null byte
         raise _refused(verb, target, error) from error
-
-
-def _forbidden(folder: Path) -> str:
-    read_only = hasattr(os, "statvfs") and os.statvfs(folder).f_flag & os.ST_RDONLY
-    return "the file system is read-only" if read_only else "no permission"
 
 
 def _refused(verb: str, target: Path, error: OSError | ValueError) -> BadInput:

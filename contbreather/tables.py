@@ -112,7 +112,7 @@ class Sheet:
         return list(zip(*(column.cells for column in self.columns), strict=True))
 
     def table(self, width: int | None = None) -> Table:
-        """All digits and columns, or those for which `width` is enough."""
+        """Draw it with all digits and columns, or those for which `width` is enough."""
         from rich.table import Table
 
         kept, digits = self._room(width)

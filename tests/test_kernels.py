@@ -266,18 +266,6 @@ def test_a_kernel_that_asks_for_memory_is_refused(own: None) -> None:
         compiler.object_of(Kernel(greedy))
 
 
-def test_what_code_needs_is_read_off_whatever_it_is_called() -> None:
-    text = """
-declare i32 @"numba$x.1"(i8*)
-declare double @cos(double) local_unnamed_addr
-@PyExc_A = external global i8
-@"a b" = private constant i8 0
-define i64 @own(i64 %x) {
-  call void @inner(i64 1)
-"""
-    assert compiler._NEEDED.findall(text) == ["numba$x.1", "cos", "PyExc_A"]
-
-
 def test_code_that_needs_what_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)

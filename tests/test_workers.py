@@ -232,13 +232,6 @@ def test_branches_over_a_grid_are_those_that_trace_finds() -> None:
         assert all(np.array_equal(branch[name], own[name]) for name in own.names)
 
 
-def test_several_starts_are_wanted() -> None:
-    with pytest.raises(cb.BadInput, match="a list of them"):
-        cb.trace_many(cb.symmetric(0.5, 0.04, 0.8), "a")  # type: ignore[arg-type]
-    with pytest.raises(cb.BadInput, match="a Problem was expected"):
-        cb.trace_many([3.0], "a")  # type: ignore[list-item]
-
-
 def test_many_zones_are_those_of_each_value() -> None:
     few = {"gamma": (0.0, 0.015)}
     drive = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)

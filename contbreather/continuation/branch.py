@@ -43,8 +43,6 @@ class Points(Sequence[Point]):
     _points: dict[int, Point] = field(default_factory=dict, init=False)
     _columns: dict[str, NDArray[Any]] = field(default_factory=dict, init=False)
 
-    rows = property(_ROW)
-
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_points": {}, "_columns": {}}
 

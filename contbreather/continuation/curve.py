@@ -36,33 +36,11 @@ Residual = Callable[[Array, Params], Array]
 
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are
-_LATEST = 4  # places of which is known what was made of them
-_FEW_LATEST = 64  # the same with few unknowns
 AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
 
 
 class Curve:
-    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
-
-    Attributes
-    ----------
-    varied : tuple of str
-        The parameters that change along it: the free ones, and on a boundary the one that its
-        locus determines, an unknown there.
-    slots : dict
-        Where each unknown and each free parameter lies in z.
-    scales : ndarray
-        Typical size of each entry of z.
-    metric : ndarray
-        Weights W of the squared arclength: ``t^T W`` is the row whose product with z is the inner
-        product with t. An array unknown counts as its mean square, so that a refined mesh keeps its
-        steps.
-    asked : tuple of Event or None
-        What was looked for on it, None for the events of its problem: arms that set out have it.
-    row_scales : ndarray
-        Size of the derivative of each equation along the latest piece of curve: what is small
-        against it counts as zero.
-    """
+    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``."""
 
     def __repr__(self) -> str:
         return f"<Curve in {', '.join(self.varied)} of {self.problem!r}>"
@@ -75,13 +53,17 @@ class Curve:
                 )
         self.problem = problem  # a Problem, which is built on curves
         self.free = free
+        # all that change along it: on a boundary the one that its locus determines is an unknown
         self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
         self.fixed = {name: float(value) for name, value in problem.params.items()}
         self.start = np.append(problem.x, [self.fixed[name] for name in free])
         self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
+        # typical sizes of the entries of z, and weights W of the squared arclength: t^T W is the
+        # row whose product with z is the inner product with t.
         self.scales, self.metric = np.ones(self.start.size), np.ones(self.start.size)
-        # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an entry
+        # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an
+        # entry: of a mean square, so that a refined mesh keeps its steps
         for name, slot in self.slots.items():
             self.scales[slot] = size = float(problem.scales.get(name, 1.0))
             self.metric[slot] = 1 / (np.size(self.start[slot]) * size**2)
@@ -89,6 +71,7 @@ class Curve:
         self._row_scales: Array | None = None
         self._passed: list[Array] = []
         self._places: dict[float, Pieces | None] = {}
+        # events looked for on it, None for those of its problem: arms that set out look for them
         self.asked: tuple[Any, ...] | None = None
         self._known = defaultdict[str, dict[bytes, Any]](dict)
 
@@ -117,6 +100,8 @@ class Curve:
 
     @property
     def row_scales(self) -> Array:
+        """Size of the derivative of each equation along the latest piece of curve: what is small
+        against it counts as zero."""
         if self._row_scales is None:
             sizes = self._row_scales = self.row_sizes(self.start)
             # a row of this relative size says nothing of its equation
@@ -233,7 +218,7 @@ class Curve:
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
-            most = _LATEST if self.size >= FEW else _FEW_LATEST
+            most = 4 if self.size >= FEW else 64  # of few unknowns little is kept
             for oldest in [*recent][:-most]:  # another thread may be at it as well
                 recent.pop(oldest, None)
         return value

@@ -39,7 +39,6 @@ from .step_interpolant import (
     counts_apart,
 )
 
-_START = (0.0, 0.5, 1.0)  # where a test is looked at first
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
 _CALM, _FLAT = 0.6, 0.35
@@ -271,7 +270,7 @@ def _closer(samples: StepSamples) -> Iterator[Point]:
         except Undefined:
             continue
         part = StepSamples(piece, samples.event, {})
-        for u in _START:
+        for u in (0.0, 0.5, 1.0):
             part.glance(u)
         samples.values[left], samples.values[right] = part.values[0.0], part.values[1.0]
         samples.sure |= {left, right}

@@ -34,8 +34,8 @@ class LeastSingular:
 
     @cached_property
     def sign(self) -> int:
-        """Of a square A: the product of the determinants of all its left and all its right singular
-        vectors. It does not jump where A is singular: times the least singular value it is smooth.
+        """Product of the determinants of all left and all right singular vectors of a square A. It
+        does not jump where A is singular: times the least singular value it is smooth.
         """
         return round(self.orientation())
 

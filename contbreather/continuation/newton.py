@@ -221,7 +221,7 @@ def _least(matrix: Array, right: Array) -> Array:
 def rounding(matrix: Matrix, z: Array) -> Array:
     """Bound what rounding leaves of equations at a solution, by their derivative there."""
     # sums of terms that round once each were never seen to be off by more
-    return np.asarray(4 * 2.0**-52 * (abs(matrix) @ abs(z)))
+    return np.asarray(4 * math.ulp(1.0) * (abs(matrix) @ abs(z)))
 
 
 def _shortest(matrix: Array, right: Array) -> Array:

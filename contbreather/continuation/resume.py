@@ -4,7 +4,8 @@ month; a finer one; one with more columns."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -225,17 +226,12 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
         return branch
     tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
     spacing = (branch[-1].arclength - branch[0].arclength) / fewest
-    points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
-    return replace(branch, points=Points.of([*points, branch[-1]]))
-
-
-def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
-    yield first
-    pieces = math.ceil((last.arclength - first.arclength) / spacing)
-    segment = StepInterpolant(first, last, tolerance)
-    for i in range(1, pieces):
-        try:
-            point = segment.at(i / pieces)
-        except Undefined:
-            continue  # left out rather than interpolated
-        yield point
+    points = [branch[0]]
+    for first, last in pairwise(branch):
+        pieces = math.ceil((last.arclength - first.arclength) / spacing)
+        segment = StepInterpolant(first, last, tolerance)
+        for i in range(1, pieces):
+            with suppress(Undefined):  # left out rather than interpolated
+                points.append(segment.at(i / pieces))
+        points.append(last)
+    return replace(branch, points=Points.of(points))

@@ -72,7 +72,7 @@ class StepInterpolant:
                 raise Undefined("Newton's iteration failed between two points of the curve")
             tangent, _ = self.curve.tangent_at(solution.z, slope)
             solved = solution.z, tangent, solution.residual
-        self._near(guess, solved[0])
+        self._check_near(guess, solved[0])
         self._known[u] = self._point(u, *solved)
         return self._known[u]
 
@@ -81,14 +81,14 @@ class StepInterpolant:
         the tangent is solved for."""
         u = float(self._cubic[0].dot(solution.z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        self._near(guess, solution.z)
+        self._check_near(guess, solution.z)
         if tangents:
             tangent = closest_tangent(tangents, self.curve.metric * slope)
         else:
             tangent, _ = self.curve.tangent_at(solution.z, slope)
         return u, self._point(u, solution.z, tangent, solution.residual)
 
-    def _near(self, guess: Array, z: Array) -> None:
+    def _check_near(self, guess: Array, z: Array) -> None:
         # so far off the cubic, relative to the step, a point between may lie
         if self.curve.length(z - guess) > 0.1 * self.length:
             raise Undefined("the location ended on another curve")

@@ -58,9 +58,11 @@ class BranchPiece:
         tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
         return replace(self, tests=tests, counts=counts)
 
-    def befell(self, i: int) -> tuple[Stop | None, Point | None]:
-        """Say whether the walk ends with a step, and its branch point: the last step has these."""
-        return (self.stop, self.crossing) if i == len(self.points) - 1 else (None, None)
+    @property
+    def first(self) -> tuple[Stop | None, Point | None]:
+        """Reason why the walk ends with the first, and its branch point: what befell the last is
+        not its own."""
+        return (self.stop, self.crossing) if len(self.points) == 1 else (None, None)
 
     def beyond(self, n: int) -> BranchPiece | None:
         """Cut off so many steps; None where that is all."""

@@ -371,7 +371,7 @@ class ContinuationIterator:
         if not self.events:
             return StepEvents((), (), ())
         segment = StepInterpolant(self.point, piece.points[0], self.steps.tolerance)
-        stop, crossing = piece.befell(0)
+        stop, crossing = piece.first
         ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
         try:
             self.earlier = self.point.arclength, self.tests
@@ -395,7 +395,7 @@ class ContinuationIterator:
         ended = {id(special.event) for special in starts}
         if begins:  # what is negative there is rounding: more of it is refused
             ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
-        stop, _ = piece.befell(0)
+        stop, _ = piece.first
         if any(id(event) in ended for event in broken):
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
