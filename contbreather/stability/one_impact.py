@@ -50,7 +50,7 @@ from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWER
 from contbreather.stability.chain_map import RINGS, OrbitMap
 from contbreather.stability.modal_map import EPS, ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
-from contbreather.stability.zeros import Count, as_counted
+from contbreather.stability.zeros import Count, as_counted, highest
 
 Array = NDArray[Any]
 
@@ -228,7 +228,7 @@ def _neutral_until(gamma: float, spring: float) -> tuple[float, float]:
         inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
         return _elastic(gamma, spring, nu, inverse)
 
-    t, b = _highest(needed)
+    t, b = highest(needed, 0.0, 1.0)
     return b, angle(t)
 
 
@@ -247,7 +247,7 @@ def _neutral_from(gamma: float, spring: float) -> tuple[float, float]:
         inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
         return -_elastic(gamma, spring, nu, inverse)
 
-    t, b = _highest(needed)
+    t, b = highest(needed, 0.0, 1.0)
     return -b, angle(t)
 
 
@@ -256,18 +256,6 @@ def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
     _, R, B, C, _ = alias_sums(gamma, nu, spring)
     # c = 2, d = 0: D = 0 where beta (1 - pi B/g) = 4 (-pi R^2/g - nu (2 R + nu B)), b = beta + 4 C
     return np.asarray(4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)))
-
-
-def _highest(needed: Callable[[Array], Array]) -> tuple[float, float]:
-    """Maximum of a function on [0, 1], by a grid that closes in on it: the place and the value."""
-    t = np.linspace(0.0, 1.0, GRID + 1)
-    values = needed(t)
-    for _ in range(4):  # each grid is 32 times finer: to 1e-8 in t, which a maximum feels as 1e-16
-        top = int(values.argmax())
-        t = np.linspace(t[max(top - 1, 0)], t[min(top + 1, GRID)], GRID + 1)
-        values = needed(t)
-    top = int(values.argmax())
-    return float(t[top]), float(values[top])
 
 
 # --- the map --------------------------------------------------------------------------------------
