@@ -50,7 +50,7 @@ from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWER
 from contbreather.stability.chain_map import RINGS, OrbitMap
 from contbreather.stability.modal_map import EPS, ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
-from contbreather.stability.zeros import Count, as_counted
+from contbreather.stability.zeros import Count, as_counted, highest
 
 Array = NDArray[Any]
 
@@ -228,7 +228,7 @@ def _neutral_until(gamma: float, spring: float) -> tuple[float, float]:
         inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
         return _elastic(gamma, spring, nu, inverse)
 
-    t, b = _highest(needed)
+    t, b = highest(needed, 0.0, 1.0)
     return b, angle(t)
 
 
@@ -247,7 +247,7 @@ def _neutral_from(gamma: float, spring: float) -> tuple[float, float]:
         inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
         return -_elastic(gamma, spring, nu, inverse)
 
-    t, b = _highest(needed)
+    t, b = highest(needed, 0.0, 1.0)
     return -b, angle(t)
 
 
@@ -258,47 +258,27 @@ def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
     return np.asarray(4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)))
 
 
-def _highest(needed: Callable[[Array], Array]) -> tuple[float, float]:
-    """Maximum of a function on [0, 1], by a grid that closes in on it: the place and the value."""
-    t = np.linspace(0.0, 1.0, GRID + 1)
-    values = needed(t)
-    for _ in range(4):  # each grid is 32 times finer: to 1e-8 in t, which a maximum feels as 1e-16
-        top = int(values.argmax())
-        t = np.linspace(t[max(top - 1, 0)], t[min(top + 1, GRID)], GRID + 1)
-        values = needed(t)
-    top = int(values.argmax())
-    return float(t[top]), float(values[top])
-
-
 # --- the map --------------------------------------------------------------------------------------
-
-
-def values_at_ends(
-    k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0
-) -> tuple[Any, ...]:
-    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
-    # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
-    half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
-    pitchfork, fold = half_c2 * psi + held, half_c2 * eta
-    return (
-        b - pitchfork,
-        abs(b) + abs(pitchfork),
-        d * d + 0.5 * chi * (b + fold),
-        d * d + 0.5 * chi * (abs(b) + fold),
-    )
-
-
-def ends_of(gamma: float, k: float, b: Any, lattice: Any) -> tuple[Any, ...]:
-    """`values_at_ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
-    held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
-    psi, eta, chi = (lattice.mean(gamma, name) for name in ("psi", "eta", "chi"))
-    return values_at_ends(k, b, psi, eta, chi, held)
 
 
 class RealScalars:
     """Scalars of the multipliers 1 and -1, of a chain and of a ring alike."""
 
-    _ends: Any
+    @cached_property
+    def _ends(self: Any) -> tuple[Any, ...]:
+        """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
+        psi, eta, chi = (self.lattice.mean(self.gamma, name) for name in ("psi", "eta", "chi"))
+        half_c2, d = 0.5 * (1.0 + self.k) ** 2, 0.5 * (1.0 - self.k)
+        pitchfork, fold = half_c2 * psi, half_c2 * eta
+        if self.lattice.spring:  # it closes the pole that D has at mu = 1
+            pitchfork += 2.0 * d * d / self.lattice.tau(self.gamma)
+        # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
+        return (
+            self.b - pitchfork,
+            abs(self.b) + abs(pitchfork),
+            d * d + 0.5 * chi * (self.b + fold),
+            d * d + 0.5 * chi * (abs(self.b) + fold),
+        )
 
     def crosses(self, mu: float) -> Any:
         """D at mu = 1, without the pole that it has there where no spring holds the sites, or at
@@ -333,10 +313,6 @@ class HalfMap(RealScalars):
     lattice: InfiniteChain = InfiniteChain()
     sign: ClassVar[int] = -1
     period: ClassVar[float] = 2.0 * math.pi  # of the orbit, two half maps
-
-    @cached_property
-    def _ends(self) -> tuple[Any, ...]:
-        return ends_of(self.gamma, self.k, self.b, self.lattice)
 
     @cached_property
     def window(self) -> Window:
@@ -426,17 +402,17 @@ class RingHalfMap(RealScalars, ModalMap):
     sign: int = -1
 
     @cached_property
-    def _ends(self) -> tuple[Any, ...]:
-        return ends_of(self.gamma, -self._impact[0], self._impact[2], self.lattice)
+    def k(self) -> float:
+        return -float(self.blows[0].saltation[0, 0])
 
-    @property
-    def _impact(self) -> list[float]:
-        return self.blows[0].saltation.ravel()[[0, 1, 2]].tolist()  # -k, 0, b
+    @cached_property
+    def b(self) -> float:
+        return float(self.blows[0].saltation[1, 0])
 
     @property
     def rounding(self) -> float:
         """Rounding of all multipliers: their matrix grows as the entry b."""
-        return EPS * (1.0 + abs(self._impact[2]))
+        return EPS * (1.0 + abs(self.b))
 
     @cached_property
     def coupled(self) -> Array:
@@ -453,8 +429,8 @@ class RingHalfMap(RealScalars, ModalMap):
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
         """D at ``radius exp(i pi angle)``, with its derivatives."""
         _, weight, w = self.lattice.nodes(self.gamma)
-        mu, (loss, _, b) = radius * np.exp(1j * math.pi * angle), self._impact
-        c, C, S = 1.0 - loss, np.cos(math.pi * w), math.pi * np.sinc(w)
+        mu, c = radius * np.exp(1j * math.pi * angle), 1.0 + self.k
+        C, S = np.cos(math.pi * w), math.pi * np.sinc(w)
         P, q = w * w * S, 1.0 / (1.0 - 2.0 * mu * C + mu * mu)
         # (1 - mu Q_w^-1)^-1 = (1 - mu Q_w) q; and how C, S, P change with gamma
         in_C, in_S, in_P = -math.pi * P, math.pi * C - S, P + math.pi * w * w * C
@@ -466,7 +442,7 @@ class RingHalfMap(RealScalars, ModalMap):
             by_gamma * ((1.0 - mu * C) * in_q - mu * in_C), -by_gamma * mu * (S * in_q + in_S),
             by_gamma * mu * (P * in_q + in_P),
         ]) @ (weight * q)  # fmt: skip
-        a, f = 1.0 - c * G11, b - c * c * G21
+        a, f = 1.0 - c * G11, self.b - c * c * G21
         along_mu, along_gamma = (
             -2.0 * c * a * g11 + g12 * f - c * c * G12 * g21
             for g11, g12, g21 in (slopes[:3], slopes[3:])

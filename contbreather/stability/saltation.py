@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from contbreather.checks import brief, number, real
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.parameters import parameter
 
 
 class Saltation(NamedTuple):
@@ -22,33 +20,10 @@ class Saltation(NamedTuple):
     b: float
 
 
-def check_lattice(lattice: object) -> InfiniteChain | Ring:
-    """Refuse what has no half map."""
-    if isinstance(lattice, InfiniteChain | Ring):
-        return lattice
-    raise BadInput(
-        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
-    )
-
-
 def check_finite(k: float, b: float, what: str = "b") -> None:
     """Refuse what is not a finite number; of any size, as Newton's method may leave the domain."""
     number("k", k, -math.inf, math.inf, "a restitution coefficient")
     number(what, b, -math.inf, math.inf, "a number of either sign")
-
-
-def check_kb(k: float, b: float) -> tuple[float, float]:
-    """k and b as floats, or say what they must be."""
-    numbers = real(k), real(b)
-    if any(
-        math.isnan(x) and not isinstance(value, float)
-        for x, value in zip(numbers, (k, b), strict=True)
-    ):
-        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
-    parameter("k", numbers[0])
-    if not math.isfinite(numbers[1]):
-        raise BadInput(f"b = {b!r}: the entry of the saltation matrix must be a finite number.")
-    return numbers
 
 
 def saltation(k: float, b: float) -> NDArray[np.float64]:

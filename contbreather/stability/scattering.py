@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 
 from contbreather.stability.band_pairs import GRID, smooth_and_L
 from contbreather.stability.one_impact import HalfMap, alias_sums
+from contbreather.stability.zeros import highest
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
 ROUNDING = 1e-13  # of ln|S|
 PEAKS = 3  # of the samples, that are looked at closely
-ZOOMS = 8  # each narrows the bracket of a maximum eight times
 
 
 @dataclass(frozen=True)
@@ -146,11 +146,6 @@ def _largest(f: Callable[[Array], Array], map: HalfMap) -> tuple[float, float]:
     best = (0.0, 0.0)
     for i in peaks[np.argsort(-values[peaks])[:PEAKS]].tolist():
         low, high = x[max(i - 1, 0)], x[min(i + 1, x.size - 1)]
-        best = max(best, (float(values[i]), float(x[i])))
-        for _ in range(ZOOMS):
-            near = np.linspace(low, high, 17)
-            heights = f(near)
-            top = int(heights.argmax())
-            low, high = near[max(top - 1, 0)], near[min(top + 1, 16)]
-        best = max(best, (float(heights[top]), float(near[top])))
+        place, height = highest(f, low, high)
+        best = max(best, (float(values[i]), float(x[i])), (height, place))
     return best

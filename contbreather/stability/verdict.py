@@ -22,8 +22,9 @@ from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.parameters import parameter
 from contbreather.stability.one_impact import EDGE, HalfMap, half_map
-from contbreather.stability.saltation import check_kb, check_lattice
+from contbreather.stability.saltation import check_finite
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
@@ -253,5 +254,9 @@ amplified, so long rings are weakly unstable>
     >>> stability(0.05, 0.8, 0.2, sites=400)
     <ring of 400: stable; largest |multiplier| over 2 pi 1.00035565 <= threshold 1.005>
     """
-    on = check_lattice(Ring(sites) if sites is not None else lattice)
-    return verdict(half_map(check_gamma(gamma, on.spring), *check_kb(k, b), on), threshold)
+    on = lattice if sites is None else Ring(sites)
+    if not isinstance(on, InfiniteChain | Ring):
+        raise BadInput(f"lattice = {on!r}: stability is known for InfiniteChain() and Ring(sites).")
+    gamma, k = check_gamma(gamma, on.spring), parameter("k", k)
+    check_finite(k, b)
+    return verdict(half_map(gamma, k, b, on), threshold)

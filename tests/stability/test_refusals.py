@@ -33,7 +33,7 @@ REFUSED = [
     # losses and entries
     (lambda: stability.stability(0.1, 1.2, 0.1), "restitution"),
     (lambda: stability.stability(0.1, -0.1, 0.0, sites=12), "restitution"),
-    (lambda: stability.stability(0.1, "much", 0.1), "real numbers"),
+    (lambda: stability.stability(0.1, "much", 0.1), "must be a number with 0 <= k <= 1"),
     (lambda: stability.stability(0.1, 0.8, math.nan), "finite"),
     (lambda: stability.stability(0.1, 0.8, math.inf, sites=10), "finite"),
     (lambda: stability.saltation_entry(1.0, 0, 0.8), "w_minus = 0: a finite velocity other than 0"),
