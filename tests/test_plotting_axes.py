@@ -11,13 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.orbits.constructors import asymmetric
-from contbreather.plotting import (
-    plot,
-    plot_diagram,
-    plot_motion,
-    plot_space_time,
-    plot_sweep,
-)
+from contbreather.plotting import plot, plot_diagram, plot_motion, plot_space_time, plot_sweep
 from contbreather.simulation import Sample, simulate_smooth, sweep, there_and_back
 
 SET: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}

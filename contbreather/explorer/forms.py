@@ -195,8 +195,6 @@ class PageForms:
         self.buttons[name] = button(name, lambda: tried(read_and_do, trouble.say), **look)
         return self.buttons[name]
 
-    # --- one breather -----------------------------------------------------------------------------
-
     def _breather(self) -> Any:
         name, value = self.explorer.state.fixed
         first = {name: f"{NUMBERS[name].first:g}" for name in NEEDED}
@@ -216,15 +214,10 @@ class PageForms:
         button = "Show", self.explorer.choose_typed, self.breather
         return self._card("Breather", in_rows(self.breather.values(), 2), button)
 
-    # --- walks ------------------------------------------------------------------------------------
-
     def _walks(self) -> Any:
         self.free = pn.widgets.Select(label="in", options=list(NEEDED), sizing_mode="stretch_width")
         low, high = (f"{end:g}" for end in REACH["a"])
-        self.window = {
-            "low": Field("from", low, a_number),
-            "high": Field("to", high, a_number),
-        }
+        self.window = {"low": Field("from", low, a_number), "high": Field("to", high, a_number)}
         self.free.param.watch(self._usual_window, "value")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
 
@@ -240,8 +233,6 @@ class PageForms:
         for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
             field.input.value = f"{end:g}"
 
-    # --- special points ---------------------------------------------------------------------------
-
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
@@ -256,8 +247,6 @@ class PageForms:
             ("Trace this boundary", trace, {}),
         )
 
-    # --- simulation -------------------------------------------------------------------------------
-
     def _run(self) -> Any:
         self.length = {
             "sites": Field("sites", str(RING), a_count),
@@ -270,8 +259,6 @@ class PageForms:
 
         button = "Simulate from here", simulate, self.length
         return self._card("Simulation", in_rows(self.length.values(), 3), button)
-
-    # --- what is kept -----------------------------------------------------------------------------
 
     def _keep(self) -> Any:
         self.file = Field("file", "run.nc", str)
@@ -313,8 +300,6 @@ class PageForms:
             raise BadInput(f"{path} exists: press again to replace it, or name another file.")
         self.replaced = ""
         self.explorer.keep(path)
-
-    # --- what can be done now ---------------------------------------------------------------------
 
     def render(self, state: PageState) -> None:
         """Enable the buttons that can do something now, and show the parameters of what is

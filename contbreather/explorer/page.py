@@ -62,8 +62,6 @@ class Page:
             explorer.look_at(explorer.state.fixed[1])
         self.render()
 
-    # ------------------------------------------------------------------------------ what is there
-
     def _zone_controls(self) -> None:
         self.plane = pn.widgets.Select(label="plane", options=PLANES, width=90)
         self.slider = pn.widgets.FloatSlider(sizing_mode="stretch_width")
@@ -142,8 +140,6 @@ class Page:
         )  # fmt: skip
         return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[style.OUTER], margin=0)
 
-    # ----------------------------------------------------------------------------- what is done
-
     def _on(self, widget: Any, do: Callable[[Any], object]) -> None:
         """Do something when a person changes a widget, but not when the page does."""
         self.moved.append(widget)
@@ -199,8 +195,6 @@ class Page:
         typed = forms.read_all(self.asked)
         if typed is not None:
             forms.tried(lambda: self.explorer.watch(**typed), self.asked["ring"].trouble.say)
-
-    # -------------------------------------------------------------------------------- what is seen
 
     @property
     def _served(self) -> bool:

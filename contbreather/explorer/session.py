@@ -54,8 +54,6 @@ class Session:
         for branch in curves:
             self._take("given", ("{} = ...  # the curve that the explorer was given",), branch)
 
-    # ------------------------------------------------------------------------------ who looks on
-
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Have every change said, in whatever thread it happens; the result ends that."""
         self._listeners.append(listener)
@@ -84,8 +82,6 @@ class Session:
     def tell(self, message: str) -> None:
         self.message = message
         self._say()
-
-    # --------------------------------------------------------------------------------- the zones
 
     def look_at(self, value: float, forcing: str | None = None, *, fixed: str = "") -> None:
         """Compute the zone diagram at another value of what is `fixed`; the last one stays till
@@ -154,8 +150,6 @@ class Session:
             self._show_plane()
         else:
             self.change(plane=plane)
-
-    # ------------------------------------------------------------------------- what is looked at
 
     def choose(self, chosen: Chosen) -> None:
         """Look at an orbit or a point."""
@@ -254,8 +248,6 @@ class Session:
     def watch(self, sites: tuple[int, ...], ring: int) -> None:
         self.change(sites=sites, ring=small(Ring(ring)).sites)
 
-    # ---------------------------------------------------------------------------------- long work
-
     def begin(self, computation: Computation) -> None:
         """Do it in the background.
 
@@ -352,8 +344,6 @@ class Session:
 
     def wait(self, timeout: float | None = None) -> bool:
         return self._long.join(timeout) and self._quick.join(timeout)
-
-    # ------------------------------------------------------------------------------- what is kept
 
     def script(self) -> str:
         return self.state.script()

@@ -23,22 +23,8 @@ from contbreather.continuation.step_interpolant import between
 from contbreather.errors import BadInput
 from contbreather.orbits.impact_sequence import ALIKE
 from contbreather.orbits.orbit_problem import OrbitProblem
-from contbreather.plotting.canvas import (
-    CYCLE,
-    GREY,
-    Drawn,
-    beneath,
-    curve_samples,
-    drawing,
-    lay_out,
-    legend_size,
-    name_axes,
-    place_words,
-    size,
-    symbol,
-    text_colour,
-    to_the_rim,
-)
+from contbreather.plotting import canvas
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +63,7 @@ class Group(NamedTuple):
     values: tuple[tuple[str, float], ...]  # of fixed parameters that other branches have elsewhere
 
     def __str__(self) -> str:
-        values = (f"{symbol(name)} = {x:g}" for name, x in self.values)
+        values = (f"{canvas.symbol(name)} = {x:g}" for name, x in self.values)
         return ", ".join(filter(None, (self.kind, *values))) or "branch"
 
 
@@ -99,8 +85,8 @@ def plot_branches(
     y = _ordinate(branches) if y is None else y
     marked = [_marked(branch, kinds) for branch in branches]
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
-    with drawing(ax) as (drawn, axes):
-        name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
+    with canvas.drawing(ax) as (drawn, axes):
+        canvas.name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
             axes.margins(0.08)  # for the names of points at the ends
         groups = _groups(branches) if colours is None else []
@@ -121,7 +107,7 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
-        pixel, plain = lay_out(axes), text_colour(axes)
+        pixel, plain = canvas.lay_out(axes), canvas.text_colour(axes)
         by_value = any(group.values for group in groups)
         words = _words(axes, pixel, marked, x, tops, shades if by_value else [plain] * len(shades))
         named = len(words) <= MANY if labels is None else labels
@@ -130,7 +116,7 @@ def plot_branches(
         if named:
             words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
             end = {"fontsize": "x-small", "color": GREY}
-            place_words(axes, (
+            canvas.place_words(axes, (
                 (value_of(p, x), y, text, end if p.kind == "EP" else {"color": shade})
                 for p, _, _, y, text, shade in words
             ))  # fmt: skip
@@ -162,7 +148,7 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
     """Colours of groups of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], text_colour(ax))
+    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], canvas.text_colour(ax))
     if not values or len(order) <= len(colours):
         return {one: colours[(taken + i) % len(colours)] for i, one in enumerate(order)}
     from matplotlib import colormaps
@@ -241,7 +227,7 @@ def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
 
 def axis_title(branch: Branch, name: str) -> str:
     array = np.ndim(branch.problem.start.get(name, 0.0)) > 0
-    return f"{symbol(name)} (entry of largest size)" if array else symbol(name)
+    return f"{canvas.symbol(name)} (entry of largest size)" if array else canvas.symbol(name)
 
 
 def column_of(branch: Branch, name: str) -> Array:
@@ -377,11 +363,11 @@ def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> 
         plain, edge = point.kind == "EP", ax.get_facecolor()
         mark = ax.plot(
             value_of(point, x), value_of(point, y), look_of(point.kind).marker,
-            color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
+            color=GREY if plain else colour, markersize=5 if plain else canvas.size(point.kind),
             markeredgecolor=colour if point.kind == "MX" else "none" if plain else edge,
             markeredgewidth=0.5, zorder=3,
         )  # fmt: skip
-        to_the_rim(mark)
+        canvas.to_the_rim(mark)
 
 
 def _without_offset(axis: Axis, scale: float) -> None:
@@ -421,7 +407,7 @@ def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict
     kinds = {p.kind for points in marked for p in points} - {"EP"}
     look = {"color": colour, "linestyle": "none"}
     return {
-        kind: {**look, "marker": look_of(kind).marker, "markersize": size(kind)}
+        kind: {**look, "marker": look_of(kind).marker, "markersize": canvas.size(kind)}
         for kind in sorted(kinds)
     }
 
@@ -433,11 +419,13 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     if not entries:
         return
     handles = [Line2D([], [], **look) for look in entries.values()]
-    look = {"frameon": False, "handlelength": 2.2, "fontsize": legend_size(ax)}
+    look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
-        inside, pixel = legend(loc="best"), lay_out(ax)
-        if not beneath(np.asarray(inside.get_window_extent().extents), curve_samples(ax, pixel)):
+        inside, pixel = legend(loc="best"), canvas.lay_out(ax)
+        if not canvas.beneath(
+            np.asarray(inside.get_window_extent().extents), canvas.curve_samples(ax, pixel)
+        ):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 

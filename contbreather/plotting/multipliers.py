@@ -16,19 +16,9 @@ from contbreather.errors import BadInput
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
+from contbreather.plotting import canvas
 from contbreather.plotting.branches import MANY, value_of
-from contbreather.plotting.canvas import (
-    BLUE,
-    GREY,
-    SKY,
-    VERMILLION,
-    Drawn,
-    drawing,
-    lay_out,
-    place_words,
-    symbol,
-    text_colour,
-)
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn
 from contbreather.plotting.orbits import no_orbit, solution_of
 from contbreather.simulation.periodic import PeriodicMotion
 
@@ -100,7 +90,7 @@ def plot_multipliers(
         if sites is None and orbit.lattice.sites is None:
             sites = 400
         mu, waves, alone = with_band(orbit, sites, half)
-    with drawing(ax, height=8.5) as (drawn, axes):
+    with canvas.drawing(ax, height=8.5) as (drawn, axes):
         _circle_and_band(axes, waves)
         size = np.abs(mu)  # those far out are shown at the edge, in their direction
         shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
@@ -111,12 +101,12 @@ def plot_multipliers(
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
         # in axes narrower than 150 points a pair takes two lines
-        space = "\n" if axes.bbox.width / lay_out(axes) < 150.0 else " "
-        place_words(
+        space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
+        canvas.place_words(
             axes,
             (
                 (place.real, place.imag, _number(multiplier, digits, space),
-                 {"color": VERMILLION if abs(multiplier) > 1.0 else text_colour(axes)})
+                 {"color": VERMILLION if abs(multiplier) > 1.0 else canvas.text_colour(axes)})
                 for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0))
             ),
         )  # fmt: skip
@@ -187,14 +177,14 @@ def plot_spectrum(
             values.append(np.sort(np.abs(point.solution.multipliers(sites=sites, half=half))))
         else:
             values.append(np.sort(point.curve.spectrum(point.z).real))
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
         if of_orbits and np.nanmax(values, initial=0.0) > 20.0:  # at VI there are none
             axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle
         axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
         for point in branch.special:
             axes.axvline(value_of(point, x), color=GREY, linewidth=0.5, linestyle=":", zorder=0)
-        axes.set(xlabel=symbol(x), ylabel=r"$|\mu|$" if of_orbits else "Re of eigenvalues")
+        axes.set(xlabel=canvas.symbol(x), ylabel=r"$|\mu|$" if of_orbits else "Re of eigenvalues")
     return drawn
 
 

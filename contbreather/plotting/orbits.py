@@ -18,17 +18,8 @@ from contbreather.errors import BadInput
 from contbreather.flows.cycle_problem import Cycle, CycleProblem
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.canvas import (
-    BLUE,
-    CYCLE,
-    DASHES,
-    GREY,
-    Drawn,
-    drawing,
-    legend_above,
-    symbol,
-    to_the_rim,
-)
+from contbreather.plotting import canvas
+from contbreather.plotting.canvas import BLUE, CYCLE, DASHES, GREY, Drawn
 from contbreather.plotting.envelopes import LONG, ROWS, largest
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
@@ -110,18 +101,18 @@ def plot_orbit(
     else:
         chosen = chosen_sites(sites)
     t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
             axes.plot(t / (2 * math.pi), u, label=label)
         for _, time, wall in impacts_of(whole, chosen):
-            to_the_rim(axes.plot(time, wall, "o", color=GREY, markersize=4, zorder=3))
+            canvas.to_the_rim(axes.plot(time, wall, "o", color=GREY, markersize=4, zorder=3))
         # others may stand farther off
         for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
             axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
         axes.set(xlabel=PERIODS, ylabel="$u_n$")
         axes.margins(x=0.0)
-        legend_above(axes)
+        canvas.legend_above(axes)
     return drawn
 
 
@@ -226,7 +217,7 @@ def plot_profile(
         shape = getattr(motion.lattice, "shape", None)
     time = number("t", t, -math.inf, math.inf, "a time")
     u = np.array([motion.displacement(n, time) for n in chosen])
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         if shape is None:
             _stems(axes, chosen, u, motion)
         else:
@@ -277,7 +268,7 @@ def plot_space_time(
             times, u, words = largest(times, there, u, shown)
             signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
-    with drawing(ax, height=8.0) as (drawn, axes):
+    with canvas.drawing(ax, height=8.0) as (drawn, axes):
         mesh = axes.pcolormesh(
             there, times / math.tau, u, **_colours(u, signed), shading="nearest", rasterized=True
         )
@@ -434,7 +425,7 @@ def draw_states(
     together = _of_one_size(
         {name: np.concatenate([_column(piece, names, name) for piece in pieces]) for name in chosen}
     )
-    with drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
+    with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = _panels(axes, len(together))
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
@@ -443,21 +434,21 @@ def draw_states(
             colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
             lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
             for j, line in enumerate(lines):
-                panel.plot(*line, dashes, color=colour, label=None if j else symbol(name))
+                panel.plot(*line, dashes, color=colour, label=None if j else canvas.symbol(name))
             for piece, after, line in zip(pieces, following, lines, strict=False):
                 if piece.ended:
                     last = line[0][-1], line[1][-1]
                     first = _column(after, names, x)[0], _column(after, names, name)[0]
                     panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
-                    to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
+                    canvas.to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
         for panel in panels:
             its = [name for name in chosen if panel_of[name] is panel]
-            panel.set_ylabel(symbol(its[0]) if len(its) == 1 else "states")
+            panel.set_ylabel(canvas.symbol(its[0]) if len(its) == 1 else "states")
             if len(its) > 1:
-                legend_above(panel)
+                canvas.legend_above(panel)
         if x == TIME:
             axes.margins(x=0.0)
-        panels[-1].set_xlabel(symbol(x))
+        panels[-1].set_xlabel(canvas.symbol(x))
     drawn += [artist for panel in panels if panel is not axes for artist in panel.get_lines()]
     return drawn
 

@@ -12,20 +12,8 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
-from contbreather.plotting.canvas import (
-    BLUE,
-    CYCLE,
-    GREY,
-    ORANGE,
-    SKY,
-    VERMILLION,
-    Drawn,
-    drawing,
-    legend_above,
-    legend_size,
-    name_axes,
-    symbol,
-)
+from contbreather.plotting import canvas
+from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
 from contbreather.plotting.envelopes import LONG, edges_of, envelope, samples, with_impacts
 from contbreather.plotting.orbits import draw_states
 from contbreather.simulation.basin import Basin, Outcome
@@ -116,7 +104,7 @@ def plot_motion(
         run = None
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
     first, last = _window(record.times / PERIOD, periods)
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = record.times, record.u[:, i]
             t, u = with_impacts(t, u, run, n)
@@ -133,7 +121,7 @@ def plot_motion(
         extremes = f", range in a period ({samples(record.times)})"
         axes.set(xlabel=r"$t/2\pi$", ylabel=f"$u_n${extremes if last - first > LONG else ''}")
         axes.margins(x=0.0)
-        legend_above(axes, fontsize=legend_size(axes))
+        canvas.legend_above(axes, fontsize=canvas.legend_size(axes))
     return drawn
 
 
@@ -170,7 +158,7 @@ def plot_section(
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (states[skip:, site % run.sites] for states in run.strobe)
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
         axes.set(xlabel=f"$u_{{{site}}}$", ylabel=rf"$\dot u_{{{site}}}$")
         # a fixed point is a point, however deep its rounding could be zoomed into
@@ -191,7 +179,7 @@ def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None)
     """
     check_kind(run, RUNS, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
         axes.margins(x=0.0)
@@ -227,8 +215,8 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
     named: set[float] = set()
-    with drawing(ax) as (drawn, axes):
-        name_axes(axes, symbol(sweep.name), COLUMNS[y])
+    with canvas.drawing(ax) as (drawn, axes):
+        canvas.name_axes(axes, canvas.symbol(sweep.name), COLUMNS[y])
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
             way = float(np.sign(x[end] - x[start])) or 1.0
             name, colour, mark = looks[way]
@@ -238,7 +226,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
                 label=None if way in named else name,
             )  # fmt: skip
             named.add(way)
-        axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=legend_size(axes))
+        axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=canvas.legend_size(axes))
     return drawn
 
 
@@ -265,7 +253,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     order = sorted(OUTCOMES)
     colours = ListedColormap([OUTCOMES[outcome] for outcome in order])
     norm = BoundaryNorm([order[0] - 0.5, *(outcome + 0.5 for outcome in order)], len(order))
-    with drawing(ax) as (drawn, axes):
+    with canvas.drawing(ax) as (drawn, axes):
         axes.pcolormesh(
             basin.x.values, basin.y.values, basin.outcome, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,
@@ -281,7 +269,8 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
         ]
         axes.legend(
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
-            handlelength=1.0, handletextpad=0.4, columnspacing=1.0, fontsize=legend_size(axes),
+            handlelength=1.0, handletextpad=0.4, columnspacing=1.0,
+            fontsize=canvas.legend_size(axes),
         )  # fmt: skip
     return drawn
 

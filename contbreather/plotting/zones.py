@@ -22,23 +22,8 @@ from contbreather.orbits.atlas import words
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.parameters import NUMBERS
-from contbreather.plotting.canvas import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    PAGE,
-    VERMILLION,
-    Drawn,
-    drawing,
-    evenly,
-    legend_size,
-    new_figure,
-    place_words,
-    style,
-    symbol,
-    to_the_rim,
-    type_size,
-)
+from contbreather.plotting import canvas
+from contbreather.plotting.canvas import BLACK, BLUE, COLUMN, PAGE, VERMILLION, Drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,14 +109,16 @@ def plot_zones(
     axes: list[Any] = list(ax) if np.iterable(ax) else [ax]
     if ax is not None and len(axes) != len(several):
         raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(axes)}")
-    with style() if ax is None else nullcontext():
+    with canvas.style() if ax is None else nullcontext():
         figure, panels = _sheet(len(several)) if ax is None else (None, axes)
         drawn = [Drawn(panel) for panel in panels]
         draw_panels(several, panels, within)
         if flag("legend", legend):
             explain(panels, figure)
         for diagram, panel in zip(several, panels, strict=True):
-            place_words(panel, ((*name, {"color": BLACK}) for name in names_of_meetings(diagram)))
+            canvas.place_words(
+                panel, ((*name, {"color": BLACK}) for name in names_of_meetings(diagram))
+            )
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
@@ -142,7 +129,7 @@ def _sheet(count: int) -> tuple[Figure, list[Axes]]:
     columns = 1 if count <= 2 else 2
     rows = -(-count // columns)
     width = COLUMN if columns == 1 else PAGE
-    figure, panels = new_figure(rows, columns, width=width, height=1.0 + 5.8 * rows)
+    figure, panels = canvas.new_figure(rows, columns, width=width, height=1.0 + 5.8 * rows)
     for spare in panels[count:]:
         spare.remove()
     return figure, panels[:count]
@@ -167,7 +154,7 @@ def _chain(zones: Zones) -> str:
         words = [model["lattice"].describe(), *also, f"threshold {zones.threshold:g}"]
     forcing = model["forcing"]
     if not isinstance(forcing, Harmonic):
-        values = [f"{symbol(name)} = {value:g}" for name, value in forcing.params.items()]
+        values = [f"{canvas.symbol(name)} = {value:g}" for name, value in forcing.params.items()]
         words += values or [forcing.describe()]
     return "".join(f", {word}" for word in words)
 
@@ -175,8 +162,8 @@ def _chain(zones: Zones) -> str:
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
     # white where there is no breather, also in a dark style
-    ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical), facecolor="white")
-    title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
+    ax.set(xlabel=canvas.symbol(horizontal), ylabel=canvas.symbol(vertical), facecolor="white")
+    title = f"{letter}{canvas.symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
     words = ax.set_title(title, loc="left", pad=3)
     pixels = 0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72  # half as wide as high
     words.set_text(fill(title, int(ax.get_window_extent().width / pixels)))
@@ -189,7 +176,7 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     window = _window(zones, box)
     ax.set(xlim=window[:2], ylim=window[2:])
     for point in zones.special:
-        to_the_rim(ax.plot(
+        canvas.to_the_rim(ax.plot(
             point[horizontal], point[vertical], MEETING.marker, color=BLACK, zorder=4,
             markerfacecolor="white", markersize=5, markeredgewidth=0.8,
         ))  # fmt: skip
@@ -226,7 +213,7 @@ def _letter(ax: Axes, region: Region) -> None:
         if region.room > room:
             ax.text(
                 region.x, region.y, region.verdict, ha="center", va="center", color=BLACK,
-                fontsize=type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
+                fontsize=canvas.type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
             )  # fmt: skip
             return
 
@@ -317,15 +304,17 @@ def plot_atlas(
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
     if not any(lines.values()):
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")
-    with drawing(ax, COLUMN, projection="3d") as (drawn, panel):
+    with canvas.drawing(ax, COLUMN, projection="3d") as (drawn, panel):
         values = sorted({value for curves in lines.values() for value in curves})
         for kind, curves in lines.items():
             _draw(panel, kind, curves, values)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
-            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=0.0 if axis == "z" else 4.0)
+            getattr(panel, f"set_{axis}label")(
+                canvas.symbol(name), labelpad=0.0 if axis == "z" else 4.0
+            )
             panel.locator_params(axis=axis, nbins=5)
         panel.set_box_aspect(None, zoom=0.82)  # the layout does not know of the labels
-        small = legend_size(panel)
+        small = canvas.legend_size(panel)
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize=small)
     return drawn
 
@@ -409,7 +398,7 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
 
 def _even(points: Array) -> Array:
     extent = np.ptp(points, axis=0)
-    return evenly(points, 60, np.where(extent > 0, extent, 1.0))
+    return canvas.evenly(points, 60, np.where(extent > 0, extent, 1.0))
 
 
 def _apart(curve: Array, other: Array) -> float:
