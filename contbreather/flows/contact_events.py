@@ -20,6 +20,7 @@ from .cycle_problem import Cycle
 from .equations import FlowEquations, lasting
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
+from .guards import bottom
 from .multipliers import paces
 
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
@@ -137,17 +138,26 @@ def lowest(orbit: Cycle) -> Touch | None:
                 continue
             v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
             ends = name == "until"
+            height = partial(_height, wall, flight, orbit.params)
             begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
             places = [s[v.argmax()]]  # where no place is low this one is far from it
             for j in _lows(v, s, begins, ends):
-                beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
-                places.append(_bottom(wall, flight, orbit.params, s[j], beside, ends))
+                low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
+                places.append(bottom(partial(height, divided=ends), low, high)[0])
             at = np.array(places)
-            t = flight.start + flight.duration * at
-            off = values(wall, t, flight.at(at), orbit.params)[0]
+            off = height(at)
             low = int(off.argmin())
-            touches.append(Touch(float(off[low]), i, float(at[low]), float(t[low]), name))
+            time = flight.start + flight.duration * float(at[low])
+            touches.append(Touch(float(off[low]), i, float(at[low]), time, name))
     return min(touches, key=lambda touch: touch.clearance, default=None)
+
+
+def _height(
+    wall: Function, flight: TrajectorySegment, p: Params, s: Array, divided: bool = False
+) -> Array:
+    """Evaluate a wall along a flight; divided by 1 - s where it ends the flow, but there."""
+    v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
+    return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
 
 
 def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
@@ -179,31 +189,6 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
     low[0] &= begins
     low[-1] &= not ends
     return [int(j) for j in np.flatnonzero(low)]
-
-
-def _bottom(
-    wall: Function,
-    flight: TrajectorySegment,
-    p: Params,
-    s: float,
-    beside: tuple[float, float],
-    ends: bool,
-) -> float:
-    """Find the place where the wall stops falling; `s` where it does not."""
-    from scipy.optimize import brentq
-
-    def rate(s: float) -> float:
-        at, n = np.array([s]), flight.dimension
-        value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p)
-        # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
-        rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
-        # where the wall ends the flow that of v / (1 - s), but for a factor
-        return float(value[0, 0] + (1 - s) * rate if ends else rate)
-
-    low, high = beside
-    if not (rate(low) < 0 < rate(high)):
-        return s
-    return float(brentq(rate, low, high, xtol=1e-15, maxiter=60))
 
 
 def _clearances(orbit: Cycle) -> list[Margin]:

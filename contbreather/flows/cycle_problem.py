@@ -26,10 +26,10 @@ from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
 from .equations import FlowEquations
 from .flow import Params
+from .guards import bottom
 from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
-_PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
@@ -174,24 +174,14 @@ class Cycle(HtmlRepr):
 
 
 def _top(flight: TrajectorySegment, i: int, sign: float) -> float:
-    """The largest value of a state on a flight: where its slope vanishes beside the largest of
-    many, at the other end of a closed one, too."""
-    from scipy.optimize import brentq
-
-    times, states = flight.sampled(_PER)
-    last, j = times.size - 1, int((sign * states[i]).argmax())
-    tops = []
-
-    def slope(s: float) -> float:
-        return float(sign * flight.rates(np.array([s]))[i, 0])
-
-    for k in {j, last} if j == 0 else {j}:
-        low, high = times[max(k - 1, 0)], times[min(k + 1, last)]
-        rises = [slope(low) > 0, slope(high) > 0]
-        # off by s at its top a state is off by s^2
-        top = brentq(slope, low, high, xtol=_PLACE) if rises == [True, False] else high
-        tops.append(float(sign * flight.at(np.array([top if rises[0] else low]))[i, 0]))
-    return max(tops)
+    """The largest value of a state on a flight, beside the largest of many: at the other end of a
+    closed one, too."""
+    s, states = flight.sampled(8)  # into each interval
+    last, j = s.size - 1, int((sign * states[i]).argmax())
+    return max(
+        -bottom(lambda s: -sign * flight.at(s)[i], s[max(k - 1, 0)], s[min(k + 1, last)])[1]
+        for k in ({j, last} if j == 0 else {j})
+    )
 
 
 def cycle_of(problem: Problem) -> Cycle:

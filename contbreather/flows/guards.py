@@ -99,14 +99,20 @@ def _first_fall(guard: Guard, a: float, b: float) -> float:
         # the first is lower, or as low: rounding decides. So two places to each side tell its depth
         around = g[max(i - 2, 0) : i + 3]
         if 0 < g[i] < 0.3 * (around.max() - g[i]):  # shallow beside the fall to it
-            low, high = t[left], t[right]
-            for _ in range(8):  # to 6e-8 of the way, as close as rounding can tell
-                finer = np.linspace(low, high, 17)
-                j = int(guard(finer).argmin())
-                low, high = finer[max(j - 1, 0)], finer[min(j + 1, 16)]
-            if guard(finer[j : j + 1])[0] <= 0:
-                return root(guard, t[left], finer[j])
+            place, value = bottom(guard, t[left], t[right])
+            if value <= 0:
+                return root(guard, t[left], place)
     return math.inf
+
+
+def bottom(function: Guard, low: float, high: float) -> tuple[float, float]:
+    """Find the lowest place of a function between two, and its value there."""
+    for _ in range(8):  # to 6e-8 of the way, as close as rounding can tell
+        places = np.linspace(low, high, 17)
+        found = function(places)
+        j = int(found.argmin())
+        low, high = places[max(j - 1, 0)], places[min(j + 1, 16)]
+    return float(places[j]), float(found[j])
 
 
 @cache
