@@ -274,10 +274,12 @@ def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
     )
 
 
-def test_a_full_standard_error_keeps_the_status(tmp_path: Path) -> None:
+def test_a_full_or_closed_standard_error_keeps_the_status(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         one = process("point --a 1 --gamma 1 --k 1", tmp_path, stderr=full)
-    assert one.returncode == 2
+    closed: dict[str, Any] = {"stderr": None, "preexec_fn": lambda: os.close(2)}
+    other = process("point --a 1 --gamma 1 --k 1", tmp_path, **closed)
+    assert one.returncode == other.returncode == 2
 
 
 ODD = [

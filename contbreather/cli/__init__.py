@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather import __version__
@@ -23,12 +22,6 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
-COMMANDS = {  # each a function of its name, in this module
-    "point": "curves", "branch": "curves", "boundary": "curves", "switch": "curves",
-    "diagram": "curves", "zones": "zones", "atlas": "zones", "simulate": "simulate",
-    "figure": "packages", "explore": "packages", "show": "show", "extend": "show",
-    "run": "packages",
-}  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -131,6 +124,8 @@ def application() -> App:
     """Gather all commands; each imports what it needs when it runs."""
     from cyclopts import App, Parameter
 
+    from contbreather.cli import curves, packages, show, simulate, zones
+
     app = App(
         name="contbreather",
         help="Exact discrete breathers of an impacting chain, continued, with their stability.\n\n"
@@ -140,8 +135,12 @@ def application() -> App:
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),
     )
-    for name, module in COMMANDS.items():
-        app.command(getattr(import_module(f"{__name__}.{module}"), name))
+    for command in (
+        curves.point, curves.branch, curves.boundary, curves.switch, curves.diagram, zones.zones,
+        zones.atlas, simulate.simulate, show.show, show.extend, packages.figure, packages.explore,
+        packages.run,
+    ):  # fmt: skip
+        app.command(command)
 
     def install(*, shell: Literal["bash", "zsh", "fish"] | None = None) -> None:
         """Complete commands and options by the tab key, in every new shell.

@@ -15,7 +15,6 @@ from contbreather.cli.output import (
     Result,
     SavedOutput,
     branch_entry,
-    branch_table,
     check_ends,
     end_sentences,
     lines_of,
@@ -24,6 +23,7 @@ from contbreather.cli.output import (
     point_entry,
     say,
     sentences,
+    stacked_table,
     table_of,
     to_json,
 )
@@ -221,22 +221,16 @@ def boundary(
 
 def of_branch(branch: cb.Branch, axes: Axes = Axes()) -> Result:
     """Present one branch or boundary."""
-    return Result(
-        partial(curve_entry, branch),
-        partial(lines_of, branch),
-        partial(branch_table, [branch]),
-        partial(axes.plot, branch),
-    )
-
-
-def curve_entry(branch: cb.Branch) -> dict[str, Any]:
-    """Write a branch or a boundary for JSON."""
-    if branch.problem.beneath is None:
-        about: dict[str, Any] = {"free": branch.free}
-    else:
+    about: dict[str, Any] = {"free": branch.free}
+    if branch.problem.beneath is not None:
         kind = branch.problem.label.partition(" ")[0]
         about = {"curve": kind, "pair": branch.curve.varied}
-    return {**about, **lives_on(branch), **branch_entry(branch)}
+    return Result(
+        lambda: {**about, **lives_on(branch), **branch_entry(branch)},
+        partial(lines_of, branch),
+        lambda: stacked_table([({}, branch.tabulated())]),
+        partial(axes.plot, branch),
+    )
 
 
 # --- what leaves them -----------------------------------------------------------------------------
@@ -269,15 +263,25 @@ def switch(
     point = _first(at[-1], parent)
     arms, cut = until_interrupted(cb.switch, point, within=within, save=into.save)
 
-    result = Result(
-        lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
-        partial(_lines, point, parent, arms),
-        partial(branch_table, arms, "arm"),
-        partial(_drawn, parent, arms),
+    result = of_arms(arms)._replace(
+        entry=lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
+        lines=partial(_lines, point, parent, arms),
+        draw=partial(_drawn, parent, arms),
     )
     into.leave(result, cut=cut)
     for i, arm in enumerate(arms, start=1):
         check_ends(arm, f"arm {i}")
+
+
+def of_arms(arms: Sequence[cb.Branch], axes: Axes = Axes()) -> Result:
+    """Present branches that leave one point."""
+    numbered = enumerate(arms, start=1)
+    return Result(
+        partial(arms_entry, arms),
+        lambda: [_table(arms)],
+        lambda: stacked_table(({"arm": i}, arm.tabulated()) for i, arm in numbered),
+        partial(axes.plot, *arms),
+    )
 
 
 def _first(kind: str, branch: cb.Branch) -> cb.continuation.Point:

@@ -204,12 +204,11 @@ class SavedRun(SavedOutput):
 # --- branches -----------------------------------------------------------------------------------
 
 
-def branch_table(branches: Sequence[cb.Branch], tag: str = "") -> Table:
-    """Make the table of the library, of several branches one below the other, numbered."""
+def stacked_table(tables: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Table:
+    """Put columns of the library one below the other, each with what its rows have in common."""
     from contbreather.columns import stacked
 
-    numbers = enumerate(branches, start=1)
-    return table_of(stacked(({tag: i} if tag else {}, one.tabulated()) for i, one in numbers))
+    return table_of(stacked(tables))
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:

@@ -9,19 +9,18 @@ from functools import partial
 from typing import Any, Literal
 
 import contbreather as cb
-from contbreather.cli.curves import arms_entry, of_branch, of_diagram
+from contbreather.cli.curves import of_arms, of_branch, of_diagram
 from contbreather.cli.options import Axes, Span, Whole
 from contbreather.cli.output import (
     Output,
     Result,
     SavedOutput,
     Table,
-    branch_table,
     check_ends,
     lines_of,
     lives_on,
     point_entry,
-    table_of,
+    stacked_table,
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.cli.simulate import RunSummary, of_run
@@ -173,11 +172,9 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     results: list[Any] = list(by_name.values())
     if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
         return of_zones(results)
-    draw = partial(_branches_drawn, results, axes)
     arms = all(isinstance(one, cb.Branch) and one[0].parent and lives_on(one) for one in results)
     if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
-        table = partial(branch_table, results, "arm")
-        return Result(partial(arms_entry, results), list, table, draw)
+        return of_arms(results, axes)
     match results:
         case [cb.Branch() as branch]:
             return of_branch(branch, axes)
@@ -186,6 +183,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
         case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]
             return of_run(RunSummary(run, int(hits[0]) if len(hits) else 0))  # its site hits first
+    draw = partial(_branches_drawn, results, axes)
     return Result(partial(_entries, by_name), list, partial(_stacked, by_name), draw)
 
 
@@ -211,14 +209,12 @@ def _entry(result: Any) -> dict[str, Any]:
 
 def _stacked(by_name: Mapping[str, Any]) -> Table:
     """Put all columns below each other."""
-    from contbreather.columns import stacked
-
     results = list(by_name.values())
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
     heads = [{"name": name} if len(by_name) > 1 else {} for name in by_name]
     tables = [result.columns() for result in results]
-    return table_of(stacked(zip(heads, tables, strict=True)))
+    return stacked_table(zip(heads, tables, strict=True))
 
 
 def _branches_drawn(results: list[Any], axes: Axes) -> Any:

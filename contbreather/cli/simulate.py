@@ -15,7 +15,7 @@ from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.options import ModelOptions, Whole
-from contbreather.cli.output import Result, SavedRun, Table, inform, sentences
+from contbreather.cli.output import Result, SavedRun, inform, sentences
 from contbreather.cli.process import CutShort, computing
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_csv, write_whole
@@ -390,13 +390,9 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
             **({"impacts": hits} if hits else {}),
         }
 
-    return Result(entry, list, partial(_strobe_table, summary), partial(_draw, summary))
-
-
-def _strobe_table(summary: RunSummary) -> Table:
-    """Make a row for each stroboscopic state."""
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
-    return ["period", "time", *names], _strobes(summary)
+    heading = ["period", "time", *names]
+    return Result(entry, list, lambda: (heading, _strobes(summary)), partial(_draw, summary))
 
 
 def _strobes(summary: RunSummary) -> Iterator[list[float]]:

@@ -13,9 +13,9 @@ from contbreather.cli.output import (
     Output,
     Result,
     SavedOutput,
-    Table,
     lives_on,
     model_entry,
+    stacked_table,
     table_of,
 )
 from contbreather.cli.process import until_interrupted
@@ -56,7 +56,7 @@ def zones(
     options = {("ks" if name == "k" else name): values for name, values in typed.items()}
     options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
     diagrams, cut = until_interrupted(_computed, options, into.save)
-    if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
+    if not any(map(any, diagrams)):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
     into.leave(of_zones(diagrams, options["within"]), cut=cut)
@@ -64,10 +64,13 @@ def zones(
 
 def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
     """Present zone diagrams."""
+    there = [diagram for diagram in diagrams if any(diagram)]
+    _, curve = next(iter(there[0]))
     return Result(
-        partial(zones_entry, diagrams),
+        lambda: {**lives_on(curve), "zones": [_entry(diagram) for diagram in diagrams]},
         partial(zones_lines, diagrams),
-        partial(curves_table, diagrams),
+        # points in order along each curve; `piece` tells curves of one kind apart
+        lambda: stacked_table(({}, diagram.columns()) for diagram in there),
         lambda: cb.plotting.plot_zones(diagrams, within=within)[0],
     )
 
@@ -88,20 +91,6 @@ def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]
         if file:
             file.finish(tuple(done))
     return tuple(done)
-
-
-def curves_table(diagrams: Sequence[cb.orbits.Zones]) -> Table:
-    """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
-    from contbreather.columns import stacked
-
-    nonempty = (diagram for diagram in diagrams if any(diagram.curves.values()))
-    return table_of(stacked(({}, diagram.columns()) for diagram in nonempty))
-
-
-def zones_entry(diagrams: Sequence[cb.orbits.Zones]) -> dict[str, Any]:
-    """Diagrams for JSON."""
-    first = next(branch for diagram in diagrams for _, branch in diagram)
-    return {**lives_on(first), "zones": [_entry(diagram) for diagram in diagrams]}
 
 
 def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
