@@ -351,14 +351,11 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
-    from scipy.optimize import minimize_scalar  # dear to import, and hardly ever needed
-
-    u = minimize_scalar(
-        lambda u: abs(samples.deflated(u, samples.glance(u))),
-        bounds=(places[at - 1], places[at + 1]), method="bounded", options={"xatol": 0.1 * _ONE},
-    ).x  # fmt: skip
+    around = (places[at - 1], places[at + 1])
+    left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
+    u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
-        least, left, right = _seen_at(samples, u), u - _ONE, u + _ONE
+        least = _seen_at(samples, u)
         # where the test jumps it is small on one side alone
         if least < _TOUCH * highest and all(
             _seen_at(samples, v) < LOW * highest for v in (left, right)
@@ -370,3 +367,33 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
 def _seen_at(samples: StepSamples, u: float) -> float:
     """The size of the test on the cubic, not kept."""
     return abs(samples.deflated(u, samples.event.value_or_nan(samples.segment.provisional(u))))
+
+
+def _downhill(
+    samples: StepSamples, bracket: tuple[float, float], sizes: list[float], enough: float
+) -> tuple[float, float]:
+    """Bracket of the least size of a test by golden section, unless its sign changes; no closer
+    than shows that it stays above `enough`, even if it fell several times as fast inside."""
+    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
+    golden = 0.5 * (math.sqrt(5) - 1)
+    (left, right), (first, last) = bracket, sizes
+
+    def size(u: float) -> float:
+        return abs(samples.deflated(u, samples.glance(u)))
+
+    inner, outer = right - golden * (right - left), left + golden * (right - left)
+    low, high = size(inner), size(outer)
+    while right - left > _ONE and not samples.changes():
+        steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
+        # no closer than shows this, even if it fell four times as fast inside
+        if min(low, high) - 4.0 * steepest * (right - left) > enough:
+            break
+        if low < high:
+            right, last, outer, high = outer, high, inner, low
+            inner = right - golden * (right - left)
+            low = size(inner)
+        else:
+            left, first, inner, low = inner, low, outer, high
+            outer = left + golden * (right - left)
+            high = size(outer)
+    return left, right
