@@ -35,7 +35,6 @@ MEANINGS = {
     "curve": "number of the curve, its points in order along it",
     "slice": "number of the diagram",
 }
-NONE = "an atlas needs values of at least one parameter"
 
 
 def zones_many(
@@ -220,7 +219,8 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     from xarray import Dataset
 
     if all(isinstance(diagram, Failed) for diagram in diagrams):
-        raise next((d.error for d in diagrams if isinstance(d, Failed)), BadInput(NONE))
+        none = BadInput("an atlas needs values of at least one parameter")
+        raise next((d.error for d in diagrams if isinstance(d, Failed)), none)
     over = tuple(slices[0].forcing.params)
     curves = [
         (i, kind, branch)
@@ -236,29 +236,24 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     sizes = [len(branch) for _, _, branch in curves]
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
     numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
-    words = {"kind": np.repeat([kind for _, kind, _ in curves], sizes).tolist()}
+    kinds = np.repeat([kind for _, kind, _ in curves], sizes).tolist()
     # where two limits meet the kind of the point names both, NS-GR
-    words["meeting"] = [p.kind if "-" in p.kind else "" for _, _, b in curves for p in b]
-    columns = {name: ("point", values, _meaning(name)) for name, values in numbers.items()}
-    columns["kind"] = _coded("kind", words["kind"], KINDS)
-    columns["meeting"] = _coded(
-        "meeting", words["meeting"], ("", *sorted({*words["meeting"]} - {""}))
-    )
+    meetings = [p.kind if "-" in p.kind else "" for _, _, b in curves for p in b]
+    columns: dict[str, Variable] = {name: ("point", row, {}) for name, row in numbers.items()}
+    columns["kind"] = _coded(kinds, KINDS)
+    columns["meeting"] = _coded(meetings, ("", *sorted({*meetings} - {""})))
+    for name, meaning in MEANINGS.items():
+        columns[name][2]["long_name"] = meaning
     return Dataset(
         {**columns, **_failed(slices, diagrams, over)}, attrs=_about(slices[0], diagrams)
     )
 
 
-def _coded(name: str, words: Sequence[str], vocabulary: Sequence[str]) -> Variable:
+def _coded(words: Sequence[str], vocabulary: Sequence[str]) -> Variable:
     """Words as numbers, with what each of them means, as CF has it."""
     shown = " ".join(word or "none" for word in vocabulary)
     flags = {"flag_values": np.arange(len(vocabulary), dtype="i1"), "flag_meanings": shown}
-    codes = {word: code for code, word in enumerate(vocabulary)}
-    return "point", np.array([codes[word] for word in words], dtype="i1"), _meaning(name) | flags
-
-
-def _meaning(name: str) -> dict[str, Any]:
-    return {"long_name": MEANINGS[name]} if name in MEANINGS else {}
+    return "point", np.array([vocabulary.index(word) for word in words], dtype="i1"), flags
 
 
 def _failed(

@@ -51,7 +51,6 @@ FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
-NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
@@ -128,15 +127,12 @@ class ZoneSearch:
         looked_at = bool(pieces)
         for branch in branches:
             looked_at = True
-            self._follow_all(branch.special, shown)
+            for point in branch.special:
+                if point.kind in KINDS and point.located and self._begins(point):
+                    self._follow(point, shown)
+                    if self.kept:
+                        self.kept.look(True, self.so_far)
         return looked_at
-
-    def _follow_all(self, points: Iterable[Point], shown: Counter) -> None:
-        for point in points:
-            if point.kind in KINDS and point.located and self._begins(point):
-                self._follow(point, shown)
-                if self.kept:
-                    self.kept.look(True, self.so_far)
 
     def _row(self, at: Mapping[str, float]) -> list[RowPiece] | None:
         """Row of upper breathers at these two parameters, None where they have no closed forms."""
@@ -207,7 +203,7 @@ class ZoneSearch:
             return []
         amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
-        beside = [factor * a for a in amplitudes for factor in NEXT]
+        beside = [factor * a for a in amplitudes for factor in (0.999, 1.001)]
         return [a for a in beside if low <= a <= high]
 
     def _follow(self, point: Point, shown: Counter) -> None:
