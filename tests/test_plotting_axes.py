@@ -297,6 +297,8 @@ def test_a_run_known_once_a_period_is_shown_by_its_last_periods_with_both_signs(
     np.testing.assert_allclose(u[::each], run.strobe.u[-1 - shown : -1], atol=1e-9)
     assert ax.get_title(loc="left") == ("the last 20 of 300 periods" if periods > 20 else "")
     assert ax.figure.axes[1].get_ylabel() == "$u_n$"
+    some = plot_space_time(run, sites=(-1, 0)).axes.collections[0].get_array()
+    np.testing.assert_array_equal(np.reshape(some, (-1, 2)), u[:, [0, 5]])
 
 
 def test_a_run_under_noise_is_known_once_a_period_and_says_so(state) -> None:

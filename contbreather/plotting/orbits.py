@@ -301,7 +301,7 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
     """Sites of one row of a grid, and which it is; None off a grid."""
     if isinstance(motion, Record):
         return None, ""
-    if isinstance(motion, SimulationRun | SmoothRun):
+    if isinstance(motion, States):
         recorded = range(motion.sites) if motion.record is None else motion.record.sites
         site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
         lattice, role = motion.conditions.lattice, "moves most"
@@ -313,18 +313,19 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         return None, ""
     row, columns = site // shape[1], shape[1]
     sites = range(row * columns, (row + 1) * columns)
-    if isinstance(motion, SimulationRun | SmoothRun) and not {*sites} <= {*recorded}:
+    if isinstance(motion, States) and not {*sites} <= {*recorded}:
         return None, ""  # a few sites that were recorded are no row
     return sites, f"row {row}, in which site {site} {role}"
 
 
 def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
     """Times, sites in ascending order, and displacements of shape (times, sites)."""
-    if isinstance(motion, SimulationRun | SmoothRun):
+    if isinstance(motion, States):
+        if sites is not None:
+            sites = [n % motion.sites for n in chosen_sites(sites)]
         if motion.record is None:
-            every = np.arange(motion.sites)
-            chosen = every if sites is None else np.array(chosen_sites(sites)) % motion.sites
-            return motion.times, np.sort(chosen), motion.strobe.u[:, np.sort(chosen)]
+            there = np.sort(np.arange(motion.sites) if sites is None else sites)
+            return motion.times, there, motion.strobe.u[:, there]
         motion = motion.record
     if isinstance(motion, Record):
         wanted = motion.sites if sites is None else chosen_sites(sites)
