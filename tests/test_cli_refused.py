@@ -175,8 +175,8 @@ LOST --final a.png -o ./a.png >> give different names
 LOST --sites 0 >> sites = .*: a whole number, at least 1
 DAMPED -0.01 >> damping = -0\.01: the damping .* 0 <= dam
 LOST --periods -3 >> periods = -3\.0: a length
-LOST --stream f --periods 2.5 >> whole periods
-LOST --stream f --smooth 6 >> --stream goes with rigid walls
+LOST --stream f.nc --periods 2.5 >> whole periods
+LOST --stream f.nc --smooth 6 >> --stream goes with rigid walls
 LOST --impacts f.csv --smooth 6 >> --impacts goes with rigid walls
 LOST --perturb -1 >> --perturb -1: a size
 LOST --perturb 5 >> lies outside the walls

@@ -53,6 +53,7 @@ WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wa
 IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
 REST = np.dtype([*WHERE, ("begins", "?")])
 EVENTS = ("impacts", "rests")  # tables of what happens between rigid walls
+CHUNK = 2**21  # numbers a chunk may hold: 16 MB
 MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
 
 
@@ -138,6 +139,12 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
     return Chunk(0, u, v, *np.empty((2, 0, *each)))
 
 
+def periods_at_once(sites: int, sample: Sample | None) -> int:
+    """How many periods one chunk may have."""
+    dense = sample.per_period * len(sample.sites) if sample else 0
+    return max(1, CHUNK // (2 * sites + 2 * dense))
+
+
 def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
     """Join the arrays of successive chunks."""
     names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
@@ -181,7 +188,6 @@ def in_chunks(
 
 
 MOST = 150_000  # impacts of one site in one period: some seconds
-CHUNK = 2**21  # numbers a chunk may hold: 16 MB
 
 
 # --- what the kernels take ------------------------------------------------------------------------
@@ -290,9 +296,7 @@ class EventDriven:
 
     @property
     def most_periods(self) -> int:
-        """How many one chunk may have."""
-        dense = self.sample.per_period * len(self.sample.sites) if self.sample else 0
-        return max(1, CHUNK // (2 * self.state.u.size + 2 * dense))
+        return periods_at_once(self.state.u.size, self.sample)
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
         if self.full:  # before anything is flown that Ctrl-C could drop

@@ -494,7 +494,8 @@ def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
     }
 
 
-def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+def event_table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+    """Events from the columns of a file."""
     check_lengths(columns, [f"{what}_{name}" for name in dtype.names or ()], f"{what}s")
     table = np.empty(columns[f"{what}_time"].size, dtype)
     for name in dtype.names or ():
@@ -506,7 +507,7 @@ def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
 def _run(
     columns: Values, conditions: Conditions, stop: str, reason: str, noise: float = 0.0
 ) -> SimulationRun:
-    impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
+    impacts, rests = event_table(columns, "impact", IMPACT), event_table(columns, "rest", REST)
     shared = states_of(columns, stop, reason)
     return SimulationRun(
         impacts=impacts, rests=rests, conditions=ranged(conditions), noise=noise, **shared
