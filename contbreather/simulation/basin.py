@@ -19,12 +19,12 @@ from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
     ModelParameters,
+    Orbit,
     State,
     orbit_given,
     start_of,

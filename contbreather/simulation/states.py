@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypedDict, TypeVar
+from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,6 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
-from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 from contbreather.storage.serialise import to_dict
 
@@ -197,6 +196,17 @@ def start_of(
         state, on = orbit.state(t=time_of(t0)), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
+
+
+@runtime_checkable
+class Orbit(Protocol):
+    """A periodic orbit that knows what it moves under, as simulation sees it from below."""
+
+    @property
+    def conditions(self) -> Conditions: ...
+    @property
+    def section(self) -> Any: ...
+    def state(self, sites: int | None = None, t: float = 0.0) -> tuple[Array, Array]: ...
 
 
 def orbit_given(state: Any) -> Orbit | None:

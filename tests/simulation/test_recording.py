@@ -189,7 +189,7 @@ def test_a_full_disk_is_a_sentence_and_what_was_saved_is_kept(tmp_path, state):
             {"forcing": Fourier(cos={1: -1.0, 3: 0.1})},
             "holds another run: forcing is .* there and .*0.1",
         ),
-        ({"state": ([0.0], [0.0])}, "holds a run from another state"),
+        ({"state": np.zeros((2, 12))}, "holds a run from another state"),
     ],
 )
 def test_file_of_another_run_is_refused(tmp_path, state, changed, sentence):
