@@ -57,26 +57,23 @@ def find_contact(
         work.when[n] = release(on, work, n, t, h)
         return bool(work.when[n] != LOST)
     work.when[n] = NEVER
-    origin = work.origin[n]
-    left = h - origin
-    curvature = column_bound(work.rows, n, left / h, 2) / (h * h) + driven_bound(on.motion, 2)
-    slack = curvature * left * left / 8.0
+    curvature = column_bound(work.rows, n, 1.0, 2) / (h * h) + driven_bound(on.motion, 2)
+    slack = curvature * h * h / 8.0
     if max(abs(first), abs(last)) + slack < on.walls[2, n]:
         work.released[n] = 0
         return True
-    at = t + origin
-    middle = site_at(work.rows, n, h, 0.5 * left / h)[0] + drive_sum(on.motion, at + 0.5 * left)[0]
-    start = moving_away(on, work, n, at, h) if work.released[n] != 0 else 0.0
+    middle = site_at(work.rows, n, h, 0.5)[0] + drive_sum(on.motion, t + 0.5 * h)[0]
+    start = moving_away(on, work, n, t, h) if work.released[n] != 0 else 0.0
     work.released[n] = 0
     for sign in (1.0, -1.0):
         level = on.walls[1, n] if sign > 0.0 else -on.walls[0, n]
         if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < level:
             continue  # half the length, a quarter of the slack
-        s = first_contact(work.rows, n, h, on.motion, at, sign, level, start, left, sign * last)
+        s = first_contact(work.rows, n, h, on.motion, t, sign, level, start, h, sign * last)
         if s == LOST:
             return False
-        if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
-            work.when[n] = origin + s
+        if s >= 0.0 and (work.when[n] < 0.0 or s < work.when[n]):
+            work.when[n] = s
             work.side[n] = np.int8(sign)
     return True
 
@@ -106,18 +103,13 @@ def record_event(
 def apply_events(
     on: Parameters, work: Workspace, log: EventLog, period: int, t: float, dt: float
 ) -> int:
-    """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
-
-    ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
-    the sites whose motion is another one from now on.
-    """
+    """Apply every contact and release of the step's time dt, whose state ``v`` and ``w`` hold; a
+    site + 1 where one chatters, -1 where the log is full."""
     motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
-        work.changed[n] = 0
         if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
             continue
-        work.changed[n] = 1
         if work.at_rest[n] != 0:  # the wall lets go; nothing jumps
             wall = int(work.at_rest[n])
             work.released[n] = work.at_rest[n]
@@ -163,13 +155,8 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
     for n in range(reach.size):
         # |u| <= |v| + |a g|, certain to stay between the walls: in a breather nearly all are
         far = reach[n] + swing < free[n]
-        work.listed[n] = not far
         candidates[count] = n  # without a branch: it is overwritten unless it counts
         count += not far
-    for n in range(reach.size):
-        work.origin[n] = 0.0
-        work.when[n] = NEVER
-        work.changed[n] = 0
     work.many[0] = count
     now, then = drive_sum(on.motion, t)[0], drive_sum(on.motion, t + h)[0]
     for i in range(count):
@@ -180,102 +167,14 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
 
 
 @inlined
-def state_around(work: Workspace, n: int, reach: int, s: float, h: float) -> None:
-    """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
-    size = work.v.size
-    for i in range(n - reach, n + reach + 1):
-        m = i % size
-        work.v[m], work.w[m], _ = site_at(work.rows, m, h, (s - work.origin[m]) / h)
-
-
-@inlined
-def expand_near(on: Parameters, work: Workspace, n: int, s: float, h: float) -> None:
-    """Expand anew, about the step's time s, the sites that a change at site n can influence.
-
-    By v'' = -K v, the j-th power at one site depends on others up to a distance of j/2 only; beyond
-    that of the last power kept the change is below rounding for the rest of the step:
-
-        j = 0, 1   . . . . n . . . .     read
-        j = 2, 3   . . . n n n . . .
-        j = 4, 5   . . n n n n n . .     changed
-
-    On rings only, and no site is at rest.
-    """
-    patch, size = work.patch, work.v.size
-    top, wide = patch.shape[0] - 1, patch.shape[1]
-    half, x = wide // 2, (h - s) / h
-    for i in range(wide):
-        m = (n - half + i) % size
-        patch[0, i] = work.v[m]
-        patch[1, i] = h * work.w[m]
-    for j in range(2, top + 1):
-        pull, drag = -on.gamma * h * h / (j * (j - 1)), -on.mu * h / j
-        for i in range(j // 2, wide - j // 2):
-            near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
-            patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
-    for i in range(half - top // 2, half + top // 2 + 1):  # Horner's scheme, at the step's end
-        m = (n - half + i) % size
-        v = w = reach = 0.0
-        for j in range(top, -1, -1):
-            entry = patch[j, i]
-            work.rows[j, m] = entry
-            w = w * x + v
-            v = v * x + entry
-            reach = reach * x + abs(entry)
-        work.origin[m] = s
-        work.last_v[m], work.last_w[m], work.reach[m] = v, w / h, reach
-
-
-@inlined
-def correct(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bool:
-    """After an event at the step's time s: new series and next contacts around what changed."""
-    top, count = work.rows.shape[0] - 1, work.many[0]
-    reach = top // 2
-    for i in range(count):
-        if work.changed[work.candidates[i]] != 0:
-            expand_near(on, work, work.candidates[i], s, h)
-    swing = driven_bound(on.motion, 0)
-    now, then = drive_sum(on.motion, t + s)[0], drive_sum(on.motion, t + h)[0]
-    for i in range(count):
-        n = work.candidates[i]
-        if work.changed[n] == 0:
-            continue
-        for k in range(n - reach, n + reach + 1):
-            m = k % work.v.size
-            work.when[m] = NEVER
-            if work.reach[m] + swing < on.walls[2, m]:
-                continue
-            if work.listed[m] == 0:
-                work.listed[m] = 1
-                work.candidates[work.many[0]] = m
-                work.many[0] += 1
-            if not find_contact(on, work, m, t, h, work.rows[0, m] + now, work.last_v[m] + then):
-                return False
-    return True
-
-
-@inlined
-def next_event(candidates: Counts, many: int, times: Vector) -> tuple[float, int]:
-    """The earliest event of the step, or NEVER, and how many sites take part in it."""
-    best, count = NEVER, 0
-    for i in range(many):
-        when = times[candidates[i]]
+def next_event(work: Workspace) -> float:
+    """The earliest event of the step, or NEVER."""
+    best = NEVER
+    for i in range(work.many[0]):
+        when = work.when[work.candidates[i]]
         if when >= 0.0 and (best < 0.0 or when < best):
             best = when
-    for i in range(many):
-        when = times[candidates[i]]
-        if when >= 0.0 and when <= best + TOGETHER:
-            count += 1
-    return best, count
-
-
-@inlined
-def evaluate_all(work: Workspace, s: float, h: float) -> None:
-    """The state of all sites at the step's time s, into v and w."""
-    state_at(work.rows, h, s / h, work.v, work.w)
-    for n in range(work.v.size):
-        if work.origin[n] != 0.0:
-            state_around(work, n, 0, s, h)
+    return best
 
 
 @inlined
@@ -290,48 +189,27 @@ def one_period(
     span: float,
 ) -> tuple[int, int]:
     """From t0 over the time ``span``; a status, and the site it is about."""
-    s, sample, size = 0.0, 0, work.v.size
-    wide = work.patch.shape[1]
-    for n in range(size):
+    s, sample = 0.0, 0
+    for n in range(work.v.size):
         work.hits[n] = 0
     while s < span:
         anyone = any_at_rest(work.at_rest)
         t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
         if not begin_step(on, work, t, h, anyone):
             return ASTRAY, 0
-        while True:
-            dt, count = next_event(work.candidates, work.many[0], work.when)
-            to_end = dt < 0.0
-            # the last step ends at the span itself, not beside it by rounding
-            end = (span if h >= span - s else s + h) if to_end else s + dt
-            if sample < dense.grid.size:
-                sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
-            if to_end:
-                for n in range(size):
-                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
-                break
-            # impacts of few sites change few series: the others go on through the step
-            local = on.ring and count * wide < size and not anyone
-            if local:
-                for i in range(work.many[0]):
-                    n = work.candidates[i]
-                    if work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
-                        state_around(work, n, wide // 2, dt, h)
-            else:
-                evaluate_all(work, dt, h)
+        dt = next_event(work)
+        # the last step ends at the span itself, not beside it by rounding
+        end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
+        if sample < dense.grid.size:
+            sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+        if dt >= 0.0:
+            state_at(work.rows, h, dt / h, work.v, work.w)
             status = apply_events(on, work, log, period, t0 + end, dt)
             if status != 0:
                 return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-            if local and any_at_rest(work.at_rest):
-                # a new step, driven for the site at rest, begins from the state of all sites
-                for n in range(size):
-                    if work.changed[n] == 0:
-                        state_around(work, n, 0, dt, h)
-                local = False
-            if not local:
-                break
-            if not correct(on, work, t, dt, h):
-                return ASTRAY, 0
+        else:
+            for n in range(work.v.size):
+                work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
         s = end
     return DONE, 0
 
@@ -350,7 +228,7 @@ def record_dense(
         motion, velocity, _, _ = drive_sum(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
-            v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
+            v, w, _ = site_at(work.rows, n, h, (time - s) / h)
             dense.u[row, sample, i] = v + motion
             dense.v[row, sample, i] = w + velocity
         sample += 1

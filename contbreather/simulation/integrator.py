@@ -245,15 +245,13 @@ def _couplings(lattice: Finite, gamma: float, spring: float) -> tuple[Couplings,
 
 def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     """Room for a step of so many powers, driven by so many harmonics."""
-    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
-    side, held, released, changed, listed = np.zeros((5, sites), np.int8)
-    rows, patch = np.empty((size, sites)), np.empty((size, 4 * ((size - 1) // 2) + 1))
-    push, column = np.empty((size, 1)), np.empty(size)
-    hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
-    step = (v, w, rows, origin, last_v, last_w, reach, patch, push, column)
-    signs = (side, held, place, released, changed)
-    count = np.zeros(1, np.int64)
-    return Workspace(*step, np.empty((2, harmonics)), when, *signs, hits, busy, count, listed)
+    v, w, last_v, last_w, reach, when, place = np.zeros((7, sites))
+    side, held, released = np.zeros((3, sites), np.int8)
+    hits, candidates, many = (np.zeros(n, np.int64) for n in (sites, sites + 1, 1))
+    rows, push, column = np.empty((size, sites)), np.empty((size, 1)), np.empty(size)
+    drive = np.empty((2, harmonics))
+    step = (v, w, rows, last_v, last_w, reach, push, column, drive, when)
+    return Workspace(*step, side, held, place, released, hits, candidates, many)
 
 
 def event_log(size: int) -> EventLog:

@@ -88,16 +88,14 @@ class DenseOutput(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Of one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
+    """Arrays of one step; ``rows`` are powers of s/h, s the step's time."""
 
-    v: Vector  # v = u - a g(t) and w = v', at the start of the step, or at the present event
+    v: Vector  # v = u - a g(t) and w = v', at the start of the step
     w: Vector
     rows: Matrix  # (powers, sites)
-    origin: Vector
-    last_v: Vector  # at the end of the step, where no event intervenes
+    last_v: Vector  # at the end of the step
     last_w: Vector
     reach: Vector  # no |v| is larger during the step
-    patch: Matrix  # rows of the sites around an impact
     push_rows: Matrix  # of the push of a wall on a site at rest, without what drives it
     column: Vector  # powers of the forced motion
     drive: Matrix  # what drives a site at rest, its cosines and sines
@@ -106,11 +104,9 @@ class Workspace(NamedTuple):
     at_rest: Signs  # the wall on which a site rests, or 0
     place: Vector  # of that wall
     released: Signs  # the wall that has just let go of a site, or 0
-    changed: Signs  # whether a site has an event now
     hits: Counts  # in this period
     candidates: Counts  # the sites that may have an event in this step, ``many`` of them
     many: Counts
-    listed: Signs  # whether a site is among them
 
 
 # --- the series -----------------------------------------------------------------------------------
@@ -397,10 +393,7 @@ def push_into_wall(
 
 
 def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
-    """When the wall ceases to hold site n in the step from t on: the push on it passes zero.
-
-    With a site at rest a step is expanded anew at each event, so that all series begin with it.
-    """
+    """When the wall ceases to hold site n in the step from t on: the push on it passes zero."""
     rows, bonds, c, s = work.push_rows, on.bonds, work.drive[0], work.drive[1]
     sign, drive, ground = float(work.at_rest[n]), 1.0 + bonds.pulls[1, n], bonds.pulls[2, n]
     for i in range(c.size):  # its part of F and the pull on the common motion
