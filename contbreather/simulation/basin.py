@@ -109,7 +109,7 @@ class Basin(Columns, HtmlRepr):
     along = "start"
 
     def table(self) -> Sheet:
-        """How many starts have which outcome."""
+        """The number of starts with each outcome."""
         counts = [(outcome.words, int(np.sum(self.outcome == outcome))) for outcome in Outcome]
         rows: list[Any] = [row for row in counts if row[1]]
         return Sheet.of([*rows, ("share that returned", self.share)])
@@ -151,7 +151,7 @@ def attraction(
     progress: bool | None = None,
     **on: Unpack[ModelParameters],
 ) -> Basin:
-    """From which starts over a plane does a lattice come to a given periodic motion?
+    """Find the starts over a plane from which a lattice comes to a given periodic motion.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
 
 
 def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:
-    """All starts of one row."""
+    """Outcomes and distances of the starts of one row."""
     row = [ends((x, value), (y, y.values[j])) for value in x.values]
     outcomes, distances = zip(*row, strict=True)
     return np.array(outcomes, np.int8), np.array(distances)

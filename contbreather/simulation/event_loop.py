@@ -188,7 +188,7 @@ def one_period(
     t0: float,
     span: float,
 ) -> tuple[int, int]:
-    """From t0 over the time ``span``; a status, and the site it is about."""
+    """Advance from t0 over the time ``span``; a status, and the site it is about."""
     s, sample = 0.0, 0
     for n in range(work.v.size):
         work.hits[n] = 0
@@ -305,7 +305,7 @@ def fly(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, zeros: Vector,
     nowhere: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """All perturbations over a time without events."""
+    """Carry perturbations over a time without events."""
     anyone, left = any_at_rest(at_rest), span
     while left > 0.0:
         h = min(on.step, left)  # nothing is driven: the harmonics of the forcing do not count

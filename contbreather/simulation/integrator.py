@@ -58,7 +58,7 @@ MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
 
 
 class RunStop(enum.Enum):
-    """Why a run ended; the value is the sentence a user reads."""
+    """Reason for which a run ended; the value is the sentence a user reads."""
 
     DONE = "went through all its periods"
     INTERRUPTED = "interrupted; all periods up to here are kept"
@@ -140,7 +140,7 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
 
 
 def periods_at_once(sites: int, sample: Sample | None) -> int:
-    """How many periods one chunk may have."""
+    """The most periods that one chunk may have."""
     dense = sample.per_period * len(sample.sites) if sample else 0
     return max(1, CHUNK // (2 * sites + 2 * dense))
 
@@ -152,7 +152,7 @@ def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
 
 
 class Integrator(Protocol):
-    """What carries a state on, between walls of either kind: as many periods as asked for (or one
+    """Carrier of a state, between walls of either kind: over as many periods as asked for (or one
     of another length), fewer with a reason, or, but one at least, where there is no room for all
     their impacts; `most_periods` is the most that one chunk may have."""
 
@@ -319,7 +319,7 @@ class EventDriven:
         return Chunk(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
 
     def _chatter(self, site: int, period: int) -> str:
-        """What was seen; whether it would come to rest is not known."""
+        """Tell what was seen; whether it would come to rest is not known."""
         first = int(self.log.used[0])  # those of the period are behind it
         there = slice(first, first + int(self.workspace.hits.sum()))
         here = self.log.site[there] == site

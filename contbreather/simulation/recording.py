@@ -108,8 +108,8 @@ class Recording(HtmlRepr):
         return self.t0 + PERIOD * self.periods
 
     def table(self) -> Sheet:
-        """How long it is, how it ended, and what it moved under; impacts are not counted, they may
-        be too many to read."""
+        """Its length, its end, and what it moved under; impacts are not counted, they may be too
+        many to read."""
         rows: list[tuple[str, Cell]] = [
             ("sites", self.start.u.size),
             ("periods", self.periods),
@@ -146,7 +146,7 @@ class Recording(HtmlRepr):
 
     @property
     def impacts(self) -> NDArray[np.void]:
-        """All impacts, columns as in `Run.impacts`."""
+        """Impacts of the whole run, columns as in `Run.impacts`."""
         return np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.chunks())])
 
     def last(self, periods: int) -> SimulationRun:

@@ -415,7 +415,7 @@ def gathered(
 
 
 def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
-    """What a run has of successive chunks, from the state before them on; t0 is that of period 0,
+    """Fields of a run of successive chunks, from the state before them on; t0 is that of period 0,
     from which their times count."""
     sampled = ("dense_u", "dense_v") if sample else ()
     before = blank(sample, start.u[None], start.v[None])

@@ -91,7 +91,7 @@ class SmoothConditions:
 
     @property
     def params(self) -> dict[str, float]:
-        """All parameters by name, those of the forcing last."""
+        """Its parameters by name, those of the forcing last."""
         return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class LatticeParameters(TypedDict, total=False):
 
 
 class ModelParameters(LatticeParameters, total=False):
-    """Those of `simulate`, which every function takes."""
+    """Keywords of `simulate`, which every function takes."""
 
     k: float
     walls: Any

@@ -89,7 +89,7 @@ class Sweep(Columns, HtmlRepr):
         return Sheet([Column(h, getattr(self, n).tolist(), digits=5) for n, h in names.items()])
 
     def columns(self) -> dict[str, Array]:
-        """All that it saw, under the name of its parameter."""
+        """Its columns, the values under the name of its parameter."""
         return {self.name: self.value, **{name: getattr(self, name) for name in COLUMNS[1:]}}
 
     @property

@@ -35,7 +35,7 @@ class Harmonics(NamedTuple):
 
 
 class Couplings(NamedTuple):
-    """What pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
+    """Pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
 
     start: Counts  # entries of site n are those from start[n] to start[n + 1]
     other: Counts
@@ -46,7 +46,7 @@ class Couplings(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """What does not change during a run: the lattice, its damping, its walls, its forcing."""
+    """Constants of a run: the lattice, its damping, its walls, its forcing."""
 
     ring: bool  # without springs: K is gamma (2, -1, -1), and nothing drives v
     gamma: float
@@ -116,7 +116,7 @@ LAST = 1e-18  # size of the first term left out, relative to the first one
 
 
 def powers_needed(reach: float) -> int:
-    """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
+    """Number of powers of s/h that are needed where the fastest rate times h is ``reach``."""
     j, size = 0, 1.0
     while size > LAST or j < 4:
         j += 1
@@ -223,7 +223,7 @@ def expand_any(
     v: Vector, w: Vector, h: float, mu: float, bonds: Couplings, at_rest: Signs, place: Vector,
     column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
+    """Fill ``rows`` on any lattice, some sites resting on their walls: at ``place - a g(t)``.
 
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
     driven and the sites held do not move at all, which is what perturbations do.
@@ -301,7 +301,7 @@ def parabola_root(gap: float, slope: float, curvature: float) -> float:
 
 
 def safe_advance(gap: float, slope: float, curvature: float, jerk: float, longest: float) -> float:
-    """How far one may go, at most ``longest``, without reaching the wall."""
+    """Distance that one may go, at most ``longest``, without reaching the wall."""
     # of x with a root behind it all before x is safe, with one before it all before the root: the
     # best x is where both meet
     best, x = NUDGE, longest
@@ -412,7 +412,7 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
 
 
 def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
-    """How long a site just released certainly moves away: velocity and acceleration are zero."""
+    """Time for which a site just released is certain to move away: u' = u'' = 0 there."""
     sign = float(work.released[n])
     jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + drive_sum(on.motion, t)[3])
     snap = column_bound(work.rows, n, 1.0, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
@@ -424,7 +424,7 @@ def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> 
 def comes_to_rest(
     on: Parameters, work: Workspace, n: int, sign: float, t: float, after: float
 ) -> float:
-    """How long ever smaller rebounds go on, where they end on the wall soon; else `NEVER`.
+    """Time that ever smaller rebounds take, where they end on the wall soon; else `NEVER`.
 
     With the push A into the wall, rebounds k, k^2, ... times the velocity ``after`` take the time
     ``T = 2 after/(A (1 - k))`` together. Below `GENTLE` they stay closer to the wall than 1e-12/A.
@@ -453,7 +453,7 @@ def comes_to_rest(
 
 @inlined
 def any_at_rest(at_rest: Signs) -> bool:
-    """Whether any site rests on a wall."""
+    """Say if any site rests on a wall."""
     count = 0
     for n in range(at_rest.size):  # to the end: without a branch it is a vector's sum
         count += at_rest[n] != 0
