@@ -40,7 +40,7 @@ from contbreather.simulation.taylor import (
 TOGETHER = 1e-12  # impacts closer than this happen at the same time
 FAST = 1e9  # a velocity beyond all reason
 
-DONE, FULL, CHATTER, ASTRAY, WILD = 0, 1, 2, 3, 4
+DONE, FULL, CHATTER, ASTRAY, WILD, ASKS = 0, 1, 2, 3, 4, 5
 HIT, BEGINS_REST, ENDS_REST = 0, 1, 2
 
 
@@ -104,7 +104,7 @@ def apply_events(
     on: Parameters, work: Workspace, log: EventLog, period: int, t: float, dt: float
 ) -> int:
     """Apply every contact and release of the step's time dt, whose state ``v`` and ``w`` hold; a
-    site + 1 where one chatters, -1 where the log is full."""
+    site + 1 where one chatters, -1 where the log is full, -2 where k is asked for."""
     motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
@@ -116,10 +116,18 @@ def apply_events(
             work.at_rest[n] = 0
             if not record_event(log, period, t, n, ENDS_REST, wall, 0.0, 0.0, 0.0):
                 return -1
+            work.when[n] = NEVER
             continue
         wall = int(work.side[n])
         before = work.w[n] + velocity
-        after = -on.k * before + 0.0  # (2); no minus zero
+        k = on.k
+        if on.by_speed:
+            if work.answer[0] != abs(before):
+                work.answer[0] = abs(before)
+                return -2
+            k = work.answer[1]
+        work.when[n] = NEVER  # it has been, should another one wait for an answer
+        after = -k * before + 0.0  # (2); no minus zero
         # the push at rest has the wall's sign; u'' as it is just before has the drag besides
         push = wall * push_into_wall(on, work, n, float(wall), t)[0] - on.mu * before
         # onto the wall exactly: what rounding leaves would grow into a gap over many impacts
@@ -131,7 +139,7 @@ def apply_events(
             return -1
         if work.hits[n] > on.most:
             return n + 1
-        rest = comes_to_rest(on, work, n, float(wall), t, abs(after))
+        rest = comes_to_rest(on, work, n, float(wall), t, abs(after), k)
         if rest >= 0.0:
             work.at_rest[n] = np.int8(wall)
             work.w[n] = -velocity
@@ -189,27 +197,32 @@ def one_period(
     span: float,
 ) -> tuple[int, int]:
     """Advance from t0 over the time ``span``; a status, and the site it is about."""
-    s, sample = 0.0, 0
-    for n in range(work.v.size):
-        work.hits[n] = 0
+    s, sample, dt, end = 0.0, int(work.pause[2]), work.pause[0], work.pause[1]
+    waiting = dt >= 0.0  # the events of that step go on, with an answer
     while s < span:
-        anyone = any_at_rest(work.at_rest)
-        t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
-        if not begin_step(on, work, t, h, anyone):
-            return ASTRAY, 0
-        dt = next_event(work)
-        # the last step ends at the span itself, not beside it by rounding
-        end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
-        if sample < dense.grid.size:
-            sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+        if not waiting:
+            anyone = any_at_rest(work.at_rest)
+            t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
+            if not begin_step(on, work, t, h, anyone):
+                return ASTRAY, 0
+            dt = next_event(work)
+            # the last step ends at the span itself, not beside it by rounding
+            end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
+            if sample < dense.grid.size:
+                sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+            if dt >= 0.0:
+                state_at(work.rows, h, dt / h, work.v, work.w)
+            else:
+                for n in range(work.v.size):
+                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
         if dt >= 0.0:
-            state_at(work.rows, h, dt / h, work.v, work.w)
             status = apply_events(on, work, log, period, t0 + end, dt)
+            if status == -2:
+                work.pause[0], work.pause[1], work.pause[2] = dt, end, sample
+                return ASKS, 0
             if status != 0:
                 return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-        else:
-            for n in range(work.v.size):
-                work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
+        waiting = False
         s = end
     return DONE, 0
 
@@ -240,6 +253,7 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
     motion, velocity, _, _ = drive_sum(on.motion, t0)
     for n in range(u.size):
+        work.hits[n] = 0
         work.v[n] = u[n] - motion
         work.w[n] = v[n] - velocity
         work.at_rest[n] = 0
@@ -281,13 +295,17 @@ def event_loop(
     """
     ended[0], ended[1], ended[2] = strobe_u.shape[0], DONE, 0
     for j in range(strobe_u.shape[0]):
-        used = log.used[0]
-        begin_period(on, work, u, v, t0)
+        if work.pause[0] < 0.0:
+            work.begun[0] = log.used[0]
+            begin_period(on, work, u, v, t0)
         status, site = one_period(on, work, log, dense, j, first + j, t0, span)
+        if status != ASKS:
+            work.pause[0], work.pause[2] = NEVER, 0.0
         if status == DONE and not end_period(on, work, u, v, t0 + span):
             status, site = WILD, 0
         if status != DONE:
-            log.used[0] = used
+            if status != ASKS:
+                log.used[0] = work.begun[0]
             ended[0], ended[1], ended[2] = j, status, site
             return
         for n in range(u.size):
@@ -318,7 +336,9 @@ def fly(
         left -= h
 
 
-def kick(du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, on: Parameters) -> None:
+def kick(
+    du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, ratio: float, slope: float
+) -> None:
     """One event: the block of (19), the beginning of a rest (NaN), or its end (infinite)."""
     if math.isinf(entry):
         at_rest[n] = 0
@@ -330,13 +350,14 @@ def kick(du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, on: Param
         if at_rest[n] != 0:  # wherever it came from, the site is at its wall
             du[i, n] = dv[i, n] = 0.0
         else:
-            du[i, n] = -on.k * u
-            dv[i, n] = -on.k * v + entry * u
+            du[i, n] = ratio * u
+            dv[i, n] = slope * v + entry * u
 
 
 def tangent_flow(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, since: Vector,
-    site: Counts, entry: Vector, zeros: Vector, nowhere: Vector, rows: Matrix,
+    site: Counts, entry: Vector, ratio: Vector, slope: Vector, zeros: Vector, nowhere: Vector,
+    rows: Matrix,
 ) -> None:  # fmt: skip
     """Perturbations ``du, dv`` (m, N) over a time ``span`` with these events, in place.
 
@@ -347,7 +368,7 @@ def tangent_flow(
     for i in range(since.size):
         fly(du, dv, at_rest, since[i] - s, on, zeros, nowhere, rows)
         s = since[i]
-        kick(du, dv, at_rest, site[i], entry[i], on)
+        kick(du, dv, at_rest, site[i], entry[i], ratio[i], slope[i])
     fly(du, dv, at_rest, span - s, on, zeros, nowhere, rows)
 
 

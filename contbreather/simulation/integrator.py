@@ -27,6 +27,7 @@ from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.progress import Bar
 from contbreather.simulation.event_loop import (
+    ASKS,
     ASTRAY,
     BEGINS_REST,
     CHATTER,
@@ -37,6 +38,7 @@ from contbreather.simulation.event_loop import (
 )
 from contbreather.simulation.states import PERIOD, State, wall_rows, within_period
 from contbreather.simulation.taylor import (
+    NEVER,
     STEP,
     Couplings,
     DenseOutput,
@@ -212,7 +214,8 @@ def parameters_of(conditions: Conditions) -> Parameters:
     ring = isinstance(lattice, Ring) and c.spring == 0.0
     walls = np.array([low, high, np.minimum(high, -low)])
     where = (ring, float(c.gamma), bonds, walls)
-    return Parameters(*where, mu, k, step, rest_step, powers_needed(step * rate), 0, motion, force)
+    steps = step, rest_step, powers_needed(step * rate)
+    return Parameters(*where, mu, k, c.restitution is not None, *steps, 0, motion, force)
 
 
 @lru_cache(maxsize=64)
@@ -251,7 +254,9 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     rows, push, column = np.empty((size, sites)), np.empty((size, 1)), np.empty(size)
     drive = np.empty((2, harmonics))
     step = (v, w, rows, last_v, last_w, reach, push, column, drive, when)
-    return Workspace(*step, side, held, place, released, hits, candidates, many)
+    answer, pause = np.full(2, np.nan), np.array([NEVER, 0.0, 0.0])
+    waits = answer, pause, np.zeros(1, np.int64)
+    return Workspace(*step, side, held, place, released, hits, *waits, candidates, many)
 
 
 def event_log(size: int) -> EventLog:
@@ -302,11 +307,18 @@ class EventDriven:
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
-        here = (self.t0, span, first, self.parameters, self.workspace, self.log)
-        self.log.used[0] = 0
+        self.log.used[0] = done = 0
+        self.workspace.pause[:] = NEVER, 0.0, 0.0
+        status, answer = ASKS, self.workspace.answer
         with deferred():
-            EVENT_LOOP(u, v, *here, dense, strobe_u, strobe_v, ended)
-        done, status, site = ended.tolist()
+            while status == ASKS:
+                here = (self.t0, span, first + done, self.parameters, self.workspace, self.log)
+                left = dense._replace(u=dense.u[done:], v=dense.v[done:])
+                EVENT_LOOP(u, v, *here, left, strobe_u[done:], strobe_v[done:], ended)
+                count, status, site = ended.tolist()
+                done += count
+                if status == ASKS:
+                    answer[1] = self.conditions.law.at(float(answer[0]))
         self.full = status == FULL
         if self.full and not done:
             return EventDriven.advance(self, periods, first, span=span)  # of a noisy one, too

@@ -7,6 +7,7 @@ of the motion: the only error left is rounding. Smooth walls have a solver (`smo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar, Unpack
@@ -91,7 +92,8 @@ class States(Columns, HtmlRepr):
         if hasattr(self, "impacts"):
             rows.append(("impacts", len(self.impacts)))
         rows += [("until t =", self.end), ("then |u| <=", abs(self.final.u).max())]
-        return Sheet.of(rows + [(name, getattr(on, name)) for name in (*NEEDED, "damping")])
+        numbers = ((name, getattr(on, name)) for name in (*NEEDED, "damping"))
+        return Sheet.of(rows + [(name, x) for name, x in numbers if not math.isnan(x)])
 
     def columns(self) -> dict[str, Array]:
         """The states at the strobe."""
@@ -254,6 +256,9 @@ def simulate(
     a, gamma, k : float
         Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1]; needed
         for a state that is no orbit.
+    restitution : callable, optional
+        In place of k: ``restitution(speed)``, from 0 to 1, of the speed before an impact. It is
+        asked at each of them; nothing that is written to files has it.
     damping, spring : float
         Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
         3/damping at most.
@@ -463,7 +468,7 @@ def to_content(run: States) -> dict[str, Any]:
     except NotSerialisable as error:
         raise BadInput(
             f"{error.args[0]!r} is of your own making, and a file holds numbers only: give the "
-            "forcing as Fourier, Symbolic or Samples, and simulate with that"
+            "forcing as Fourier, Symbolic or Samples, and k as a number, and simulate with that"
         ) from error
     return {
         "conditions": conditions,

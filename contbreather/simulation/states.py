@@ -18,6 +18,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
+from contbreather.lattice.impact_law import Restitution
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 from contbreather.storage.serialise import to_dict
 
@@ -127,6 +128,7 @@ class ModelParameters(LatticeParameters, total=False):
 
     k: float
     walls: Any
+    restitution: Restitution | None
 
 
 def conditions_of(
@@ -137,6 +139,7 @@ def conditions_of(
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
     walls: Any = None,
+    restitution: Restitution | None = None,
     **numbers: Any,
 ) -> Any:
     """The conditions of a state of so many sites, on a ring unless a lattice is given: of rigid
@@ -153,6 +156,13 @@ def conditions_of(
             f"noise = {brief(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
             "leave it out here, or judge() the run that simulate(..., noise=...) returns"
         )
+    if restitution is not None:
+        if m is not None or "k" in numbers or not callable(restitution):
+            raise BadInput(
+                f"restitution = {brief(restitution)}: a function of the speed before an impact was "
+                "expected, in place of k and on rigid walls; leave out k and m, or restitution"
+            )
+        numbers["k"] = math.nan
     if m is None:
         missing = [name for name in NEEDED if name not in numbers]
         unknown = [name for name in numbers if name not in NAMES]
@@ -178,7 +188,8 @@ def conditions_of(
     numbers |= {"lattice": where, "forcing": forcing_of(forcing)}
     if m is not None:
         return ranged(SmoothConditions(**numbers))
-    return ranged(Conditions(walls=Walls.given(walls), **numbers)).at({})
+    walls = Walls.given(walls)
+    return ranged(Conditions(walls=walls, restitution=restitution, **numbers)).at({})
 
 
 def start_of(
@@ -191,7 +202,7 @@ def start_of(
         own = dict(vars(orbit.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
-        if m is not None and "lam" in on:  # says what k does
+        if (m is not None and "lam" in on) or "restitution" in on:  # say what k does
             del own["k"]
         state, on = orbit.state(t=time_of(t0)), {**own, **on}
     start = check_state(state)
@@ -221,9 +232,9 @@ def ranged(on: C) -> C:
     ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
     if not isinstance(on.lattice, Ring):
         ranges["gamma"] = {"high": HEAVIEST**2, "below": False, "why": ""}
-    for name in (*NAMES, *SMOOTH):
-        if hasattr(on, name):
-            parameter(name, getattr(on, name), **ranges.get(name, {}))
+    for name, value in on.params.items():
+        if name in (*NAMES, *SMOOTH):
+            parameter(name, value, **ranges.get(name, {}))
     return on
 
 

@@ -56,6 +56,7 @@ class Parameters(NamedTuple):
     walls: Matrix
     mu: float
     k: float
+    by_speed: bool  # whether k is asked for at every impact
     step: float  # over which the series converge to rounding in ``size`` terms
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
@@ -105,6 +106,9 @@ class Workspace(NamedTuple):
     place: Vector  # of that wall
     released: Signs  # the wall that has just let go of a site, or 0
     hits: Counts  # in this period
+    answer: Vector  # the speed before an impact, and k there
+    pause: Vector  # of a period that waits for k: dt, end of the step, sample; dt is `NEVER` else
+    begun: Counts  # events before the period
     candidates: Counts  # the sites that may have an event in this step, ``many`` of them
     many: Counts
 
@@ -422,7 +426,7 @@ def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> 
 
 @inlined
 def comes_to_rest(
-    on: Parameters, work: Workspace, n: int, sign: float, t: float, after: float
+    on: Parameters, work: Workspace, n: int, sign: float, t: float, after: float, k: float
 ) -> float:
     """Time that ever smaller rebounds take, where they end on the wall soon; else `NEVER`.
 
@@ -436,9 +440,9 @@ def comes_to_rest(
     push, rate = push_into_wall(on, work, n, sign, t)
     if push <= 0.0:
         return NEVER
-    if on.k >= 1.0:
+    if k >= 1.0:
         return 0.0 if after <= FLOOR else NEVER
-    loss = 1.0 - on.k
+    loss = 1.0 - k
     # a rebound rises to v^2/2A and loses (1 - k) of v: below the root that is less than `CLOSE`
     if after > max(GENTLE, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
         return NEVER
