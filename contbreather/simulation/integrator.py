@@ -155,8 +155,7 @@ def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
 
 class Integrator(Protocol):
     """Carrier of a state, between walls of either kind: over as many periods as asked for (or one
-    of another length), fewer with a reason, or, but one at least, where there is no room for all
-    their impacts; `most_periods` is the most that one chunk may have."""
+    of another length), or fewer with a reason; `most_periods` is the most that a chunk may have."""
 
     state: State
     conditions: Any
@@ -259,13 +258,6 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     return Workspace(*step, side, held, place, released, hits, *waits, candidates, many)
 
 
-def event_log(size: int) -> EventLog:
-    """An empty log."""
-    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
-    columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
-    return EventLog(np.zeros(1, np.int64), *columns)
-
-
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
     """Room for the samples of so many periods."""
     chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
@@ -289,12 +281,12 @@ class EventDriven:
     parameters: Parameters = field(init=False)
     workspace: Workspace = field(init=False)
     log: EventLog = field(init=False)
-    full: bool = field(init=False, default=False)  # whether another period found no room in the log
 
     def __post_init__(self) -> None:
         self.parameters = on = parameters_of(self.conditions)._replace(most=MOST)
         self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
-        self.log = event_log(256)
+        kinds = ("i8", "i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
+        self.log = EventLog(*(np.zeros(256, kind) for kind in kinds))
         self.state = State(self.state.u.copy(), self.state.v.copy())
 
     @property
@@ -302,8 +294,6 @@ class EventDriven:
         return periods_at_once(self.state.u.size, self.sample)
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
-        if self.full:  # before anything is flown that Ctrl-C could drop
-            self.log, self.full = event_log(2 * self.log.phase.size), False
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
@@ -311,7 +301,7 @@ class EventDriven:
         self.workspace.pause[:] = NEVER, 0.0, 0.0
         status, answer = ASKS, self.workspace.answer
         with deferred():
-            while status == ASKS:
+            while status in (ASKS, FULL):
                 here = (self.t0, span, first + done, self.parameters, self.workspace, self.log)
                 left = dense._replace(u=dense.u[done:], v=dense.v[done:])
                 EVENT_LOOP(u, v, *here, left, strobe_u[done:], strobe_v[done:], ended)
@@ -319,10 +309,9 @@ class EventDriven:
                 done += count
                 if status == ASKS:
                     answer[1] = self.conditions.law.at(float(answer[0]))
-        self.full = status == FULL
-        if self.full and not done:
-            return EventDriven.advance(self, periods, first, span=span)  # of a noisy one, too
-        if status not in (DONE, CHATTER, FULL):
+                elif status == FULL:  # its last period once more, with twice the room
+                    self.log = EventLog(*(np.append(x, np.zeros_like(x)) for x in self.log))
+        if status not in (DONE, CHATTER):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)
         kept = (strobe_u[:done], strobe_v[:done], dense.u[:done], dense.v[:done], impacts, rests)
