@@ -6,14 +6,14 @@ A row's result depends on its starts alone, so the picture is the same whoever c
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
@@ -71,13 +71,12 @@ class Axis:
 
     name: str
     site: int
-    values: tuple[float, ...]
+    values: Sequence[float]
 
-    def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        one_of("the coordinate of an axis", name, ("u", "v"))
-        along = row("values", values, "the values of an axis")
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "site", whole("site", site, -(10**9)))
+    def __post_init__(self) -> None:
+        one_of("the coordinate of an axis", self.name, ("u", "v"))
+        along = row("values", self.values, "the values of an axis")
+        object.__setattr__(self, "site", whole("site", self.site, -(10**9)))
         object.__setattr__(self, "values", tuple(along.tolist()))
 
     @property
@@ -243,7 +242,6 @@ def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
 
 
 def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:
-    """Outcomes and distances of the starts of one row."""
     row = [ends((x, value), (y, y.values[j])) for value in x.values]
     outcomes, distances = zip(*row, strict=True)
     return np.array(outcomes, np.int8), np.array(distances)

@@ -310,7 +310,8 @@ class EventDriven:
                 if status == ASKS:
                     answer[1] = self.conditions.law.at(float(answer[0]))
                 elif status == FULL:  # its last period once more, with twice the room
-                    self.log = EventLog(*(np.append(x, np.zeros_like(x)) for x in self.log))
+                    twice: list[Any] = [np.append(x, np.zeros_like(x)) for x in self.log]
+                    self.log = EventLog(*twice)
         if status not in (DONE, CHATTER):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)

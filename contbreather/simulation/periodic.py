@@ -261,7 +261,7 @@ def periodic(
     >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
     >>> found = periodic(b.state(6), a=0.1, gamma=0.05, k=0.8, damping=0.02, symmetric=True)
     >>> round(found.largest, 4)
-    0.9392
+    0.9481
     >>> branch = trace(found, "a", towards="down", within={"a": (0.05, 0.2)})
     >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
     0.0863
@@ -394,21 +394,22 @@ class MotionProblem(maps.MapCycleProblem):
     def sensitivity(self) -> Callable[[Array, Params, str], Array] | None:  # type: ignore[override]
         on = self.back.on
         exact = isinstance(on, SmoothConditions) and not on.forcing.params
-        return self._sensitivity if exact else None
 
-    def _sensitivity(self, x: Array, params: Params, name: str) -> Array:
-        back, total = self.back, np.zeros(x.size)
-        for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
-            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-            x = back.image(x, params)
-        return total
+        def along(x: Array, params: Params, name: str) -> Array:
+            back, total = self.back, np.zeros(x.size)
+            for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
+                total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+                x = back.image(x, params)
+            return total
+
+        return along if exact else None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return self._lifted if kind == self.breaks else None
+        def doubled(point: Point) -> SwitchingProblem:
+            twice = with_period(point.problem, 2 * self.period)
+            return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
 
-    def _lifted(self, point: Point) -> SwitchingProblem:
-        twice = with_period(point.problem, 2 * self.period)
-        return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
+        return doubled if kind == self.breaks else None
 
     def simpler(self, point: Point) -> Problem | None:
         problem = shorter(point)
