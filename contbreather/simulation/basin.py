@@ -23,8 +23,8 @@ from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
+    GivenOrbit,
     ModelParameters,
-    Orbit,
     State,
     orbit_given,
     start_of,
@@ -227,7 +227,7 @@ def attraction(
     return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
-def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
+def _check_alone(orbit: GivenOrbit, on: Mapping[str, Any], periods: int) -> None:
     """Refuse what an orbit is no motion of, or what ends within its period."""
     if on:
         raise BadInput(

@@ -210,7 +210,7 @@ def start_of(
 
 
 @runtime_checkable
-class Orbit(Protocol):
+class GivenOrbit(Protocol):
     """A periodic orbit that knows what it moves under, as simulation sees it from below."""
 
     @property
@@ -220,10 +220,10 @@ class Orbit(Protocol):
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[Array, Array]: ...
 
 
-def orbit_given(state: Any) -> Orbit | None:
+def orbit_given(state: Any) -> GivenOrbit | None:
     """The orbit that a state was given by, if it was."""
     orbit = state.solution if isinstance(state, Point) else state
-    return orbit if isinstance(orbit, Orbit) else None
+    return orbit if isinstance(orbit, GivenOrbit) else None
 
 
 def ranged(on: C) -> C:
