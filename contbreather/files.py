@@ -56,7 +56,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     except OSError as error:
         if isinstance(error, BrokenPipeError) and stream_of(target):
             raise  # the reader has seen enough, as with anything printed
-        raise _refused("write", target, error) from error
+        raise refused("write", target, error) from error
     return target
 
 
@@ -158,23 +158,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         with source.open("rb") as stream:
             yield stream
     except OSError as error:
-        raise _refused("read", source, error) from error
-
-
-def alone(number: int) -> bool:
-    """Lock an open file for this process, until it closes it or ends; False if another one has."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        return False
-    return True
+        raise refused("read", source, error) from error
 
 
 def read_text(path: str | Path) -> str:
@@ -205,10 +189,11 @@ def _mode(verb: str, target: Path) -> int:
     except FileNotFoundError:
         return 0
     except (OSError, ValueError) as error:  # too long a name, a circle of links, a null byte
-        raise _refused(verb, target, error) from error
+        raise refused(verb, target, error) from error
 
 
-def _refused(verb: str, target: Path, error: OSError | ValueError) -> BadInput:
+def refused(verb: str, target: Path, error: OSError | ValueError) -> BadInput:
+    """The system's reason, as a sentence."""
     reason = getattr(error, "strerror", None) or str(error)
     advice = "; choose another place" if verb == "write" else ""
     return BadInput(f"cannot {verb} {target}: {reason}{advice}")

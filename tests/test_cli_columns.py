@@ -44,7 +44,7 @@ def test_isolated_multipliers_are_rows_on_the_infinite_chain_only(run) -> None:
 # --- simulate -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stream", ["", "--stream kept"])
+@pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
 def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> None:
     """Of a run that sets out at t0 = pi/2, whole or from a folder."""
     assert run(f"{ELASTIC} --periods 6 --csv s.csv {stream}")[0] == DONE
@@ -58,7 +58,7 @@ def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> Non
     assert [float(rows[0][f"v_{n}"]) for n in range(3)] == pytest.approx(v.tolist(), abs=1e-12)
 
 
-@pytest.mark.parametrize("stream", ["", "--stream kept"])
+@pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
 def test_every_column_of_the_impacts_is_what_it_says(run, stream: str) -> None:
     """By what impacts are: the wall at the place, the law of restitution, time and phase."""
     assert run(f"{ELASTIC} --periods 6 --impacts i.csv {stream}")[0] == DONE
@@ -181,8 +181,8 @@ def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
 
 def test_the_end_of_a_long_stream_is_a_run_of_its_own(run) -> None:
     """Its periods are counted from where it begins, its times from the start of the stream."""
-    run(f"{ELASTIC} --periods 30 --stream kept")
-    shown = open_recording("kept").last(10)
+    run(f"{ELASTIC} --periods 30 --stream kept.nc")
+    shown = open_recording("kept.nc").last(10)
     whole = cb.simulate(
         cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3)).state(3, 0.5 * math.pi),
         a=0.2, gamma=0.08, k=1.0, periods=30, t0=0.5 * math.pi,

@@ -113,9 +113,9 @@ simulate --a 0.6 --gamma 0.05 --k 0.8 --sites 9 --threshold 1.02
     >> --threshold: the verdict on a run has none
 simulate --a 0.6 --gamma 0.05 --k 0.8 --lattice open:9 --site 9 >> no such site on the open chain
 LOST --walls -2,2 --smooth 6 >> --walls goes with rigid walls only: leave out --smooth
-LOST --stream f --smooth 6 >> --stream goes with rigid walls
+LOST --stream f.nc --smooth 6 >> --stream goes with rigid walls
 LOST --impacts f.csv --smooth 6 >> --impacts goes with rigid walls
-LOST --stream f --periods 2.5 >> periods = 2\.5: a whole number
+LOST --stream f.nc --periods 2.5 >> periods = 2\.5: a whole number
 LOST --periods 1e11
     >> the states of 20 sites once in each would be 3\.2e\+04 GB.* 1\.07; .* --stream
 LOST --smooth 0.3 >> m = 0\.3: the hardness .* 0\.5 <= m .* any real one

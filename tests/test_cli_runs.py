@@ -68,8 +68,8 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
         (f"{BRANCH[:-4]}nowhere/b.nc", "there is no directory nowhere"),
         ("point --a 0.5 --gamma 0.04 --k 0.8 --save x.nc", "save"),
         (
-            "simulate --a 0.5 --gamma 0.04 --k 0.8 --periods 2 --stream s --save x.nc",
-            "--save and --stream: a stream is kept in its folder",
+            "simulate --a 0.5 --gamma 0.04 --k 0.8 --periods 2 --stream s.nc --save x.nc",
+            "--save and --stream: a stream is kept in its file",
         ),
     ],
 )

@@ -62,7 +62,7 @@ def test_breather_that_is_lost_is_said_to_be_and_when(run):
     assert "--lattice ring:20 starts on the one with damping" in aside
 
 
-@pytest.mark.parametrize("stream", ["", " --stream s"])
+@pytest.mark.parametrize("stream", ["", " --stream s.nc"])
 def test_rests_on_a_wall_are_counted_after_chatters_whose_last_impacts_are_not(run, stream):
     Path("one.json").write_text('{"u": [0.1], "v": [0.3]}')
     line = "simulate --a 8 --gamma 0.02 --k 0.3 --lattice open:1 --periods 20 --start one.json"
@@ -155,8 +155,8 @@ def test_push_is_of_the_size_given_and_the_same_for_the_same_seed(run):
 
 
 def test_stream_goes_on_and_ends_like_one_run(run):
-    first = json.loads(run(f"{LOST} --stream folder --periods 60 --json")[1])
-    line = f"{LOST} --stream folder --periods 160 --json --csv all.csv --impacts i.csv"
+    first = json.loads(run(f"{LOST} --stream run.nc --periods 60 --json")[1])
+    line = f"{LOST} --stream run.nc --periods 160 --json --csv all.csv --impacts i.csv"
     second, whole = json.loads(run(line)[1]), json.loads(run(f"{LOST} --periods 160 --json")[1])
     assert first["periods"] == 60
     assert np.array_equal(state_of(second), state_of(whole))
@@ -169,10 +169,10 @@ def test_stream_goes_on_and_ends_like_one_run(run):
 
 
 def test_stream_of_another_run_is_refused(run):
-    run(f"{LOST} --stream folder --periods 2")
-    status, _, err = run(f"{STABLE} --stream folder --periods 2")
+    run(f"{LOST} --stream run.nc --periods 2")
+    status, _, err = run(f"{STABLE} --stream run.nc --periods 2")
     assert status == BAD_INPUT
-    assert "folder holds another run: a is 0.2 there and 0.1 here" in err
+    assert "run.nc holds another run: a is 0.2 there and 0.1 here" in err
 
 
 def interrupt(monkeypatch, periods):
@@ -190,12 +190,12 @@ def interrupt(monkeypatch, periods):
 def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(run, monkeypatch):
     advance = EventDriven.advance
     interrupt(monkeypatch, 10)
-    status, out, _ = run(f"{STABLE} --stream folder --periods 150 --final f.json")
+    status, out, _ = run(f"{STABLE} --stream run.nc --periods 150 --final f.json")
     assert status == INTERRUPTED
     assert re.search(r"Interrupted after \d+ of 150 periods; the same command goes on", out)
     assert Path("f.json").exists()
     monkeypatch.setattr(EventDriven, "advance", advance)
-    status, out, _ = run(f"{STABLE} --stream folder --periods 150 --json")
+    status, out, _ = run(f"{STABLE} --stream run.nc --periods 150 --json")
     whole = json.loads(run(f"{STABLE} --periods 150 --json")[1])
     assert status == DONE
     assert np.array_equal(state_of(json.loads(out)), state_of(whole))

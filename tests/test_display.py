@@ -98,7 +98,7 @@ def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
     proof, lossy = b.certify(), {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.02}
     motion = periodic(calm.state(6), **lossy, symmetric=True)
     waves, count = over_reflection(0.08, 0.8, 0.3), unstable_count(0.11, 0.8, 0.3)
-    stream = record(tmp_path / "run", b.state(5), **ON, periods=3)
+    stream = record(tmp_path / "run.nc", b.state(5), **ON, periods=3)
     state, lost = b.state(9), lyapunov(calm.state(3), a=0.1, gamma=0.05, k=0.8, periods=50)
     energy = localisation(*state, a=0.5, gamma=0.08)
     turning = np.exp(0.3j * np.arange(400))

@@ -59,7 +59,7 @@ class RunOptions:
     seed
         Of that push, and of the noise.
     stream
-        Folder to keep the run in; the same command again goes on with it.
+        File to keep the run in, run.nc for instance; the same command again goes on with it.
     impacts
         Write all impacts to this file.
     final
@@ -91,7 +91,7 @@ class RunOptions:
                 "--noise: a stream is without noise; leave --stream out, --save keeps it"
             )
         if self.stream is not None and into.save is not None:
-            raise BadInput("--save and --stream: a stream is kept in its folder; leave --save out")
+            raise BadInput("--save and --stream: a stream is kept in its file; leave --save out")
         number("--perturb", self.perturb, 0.0, math.inf, "a size, at least 0")
         whole("--seed", self.seed, 0)
         if where.threshold is not None:
@@ -272,9 +272,7 @@ class RunSummary:
             events = {n: getattr(self.run, n) for n in EVENTS if hasattr(self.run, n)}
             yield Chunk(0, u, v, u[:0], v[:0], **events)
             return
-        for chunk in self.stream.chunks():
-            chunk.impacts["time"] += self.stream.t0
-            yield chunk
+        yield from self.stream.chunks()
 
     @computing()
     def judge(self) -> dict[str, Any]:

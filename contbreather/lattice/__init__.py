@@ -1,4 +1,4 @@
-"""The linear lattice between impacts, and what drives it. Knows nothing of impacts."""
+"""The linear lattice between impacts, what drives it, and the law of an impact."""
 
 from __future__ import annotations
 

@@ -28,8 +28,9 @@ from contbreather.lattice.forcing import (
     TrigonometricSeries,
 )
 from contbreather.lattice.formula import Symbolic
+from contbreather.lattice.impact_law import ImpactLaw, Restitution
 from contbreather.parameters import NAMES, parameter
-from contbreather.storage.serialise import serialised, to_dict
+from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 
 
 def restitution_ratio(k: float) -> float:
@@ -139,6 +140,8 @@ class Conditions:
     forcing : Forcing
     walls : Walls
     lattice : InfiniteChain, Ring or Lattice
+    restitution : callable, optional
+        Of the speed before an impact, in simulations: k is no number then.
     """
 
     a: float
@@ -149,6 +152,7 @@ class Conditions:
     forcing: Forcing = field(default_factory=Harmonic)
     walls: Walls = Walls()
     lattice: Any = field(default_factory=InfiniteChain)
+    restitution: Restitution | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "walls", self.walls.placed(self.lattice))
@@ -165,25 +169,33 @@ class Conditions:
     @property
     def params(self) -> dict[str, float]:
         """All parameters by name, those of the forcing last."""
-        return {**{name: getattr(self, name) for name in NAMES}, **self.forcing.params}
+        own = [name for name in NAMES if name != "k" or self.restitution is None]
+        return {**{name: getattr(self, name) for name in own}, **self.forcing.params}
+
+    @property
+    def law(self) -> ImpactLaw:
+        """What an impact does to a velocity."""
+        return ImpactLaw(self.k, self.restitution)
 
     def at(self, params: Mapping[str, float]) -> Conditions:
         """Replace values of its parameters."""
-        values = tuple(float(params.get(name, value)) for name, value in self.params.items())
+        own = {name: getattr(self, name) for name in NAMES} | self.forcing.params
+        values = tuple(float(params.get(name, value)) for name, value in own.items())
         # lattices of the same numbers are equal, and each keeps its name
         name = getattr(self.lattice, "name", "")
-        return _moved(self.forcing, self.walls, self.lattice, values, name)
+        return _moved(self.forcing, self.walls, self.lattice, values, name, self.restitution)
 
 
 @lru_cache(maxsize=256)
 def _moved(
-    forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...], _: str
-) -> Conditions:
+    forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...], _: str,
+    restitution: Restitution | None,
+) -> Conditions:  # fmt: skip
     names = tuple(forcing.params)
     if names:
         forcing = forcing.at(**dict(zip(names, values[len(NAMES) :], strict=True)))
     a, gamma, k, damping, spring = values[: len(NAMES)]
-    return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice)
+    return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice, restitution)
 
 
 # --- the forced response where a spring holds every site: f'' + spring f = F ----------------------
@@ -309,6 +321,8 @@ def _walls(of_all: Sequence[float | None], own: Sequence[Any]) -> Walls:
 
 
 def _conditions_to_dict(on: Conditions) -> dict[str, Any]:
+    if on.restitution is not None:
+        raise NotSerialisable(on.restitution)
     numbers = {name: float(getattr(on, name)) for name in NAMES}
     parts = ("forcing", "walls", "lattice")
     return {**numbers, **{name: to_dict(getattr(on, name)) for name in parts}}

@@ -6,24 +6,24 @@ A row's result depends on its starts alone, so the picture is the same whoever c
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
+    GivenOrbit,
     ModelParameters,
     State,
     orbit_given,
@@ -71,13 +71,12 @@ class Axis:
 
     name: str
     site: int
-    values: tuple[float, ...]
+    values: Sequence[float]
 
-    def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        one_of("the coordinate of an axis", name, ("u", "v"))
-        along = row("values", values, "the values of an axis")
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "site", whole("site", site, -(10**9)))
+    def __post_init__(self) -> None:
+        one_of("the coordinate of an axis", self.name, ("u", "v"))
+        along = row("values", self.values, "the values of an axis")
+        object.__setattr__(self, "site", whole("site", self.site, -(10**9)))
         object.__setattr__(self, "values", tuple(along.tolist()))
 
     @property
@@ -109,7 +108,7 @@ class Basin(Columns, HtmlRepr):
     along = "start"
 
     def table(self) -> Sheet:
-        """How many starts have which outcome."""
+        """The number of starts with each outcome."""
         counts = [(outcome.words, int(np.sum(self.outcome == outcome))) for outcome in Outcome]
         rows: list[Any] = [row for row in counts if row[1]]
         return Sheet.of([*rows, ("share that returned", self.share)])
@@ -151,7 +150,7 @@ def attraction(
     progress: bool | None = None,
     **on: Unpack[ModelParameters],
 ) -> Basin:
-    """From which starts over a plane does a lattice come to a given periodic motion?
+    """Find the starts over a plane from which a lattice comes to a given periodic motion.
 
     Parameters
     ----------
@@ -228,7 +227,7 @@ def attraction(
     return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
-def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
+def _check_alone(orbit: GivenOrbit, on: Mapping[str, Any], periods: int) -> None:
     """Refuse what an orbit is no motion of, or what ends within its period."""
     if on:
         raise BadInput(
@@ -243,7 +242,6 @@ def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
 
 
 def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:
-    """All starts of one row."""
     row = [ends((x, value), (y, y.values[j])) for value in x.values]
     outcomes, distances = zip(*row, strict=True)
     return np.array(outcomes, np.int8), np.array(distances)

@@ -253,10 +253,12 @@ def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Finding | None, Perio
         kind = Kind.PERIODIC if n == 1 else Kind.UNDECIDED
         return ((kind, reason) if gap < CLOSED else None), None
     repelling = None
+    # beyond 1 rounding, or the integration, may take a multiplier by so much
+    slack = 1e-6 if isinstance(run, SmoothRun) else 1e-7
     # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
     for candidate in dict.fromkeys((1, n)):
         motion = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
-        if motion is not None and motion.largest < 1.0 + _slack(run):
+        if motion is not None and motion.largest < 1.0 + slack:
             return _periodic(run, evidence, motion), None
         if repelling is None and motion is not None and _leaving(run, motion):
             repelling = motion
@@ -280,11 +282,6 @@ def _returns(run: Ran) -> tuple[int, Array]:
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
 
 
-def _slack(run: Ran) -> float:
-    """How far beyond 1 rounding, or the integration, may take a multiplier."""
-    return 1e-6 if isinstance(run, SmoothRun) else 1e-7
-
-
 def _next_to(run: Ran, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
     try:
@@ -300,12 +297,12 @@ def _last(run: Ran) -> State:
 
 
 def _distance(run: Ran, motion: PeriodicMotion) -> float:
-    """How far the end of a run is from a motion."""
+    """Distance of the end of a run from a motion."""
     return float(np.abs(np.subtract(_last(run), motion.state)).max())
 
 
 def _leaving(run: Ran, motion: PeriodicMotion) -> bool:
-    """Whether a run has been beside a motion that repels all the time, and no longer than it can.
+    """Say if a run has been beside a motion that repels all the time, and no longer than it can.
 
     A chaotic band passes by such motions again and again, or is narrow and stays beside one for
     ever: neither starts within rounding of it and moves away.

@@ -40,7 +40,7 @@ from contbreather.simulation.taylor import (
 TOGETHER = 1e-12  # impacts closer than this happen at the same time
 FAST = 1e9  # a velocity beyond all reason
 
-DONE, FULL, CHATTER, ASTRAY, WILD = 0, 1, 2, 3, 4
+DONE, FULL, CHATTER, ASTRAY, WILD, ASKS = 0, 1, 2, 3, 4, 5
 HIT, BEGINS_REST, ENDS_REST = 0, 1, 2
 
 
@@ -57,26 +57,23 @@ def find_contact(
         work.when[n] = release(on, work, n, t, h)
         return bool(work.when[n] != LOST)
     work.when[n] = NEVER
-    origin = work.origin[n]
-    left = h - origin
-    curvature = column_bound(work.rows, n, left / h, 2) / (h * h) + driven_bound(on.motion, 2)
-    slack = curvature * left * left / 8.0
+    curvature = column_bound(work.rows, n, 1.0, 2) / (h * h) + driven_bound(on.motion, 2)
+    slack = curvature * h * h / 8.0
     if max(abs(first), abs(last)) + slack < on.walls[2, n]:
         work.released[n] = 0
         return True
-    at = t + origin
-    middle = site_at(work.rows, n, h, 0.5 * left / h)[0] + drive_sum(on.motion, at + 0.5 * left)[0]
-    start = moving_away(on, work, n, at, h) if work.released[n] != 0 else 0.0
+    middle = site_at(work.rows, n, h, 0.5)[0] + drive_sum(on.motion, t + 0.5 * h)[0]
+    start = moving_away(on, work, n, t, h) if work.released[n] != 0 else 0.0
     work.released[n] = 0
     for sign in (1.0, -1.0):
         level = on.walls[1, n] if sign > 0.0 else -on.walls[0, n]
         if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < level:
             continue  # half the length, a quarter of the slack
-        s = first_contact(work.rows, n, h, on.motion, at, sign, level, start, left, sign * last)
+        s = first_contact(work.rows, n, h, on.motion, t, sign, level, start, h, sign * last)
         if s == LOST:
             return False
-        if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
-            work.when[n] = origin + s
+        if s >= 0.0 and (work.when[n] < 0.0 or s < work.when[n]):
+            work.when[n] = s
             work.side[n] = np.int8(sign)
     return True
 
@@ -106,28 +103,31 @@ def record_event(
 def apply_events(
     on: Parameters, work: Workspace, log: EventLog, period: int, t: float, dt: float
 ) -> int:
-    """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
-
-    ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
-    the sites whose motion is another one from now on.
-    """
+    """Apply every contact and release of the step's time dt, whose state ``v`` and ``w`` hold; a
+    site + 1 where one chatters, -1 where the log is full, -2 where k is asked for."""
     motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
-        work.changed[n] = 0
         if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
             continue
-        work.changed[n] = 1
         if work.at_rest[n] != 0:  # the wall lets go; nothing jumps
             wall = int(work.at_rest[n])
             work.released[n] = work.at_rest[n]
             work.at_rest[n] = 0
             if not record_event(log, period, t, n, ENDS_REST, wall, 0.0, 0.0, 0.0):
                 return -1
+            work.when[n] = NEVER
             continue
         wall = int(work.side[n])
         before = work.w[n] + velocity
-        after = -on.k * before + 0.0  # (2); no minus zero
+        k = on.k
+        if on.by_speed:
+            if work.answer[0] != abs(before):
+                work.answer[0] = abs(before)
+                return -2
+            k = work.answer[1]
+        work.when[n] = NEVER  # it has been, should another one wait for an answer
+        after = -k * before + 0.0  # (2); no minus zero
         # the push at rest has the wall's sign; u'' as it is just before has the drag besides
         push = wall * push_into_wall(on, work, n, float(wall), t)[0] - on.mu * before
         # onto the wall exactly: what rounding leaves would grow into a gap over many impacts
@@ -139,7 +139,7 @@ def apply_events(
             return -1
         if work.hits[n] > on.most:
             return n + 1
-        rest = comes_to_rest(on, work, n, float(wall), t, abs(after))
+        rest = comes_to_rest(on, work, n, float(wall), t, abs(after), k)
         if rest >= 0.0:
             work.at_rest[n] = np.int8(wall)
             work.w[n] = -velocity
@@ -163,13 +163,8 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
     for n in range(reach.size):
         # |u| <= |v| + |a g|, certain to stay between the walls: in a breather nearly all are
         far = reach[n] + swing < free[n]
-        work.listed[n] = not far
         candidates[count] = n  # without a branch: it is overwritten unless it counts
         count += not far
-    for n in range(reach.size):
-        work.origin[n] = 0.0
-        work.when[n] = NEVER
-        work.changed[n] = 0
     work.many[0] = count
     now, then = drive_sum(on.motion, t)[0], drive_sum(on.motion, t + h)[0]
     for i in range(count):
@@ -180,102 +175,14 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
 
 
 @inlined
-def state_around(work: Workspace, n: int, reach: int, s: float, h: float) -> None:
-    """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
-    size = work.v.size
-    for i in range(n - reach, n + reach + 1):
-        m = i % size
-        work.v[m], work.w[m], _ = site_at(work.rows, m, h, (s - work.origin[m]) / h)
-
-
-@inlined
-def expand_near(on: Parameters, work: Workspace, n: int, s: float, h: float) -> None:
-    """Expand anew, about the step's time s, the sites that a change at site n can influence.
-
-    By v'' = -K v, the j-th power at one site depends on others up to a distance of j/2 only; beyond
-    that of the last power kept the change is below rounding for the rest of the step:
-
-        j = 0, 1   . . . . n . . . .     read
-        j = 2, 3   . . . n n n . . .
-        j = 4, 5   . . n n n n n . .     changed
-
-    On rings only, and no site is at rest.
-    """
-    patch, size = work.patch, work.v.size
-    top, wide = patch.shape[0] - 1, patch.shape[1]
-    half, x = wide // 2, (h - s) / h
-    for i in range(wide):
-        m = (n - half + i) % size
-        patch[0, i] = work.v[m]
-        patch[1, i] = h * work.w[m]
-    for j in range(2, top + 1):
-        pull, drag = -on.gamma * h * h / (j * (j - 1)), -on.mu * h / j
-        for i in range(j // 2, wide - j // 2):
-            near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
-            patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
-    for i in range(half - top // 2, half + top // 2 + 1):  # Horner's scheme, at the step's end
-        m = (n - half + i) % size
-        v = w = reach = 0.0
-        for j in range(top, -1, -1):
-            entry = patch[j, i]
-            work.rows[j, m] = entry
-            w = w * x + v
-            v = v * x + entry
-            reach = reach * x + abs(entry)
-        work.origin[m] = s
-        work.last_v[m], work.last_w[m], work.reach[m] = v, w / h, reach
-
-
-@inlined
-def correct(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bool:
-    """After an event at the step's time s: new series and next contacts around what changed."""
-    top, count = work.rows.shape[0] - 1, work.many[0]
-    reach = top // 2
-    for i in range(count):
-        if work.changed[work.candidates[i]] != 0:
-            expand_near(on, work, work.candidates[i], s, h)
-    swing = driven_bound(on.motion, 0)
-    now, then = drive_sum(on.motion, t + s)[0], drive_sum(on.motion, t + h)[0]
-    for i in range(count):
-        n = work.candidates[i]
-        if work.changed[n] == 0:
-            continue
-        for k in range(n - reach, n + reach + 1):
-            m = k % work.v.size
-            work.when[m] = NEVER
-            if work.reach[m] + swing < on.walls[2, m]:
-                continue
-            if work.listed[m] == 0:
-                work.listed[m] = 1
-                work.candidates[work.many[0]] = m
-                work.many[0] += 1
-            if not find_contact(on, work, m, t, h, work.rows[0, m] + now, work.last_v[m] + then):
-                return False
-    return True
-
-
-@inlined
-def next_event(candidates: Counts, many: int, times: Vector) -> tuple[float, int]:
-    """The earliest event of the step, or NEVER, and how many sites take part in it."""
-    best, count = NEVER, 0
-    for i in range(many):
-        when = times[candidates[i]]
+def next_event(work: Workspace) -> float:
+    """The earliest event of the step, or NEVER."""
+    best = NEVER
+    for i in range(work.many[0]):
+        when = work.when[work.candidates[i]]
         if when >= 0.0 and (best < 0.0 or when < best):
             best = when
-    for i in range(many):
-        when = times[candidates[i]]
-        if when >= 0.0 and when <= best + TOGETHER:
-            count += 1
-    return best, count
-
-
-@inlined
-def evaluate_all(work: Workspace, s: float, h: float) -> None:
-    """The state of all sites at the step's time s, into v and w."""
-    state_at(work.rows, h, s / h, work.v, work.w)
-    for n in range(work.v.size):
-        if work.origin[n] != 0.0:
-            state_around(work, n, 0, s, h)
+    return best
 
 
 @inlined
@@ -289,49 +196,33 @@ def one_period(
     t0: float,
     span: float,
 ) -> tuple[int, int]:
-    """From t0 over the time ``span``; a status, and the site it is about."""
-    s, sample, size = 0.0, 0, work.v.size
-    wide = work.patch.shape[1]
-    for n in range(size):
-        work.hits[n] = 0
+    """Advance from t0 over the time ``span``; a status, and the site it is about."""
+    s, sample, dt, end = 0.0, int(work.pause[2]), work.pause[0], work.pause[1]
+    waiting = dt >= 0.0  # the events of that step go on, with an answer
     while s < span:
-        anyone = any_at_rest(work.at_rest)
-        t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
-        if not begin_step(on, work, t, h, anyone):
-            return ASTRAY, 0
-        while True:
-            dt, count = next_event(work.candidates, work.many[0], work.when)
-            to_end = dt < 0.0
+        if not waiting:
+            anyone = any_at_rest(work.at_rest)
+            t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
+            if not begin_step(on, work, t, h, anyone):
+                return ASTRAY, 0
+            dt = next_event(work)
             # the last step ends at the span itself, not beside it by rounding
-            end = (span if h >= span - s else s + h) if to_end else s + dt
+            end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
             if sample < dense.grid.size:
                 sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
-            if to_end:
-                for n in range(size):
-                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
-                break
-            # impacts of few sites change few series: the others go on through the step
-            local = on.ring and count * wide < size and not anyone
-            if local:
-                for i in range(work.many[0]):
-                    n = work.candidates[i]
-                    if work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
-                        state_around(work, n, wide // 2, dt, h)
+            if dt >= 0.0:
+                state_at(work.rows, h, dt / h, work.v, work.w)
             else:
-                evaluate_all(work, dt, h)
+                for n in range(work.v.size):
+                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
+        if dt >= 0.0:
             status = apply_events(on, work, log, period, t0 + end, dt)
+            if status == -2:
+                work.pause[0], work.pause[1], work.pause[2] = dt, end, sample
+                return ASKS, 0
             if status != 0:
                 return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-            if local and any_at_rest(work.at_rest):
-                # a new step, driven for the site at rest, begins from the state of all sites
-                for n in range(size):
-                    if work.changed[n] == 0:
-                        state_around(work, n, 0, dt, h)
-                local = False
-            if not local:
-                break
-            if not correct(on, work, t, dt, h):
-                return ASTRAY, 0
+        waiting = False
         s = end
     return DONE, 0
 
@@ -350,7 +241,7 @@ def record_dense(
         motion, velocity, _, _ = drive_sum(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
-            v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
+            v, w, _ = site_at(work.rows, n, h, (time - s) / h)
             dense.u[row, sample, i] = v + motion
             dense.v[row, sample, i] = w + velocity
         sample += 1
@@ -362,6 +253,7 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
     motion, velocity, _, _ = drive_sum(on.motion, t0)
     for n in range(u.size):
+        work.hits[n] = 0
         work.v[n] = u[n] - motion
         work.w[n] = v[n] - velocity
         work.at_rest[n] = 0
@@ -403,13 +295,17 @@ def event_loop(
     """
     ended[0], ended[1], ended[2] = strobe_u.shape[0], DONE, 0
     for j in range(strobe_u.shape[0]):
-        used = log.used[0]
-        begin_period(on, work, u, v, t0)
+        if work.pause[0] < 0.0:
+            work.begun[0] = log.used[0]
+            begin_period(on, work, u, v, t0)
         status, site = one_period(on, work, log, dense, j, first + j, t0, span)
+        if status != ASKS:
+            work.pause[0], work.pause[2] = NEVER, 0.0
         if status == DONE and not end_period(on, work, u, v, t0 + span):
             status, site = WILD, 0
         if status != DONE:
-            log.used[0] = used
+            if status != ASKS:
+                log.used[0] = work.begun[0]
             ended[0], ended[1], ended[2] = j, status, site
             return
         for n in range(u.size):
@@ -427,7 +323,7 @@ def fly(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, zeros: Vector,
     nowhere: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """All perturbations over a time without events."""
+    """Carry perturbations over a time without events."""
     anyone, left = any_at_rest(at_rest), span
     while left > 0.0:
         h = min(on.step, left)  # nothing is driven: the harmonics of the forcing do not count
@@ -440,7 +336,9 @@ def fly(
         left -= h
 
 
-def kick(du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, on: Parameters) -> None:
+def kick(
+    du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, ratio: float, slope: float
+) -> None:
     """One event: the block of (19), the beginning of a rest (NaN), or its end (infinite)."""
     if math.isinf(entry):
         at_rest[n] = 0
@@ -452,13 +350,14 @@ def kick(du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, on: Param
         if at_rest[n] != 0:  # wherever it came from, the site is at its wall
             du[i, n] = dv[i, n] = 0.0
         else:
-            du[i, n] = -on.k * u
-            dv[i, n] = -on.k * v + entry * u
+            du[i, n] = ratio * u
+            dv[i, n] = slope * v + entry * u
 
 
 def tangent_flow(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, since: Vector,
-    site: Counts, entry: Vector, zeros: Vector, nowhere: Vector, rows: Matrix,
+    site: Counts, entry: Vector, ratio: Vector, slope: Vector, zeros: Vector, nowhere: Vector,
+    rows: Matrix,
 ) -> None:  # fmt: skip
     """Perturbations ``du, dv`` (m, N) over a time ``span`` with these events, in place.
 
@@ -469,7 +368,7 @@ def tangent_flow(
     for i in range(since.size):
         fly(du, dv, at_rest, since[i] - s, on, zeros, nowhere, rows)
         s = since[i]
-        kick(du, dv, at_rest, site[i], entry[i], on)
+        kick(du, dv, at_rest, site[i], entry[i], ratio[i], slope[i])
     fly(du, dv, at_rest, span - s, on, zeros, nowhere, rows)
 
 

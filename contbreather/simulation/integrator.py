@@ -27,6 +27,7 @@ from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.progress import Bar
 from contbreather.simulation.event_loop import (
+    ASKS,
     ASTRAY,
     BEGINS_REST,
     CHATTER,
@@ -37,6 +38,7 @@ from contbreather.simulation.event_loop import (
 )
 from contbreather.simulation.states import PERIOD, State, wall_rows, within_period
 from contbreather.simulation.taylor import (
+    NEVER,
     STEP,
     Couplings,
     DenseOutput,
@@ -53,11 +55,12 @@ WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wa
 IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
 REST = np.dtype([*WHERE, ("begins", "?")])
 EVENTS = ("impacts", "rests")  # tables of what happens between rigid walls
+CHUNK = 2**21  # numbers a chunk may hold: 16 MB
 MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
 
 
 class RunStop(enum.Enum):
-    """Why a run ended; the value is the sentence a user reads."""
+    """Reason for which a run ended; the value is the sentence a user reads."""
 
     DONE = "went through all its periods"
     INTERRUPTED = "interrupted; all periods up to here are kept"
@@ -138,6 +141,12 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
     return Chunk(0, u, v, *np.empty((2, 0, *each)))
 
 
+def periods_at_once(sites: int, sample: Sample | None) -> int:
+    """The most periods that one chunk may have."""
+    dense = sample.per_period * len(sample.sites) if sample else 0
+    return max(1, CHUNK // (2 * sites + 2 * dense))
+
+
 def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
     """Join the arrays of successive chunks."""
     names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
@@ -145,9 +154,8 @@ def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
 
 
 class Integrator(Protocol):
-    """What carries a state on, between walls of either kind: as many periods as asked for (or one
-    of another length), fewer with a reason, or, but one at least, where there is no room for all
-    their impacts; `most_periods` is the most that one chunk may have."""
+    """Carrier of a state, between walls of either kind: over as many periods as asked for (or one
+    of another length), or fewer with a reason; `most_periods` is the most that a chunk may have."""
 
     state: State
     conditions: Any
@@ -181,7 +189,6 @@ def in_chunks(
 
 
 MOST = 150_000  # impacts of one site in one period: some seconds
-CHUNK = 2**21  # numbers a chunk may hold: 16 MB
 
 
 # --- what the kernels take ------------------------------------------------------------------------
@@ -206,7 +213,8 @@ def parameters_of(conditions: Conditions) -> Parameters:
     ring = isinstance(lattice, Ring) and c.spring == 0.0
     walls = np.array([low, high, np.minimum(high, -low)])
     where = (ring, float(c.gamma), bonds, walls)
-    return Parameters(*where, mu, k, step, rest_step, powers_needed(step * rate), 0, motion, force)
+    steps = step, rest_step, powers_needed(step * rate)
+    return Parameters(*where, mu, k, c.restitution is not None, *steps, 0, motion, force)
 
 
 @lru_cache(maxsize=64)
@@ -239,22 +247,15 @@ def _couplings(lattice: Finite, gamma: float, spring: float) -> tuple[Couplings,
 
 def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     """Room for a step of so many powers, driven by so many harmonics."""
-    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
-    side, held, released, changed, listed = np.zeros((5, sites), np.int8)
-    rows, patch = np.empty((size, sites)), np.empty((size, 4 * ((size - 1) // 2) + 1))
-    push, column = np.empty((size, 1)), np.empty(size)
-    hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
-    step = (v, w, rows, origin, last_v, last_w, reach, patch, push, column)
-    signs = (side, held, place, released, changed)
-    count = np.zeros(1, np.int64)
-    return Workspace(*step, np.empty((2, harmonics)), when, *signs, hits, busy, count, listed)
-
-
-def event_log(size: int) -> EventLog:
-    """An empty log."""
-    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
-    columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
-    return EventLog(np.zeros(1, np.int64), *columns)
+    v, w, last_v, last_w, reach, when, place = np.zeros((7, sites))
+    side, held, released = np.zeros((3, sites), np.int8)
+    hits, candidates, many = (np.zeros(n, np.int64) for n in (sites, sites + 1, 1))
+    rows, push, column = np.empty((size, sites)), np.empty((size, 1)), np.empty(size)
+    drive = np.empty((2, harmonics))
+    step = (v, w, rows, last_v, last_w, reach, push, column, drive, when)
+    answer, pause = np.full(2, np.nan), np.array([NEVER, 0.0, 0.0])
+    waits = answer, pause, np.zeros(1, np.int64)
+    return Workspace(*step, side, held, place, released, hits, *waits, candidates, many)
 
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
@@ -280,35 +281,38 @@ class EventDriven:
     parameters: Parameters = field(init=False)
     workspace: Workspace = field(init=False)
     log: EventLog = field(init=False)
-    full: bool = field(init=False, default=False)  # whether another period found no room in the log
 
     def __post_init__(self) -> None:
         self.parameters = on = parameters_of(self.conditions)._replace(most=MOST)
         self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
-        self.log = event_log(256)
+        kinds = ("i8", "i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
+        self.log = EventLog(*(np.zeros(256, kind) for kind in kinds))
         self.state = State(self.state.u.copy(), self.state.v.copy())
 
     @property
     def most_periods(self) -> int:
-        """How many one chunk may have."""
-        dense = self.sample.per_period * len(self.sample.sites) if self.sample else 0
-        return max(1, CHUNK // (2 * self.state.u.size + 2 * dense))
+        return periods_at_once(self.state.u.size, self.sample)
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
-        if self.full:  # before anything is flown that Ctrl-C could drop
-            self.log, self.full = event_log(2 * self.log.phase.size), False
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
-        here = (self.t0, span, first, self.parameters, self.workspace, self.log)
-        self.log.used[0] = 0
+        self.log.used[0] = done = 0
+        self.workspace.pause[:] = NEVER, 0.0, 0.0
+        status, answer = ASKS, self.workspace.answer
         with deferred():
-            EVENT_LOOP(u, v, *here, dense, strobe_u, strobe_v, ended)
-        done, status, site = ended.tolist()
-        self.full = status == FULL
-        if self.full and not done:
-            return EventDriven.advance(self, periods, first, span=span)  # of a noisy one, too
-        if status not in (DONE, CHATTER, FULL):
+            while status in (ASKS, FULL):
+                here = (self.t0, span, first + done, self.parameters, self.workspace, self.log)
+                left = dense._replace(u=dense.u[done:], v=dense.v[done:])
+                EVENT_LOOP(u, v, *here, left, strobe_u[done:], strobe_v[done:], ended)
+                count, status, site = ended.tolist()
+                done += count
+                if status == ASKS:
+                    answer[1] = self.conditions.law.at(float(answer[0]))
+                elif status == FULL:  # its last period once more, with twice the room
+                    twice: list[Any] = [np.append(x, np.zeros_like(x)) for x in self.log]
+                    self.log = EventLog(*twice)
+        if status not in (DONE, CHATTER):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)
         kept = (strobe_u[:done], strobe_v[:done], dense.u[:done], dense.v[:done], impacts, rests)
@@ -317,7 +321,7 @@ class EventDriven:
         return Chunk(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
 
     def _chatter(self, site: int, period: int) -> str:
-        """What was seen; whether it would come to rest is not known."""
+        """Tell what was seen; whether it would come to rest is not known."""
         first = int(self.log.used[0])  # those of the period are behind it
         there = slice(first, first + int(self.workspace.hits.sum()))
         here = self.log.site[there] == site

@@ -74,7 +74,7 @@ class Localisation(HtmlRepr):
         return f"<Localisation of {states} states, participation ratio {low:.4g} to {high:.4g}>"
 
     def table(self) -> Sheet:
-        """How many sites share the energy of the states, and how fast it falls off."""
+        """The number of sites that share the energy, and its decay from site to site."""
         return Sheet.of([
             ("states", np.size(self.centre)),
             ("least participation ratio", float(np.min(self.participation))),
@@ -196,7 +196,6 @@ def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array
 
 # --- rotation numbers -----------------------------------------------------------------------------
 
-TURN = 2.0 * math.pi
 STILL = 1e-14  # of its largest state: a section that extends no further is a point
 
 
@@ -262,7 +261,7 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
 
     Examples
     --------
-    >>> t = TURN * 0.381966 * np.arange(3000)
+    >>> t = PERIOD * 0.381966 * np.arange(3000)
     >>> found = rotation(np.cos(t) + 0.2 * np.cos(2 * t), np.sin(t))
     >>> round(found.number, 12)
     0.381966
@@ -301,9 +300,9 @@ def _planes(x: Array, y: Array) -> list[Array]:
 
 def _turns(plane: Array, hole: float) -> Rotation:
     """Mean turn about the middle of a plane."""
-    turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / TURN
+    turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / PERIOD
     # each turn modulo 1 on the sheet around the middle of them all
-    middle = np.angle(np.exp(1j * TURN * turns).mean()) / TURN
+    middle = np.angle(np.exp(1j * PERIOD * turns).mean()) / PERIOD
     turns = middle + (turns - middle + 0.5) % 1.0 - 0.5
     half = len(turns) // 2
     parts = (turns, turns[:half], turns[half:])

@@ -50,7 +50,6 @@ from contbreather.tables import Cell, HtmlRepr, Sheet, yes_or_no
 Array = NDArray[Any]
 Params = Mapping[str, float]
 
-KEPT = 8  # flights
 OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 INTEGRATED = 1e-7  # and by more than the integration's error
 DOMAIN = {name: (entry.low, entry.high) for name, entry in {**NUMBERS, **SMOOTH}.items()} | {
@@ -94,7 +93,7 @@ Asked = tuple[Conditions | SmoothConditions, bytes, float, float]
 
 
 # kept, for residual, derivative, columns and events ask for the same few
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=8)
 def _flight(
     on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
 ) -> tuple[Array, SimulationRun | None]:
@@ -108,7 +107,7 @@ def _flight(
     return np.concatenate(run.final), run
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=8)
 def _slopes(
     on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
 ) -> tuple[Any, Array | None]:
@@ -188,7 +187,7 @@ class PeriodicMotion(HtmlRepr):
         return problem_of_cycle(on, self.t0, self.state, halves if _mirrored(on) else self.periods)
 
     def table(self) -> Sheet:
-        """How well it closes, how perturbations of it grow, and what it moves under."""
+        """Its residual, the growth of perturbations, and what it moves under."""
         rows: list[tuple[str, Cell]] = [
             ("repeats after periods", self.periods),
             ("symmetric", yes_or_no(self.symmetric)),
@@ -262,7 +261,7 @@ def periodic(
     >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
     >>> found = periodic(b.state(6), a=0.1, gamma=0.05, k=0.8, damping=0.02, symmetric=True)
     >>> round(found.largest, 4)
-    0.9392
+    0.9481
     >>> branch = trace(found, "a", towards="down", within={"a": (0.05, 0.2)})
     >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
     0.0863
@@ -314,7 +313,7 @@ def closing(
 
 
 def _mirrored(on: Conditions | SmoothConditions) -> bool:
-    """Whether a motion and its mirror image obey the same laws: the forcing always does."""
+    """Say if a motion and its mirror image obey the same laws: the forcing always does."""
     return isinstance(on, SmoothConditions) or on.walls.symmetric
 
 
@@ -395,21 +394,22 @@ class MotionProblem(maps.MapCycleProblem):
     def sensitivity(self) -> Callable[[Array, Params, str], Array] | None:  # type: ignore[override]
         on = self.back.on
         exact = isinstance(on, SmoothConditions) and not on.forcing.params
-        return self._sensitivity if exact else None
 
-    def _sensitivity(self, x: Array, params: Params, name: str) -> Array:
-        back, total = self.back, np.zeros(x.size)
-        for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
-            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-            x = back.image(x, params)
-        return total
+        def along(x: Array, params: Params, name: str) -> Array:
+            back, total = self.back, np.zeros(x.size)
+            for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
+                total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+                x = back.image(x, params)
+            return total
+
+        return along if exact else None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return self._lifted if kind == self.breaks else None
+        def doubled(point: Point) -> SwitchingProblem:
+            twice = with_period(point.problem, 2 * self.period)
+            return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
 
-    def _lifted(self, point: Point) -> SwitchingProblem:
-        twice = with_period(point.problem, 2 * self.period)
-        return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
+        return doubled if kind == self.breaks else None
 
     def simpler(self, point: Point) -> Problem | None:
         problem = shorter(point)
@@ -417,7 +417,7 @@ class MotionProblem(maps.MapCycleProblem):
 
 
 def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:
-    """Those of maps. Without losses the pairs of a lattice lie on the circle, or as close to it as
+    """Events of maps. Without losses the pairs of a lattice lie on the circle, or as close to it as
     they are long, and which is outside is no event."""
     fold, crossing, doubling, torus = maps.EVENTS
     events = (fold, crossing, replace(doubling, kind=flip))
@@ -425,7 +425,7 @@ def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:
 
 
 def _outside(point: Point) -> float | int:
-    """What every other event changes: where it changes without one, that is said."""
+    """Multipliers outside, which every other event changes: a change without one is said."""
     return math.nan if point.params["damping"] == 0.0 else point.solution.unstable
 
 

@@ -1,54 +1,43 @@
-"""Long runs on disk: a folder of files, each written whole or not at all.
+"""Long runs on disk: one netCDF file a run, which goes on where it ends, with the same bits.
 
-``start.npz`` holds what the run began with, ``000000000000-000000000123.npz``, ... some seconds of
-the run each, named by their first period and the one after their last. A file appears under its
-name only when it is complete, so a run that was killed at any moment goes on from its last file,
-and ends with the same bits.
-
-Each file ends with a checksum of itself (the comment of a zip file, so that anything that reads npz
-reads it) and knows that of the file before it: nothing is taken from a file that was altered, and
-none can be missing, exchanged or another run's without being noticed.
+The file is what `contbreather.save` writes of a run, so `contbreather.load` reads it as well, all
+at once. A run appends to a copy without a name; now and then the copy is written in the place of
+the file, whole or not at all. A process that is killed at any moment leaves what it saved last.
 """
 
 from __future__ import annotations
 
-import hashlib
-import io
-import json
 import os
-import re
 import time
-import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.errors import BadInput
-from contbreather.files import alone, named, write_whole
-from contbreather.lattice.chain import Ring
-from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Lattice
-from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
+from contbreather.errors import BadInput, deferred
+from contbreather.files import named
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.forcing import Fourier
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import (
     IMPACT,
+    REST,
     Chunk,
     EventDriven,
     RunStop,
     Sample,
     check_sample,
     in_chunks,
-    joined_chunks,
+    periods_at_once,
 )
-from contbreather.simulation.simulate import SimulationRun, joined
+from contbreather.simulation.simulate import SimulationRun, event_table, joined
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -59,20 +48,29 @@ from contbreather.simulation.states import (
     within,
     within_period,
 )
+from contbreather.storage.netcdf import (
+    GrowingFile,
+    about_of,
+    checked_image,
+    growing_file,
+    target_of,
+    write_file,
+)
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
-EVERY = 5.0  # seconds between two files: what a crash may cost
-LARGEST = 4_000_000  # numbers in one file
-START = "start.npz"
-LOCK = "lock"
-NAME = re.compile(r"(\d{12,})-(\d{12,})\.npz")
-CHECKSUM = 32  # bytes of it
+if TYPE_CHECKING:
+    import h5py
+
+EVERY = 1.0  # seconds between two saves at least
+SHARE = 0.05  # of the time may go into saves, which take the longer the longer the run is
+SAMPLED = ("sample_u", "sample_v")
+RECORDED = "samples_per_period"  # attribute that a recording has, and no other file
 
 
 @dataclass(frozen=True)
 class Recording(HtmlRepr):
-    """A run on disk. Nothing is read before it is asked for, and `chunks` reads file by file.
+    """A run on disk, as long as it was when it was opened: `chunks` reads it piece by piece.
 
     Attributes
     ----------
@@ -81,8 +79,14 @@ class Recording(HtmlRepr):
     t0 : float
         Time of the first state.
     sample : Sample or None
-    interrupted : bool
-        Whether the call that gives it back was cut short by Ctrl-C; what it had done is on disk.
+    start : State
+        The first state.
+    final : State
+        The state after the last period on disk.
+    periods : int
+        Whole periods on disk.
+    stop : RunStop
+        ``INTERRUPTED`` where Ctrl-C cut the call short that gives it back.
     """
 
     path: Path
@@ -90,58 +94,25 @@ class Recording(HtmlRepr):
     t0: float
     sample: Sample | None
     start: State
-    interrupted: bool = False
+    final: State
+    periods: int = 0
+    stop: RunStop = RunStop.DONE
 
     @property
-    def files(self) -> list[Path]:
-        """Finished files in order of time; a sentence where one between them is missing."""
-        files = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
-        end, before = 0, START
-        for path in files:
-            first, after = _span(path)
-            if first != end:
-                raise BadInput(
-                    f"{self.path} is damaged: {path.name} does not follow on from {before}, which "
-                    f"ends at period {end}; bring the files between them back, or remove "
-                    f"{path.name} and those after it to go on from there."
-                )
-            end, before = after, path.name
-        return files
-
-    @property
-    def periods(self) -> int:
-        """Whole periods on disk."""
-        files = self.files
-        return _span(files[-1])[1] if files else 0
-
-    @property
-    def final(self) -> State:
-        """The state after the last period on disk."""
-        for path in reversed(self.files):
-            stretch = read_part(path)
-            if stretch.periods:
-                return State(stretch.u[-1], stretch.v[-1])
-        return self.start
+    def interrupted(self) -> bool:
+        return self.stop is RunStop.INTERRUPTED
 
     @property
     def end(self) -> float:
         """The time of `final`."""
         return self.t0 + PERIOD * self.periods
 
-    @property
-    def stop(self) -> RunStop:
-        if self.interrupted:
-            return RunStop.INTERRUPTED
-        files = self.files
-        return (read_part(files[-1]).stop if files else None) or RunStop.DONE
-
     def table(self) -> Sheet:
-        """How long it is, how it ended, and what it moved under; impacts are not counted, they may
-        be too many to read."""
+        """Its length, its end, and what it moved under; impacts are not counted, they may be too
+        many to read."""
         rows: list[tuple[str, Cell]] = [
             ("sites", self.start.u.size),
             ("periods", self.periods),
-            ("files", len(self.files)),
             ("until t =", self.end),
             ("then |u| <=", float(abs(self.final.u).max())),
             ("end", self.stop.value),
@@ -149,34 +120,53 @@ class Recording(HtmlRepr):
         return Sheet.of([*rows, *self.conditions.params.items()])
 
     def chunks(self) -> Iterator[Chunk]:
-        """The run piece by piece, so that memory does not grow with its length."""
-        for before, path in pairwise([self.path / START, *self.files]):
-            yield read_part(path, after=before)
+        """The run piece by piece, so that memory does not grow with its length; times are those of
+        the run, as in `impacts`."""
+        count = periods_at_once(self.start.u.size, self.sample)
+        with _opened(self.path) as group:
+            for first in range(0, self.periods, count):
+                yield self._chunk(group, first, min(first + count, self.periods))
+
+    def _chunk(self, group: h5py.Group, first: int, after: int) -> Chunk:
+        u, v = (group[name][first + 1 : after + 1] for name in "uv")
+        dense_u = dense_v = np.empty((after - first, 0, 0))
+        if self.sample is not None:
+            count = self.sample.per_period
+            samples = (group[name][first * count : after * count] for name in SAMPLED)
+            dense_u, dense_v = (x.reshape(after - first, count, -1) for x in samples)
+        tables = []
+        for kind, dtype in (("impact", IMPACT), ("rest", REST)):
+            period = group[f"{kind}_period"]
+            rows = slice(bisect_left(period, first), bisect_left(period, after))
+            if after == len(group["u"]) - 1:  # a rest may begin after the last period
+                rows = slice(rows.start, None)
+            names = [f"{kind}_{name}" for name in dtype.names or ()]
+            tables.append(event_table({name: group[name][rows] for name in names}, kind, dtype))
+        return Chunk(first, u, v, dense_u, dense_v, *tables)
 
     @property
     def impacts(self) -> NDArray[np.void]:
-        """All impacts, columns as in `Run.impacts`."""
-        table = np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.chunks())])
-        table["time"] += self.t0
-        return table
+        """Impacts of the whole run, columns as in `Run.impacts`."""
+        return np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.chunks())])
 
     def last(self, periods: int) -> SimulationRun:
         """Its last periods as a run."""
-        first, start, chunks = max(0, self.periods - periods), self.start, list[Chunk]()
-        for chunk in self.chunks():
-            if chunk.first + chunk.periods < first:
-                start = State(chunk.u[-1], chunk.v[-1])
-            else:
-                chunks.append(chunk)
-        left = joined(chunks, start, self.t0, None)
-        before = chunks[0].first if chunks else 0
-        return SimulationRun(conditions=self.conditions, **left).since(first - before)
+        first = max(0, self.periods - periods)
+        with _opened(self.path) as group:
+            chunk, reason = self._chunk(group, first, self.periods), about_of(group)["reason"]
+            times, u, v = (group[name][first : self.periods + 1] for name in ("time", "u", "v"))
+        for table in (chunk.impacts, chunk.rests):
+            table["period"] -= first
+        ends: dict[str, Any] = {"final": self.final, "end": self.end, "stop": self.stop}
+        return SimulationRun(
+            times=times, strobe=State(u, v), record=None, conditions=self.conditions,
+            impacts=chunk.impacts, rests=chunk.rests, reason=reason, **ends,
+        )  # fmt: skip
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
-        u = [self.start.u[None, n], *(s.u[:, n] for s in self.chunks())]
-        v = [self.start.v[None, n], *(s.v[:, n] for s in self.chunks())]
-        return State(np.concatenate(u), np.concatenate(v))
+        with _opened(self.path) as group:
+            return State(*(group[name][: self.periods + 1, n] for name in "uv"))
 
 
 def record(
@@ -189,15 +179,17 @@ def record(
     progress: bool | Bar | None = None,
     **on: Unpack[ModelParameters],
 ) -> Recording:
-    """`simulate` into a folder: for runs longer than memory or patience.
+    """`simulate` into a file: for runs longer than memory or patience.
 
-    Called again with the same arguments (and as many periods or more) it goes on where the last
-    finished file ends; the result is the same, bit for bit, as that of an uninterrupted run.
+    Called again with the same arguments (and as many periods or more) it goes on where the file
+    ends; the result is the same, bit for bit, as that of an uninterrupted run. The file is saved at
+    most once in a second, and so seldom that saving takes a twentieth of the time: that much of a
+    run may be lost with its process, no more.
 
     Parameters
     ----------
     path : str or Path
-        A folder, made unless it exists.
+        A file, ``run.nc`` for instance.
     periods : int
         Length of the whole run, what is on disk already included.
 
@@ -211,8 +203,7 @@ def record(
     Raises
     ------
     BadInput
-        Also where the folder holds another run (the sentence says what differs), is being written
-        to by somebody else, or is damaged.
+        Also where the file holds another run (the sentence says what differs), or is damaged.
 
     Examples
     --------
@@ -220,51 +211,92 @@ def record(
     >>> from contbreather.orbits import symmetric
     >>> state = symmetric(a=0.5, gamma=0.08, k=0.8).state(20)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     run = record(f"{folder}/run", state, a=0.5, gamma=0.08, k=0.8, periods=10)
-    ...     run = record(f"{folder}/run", state, a=0.5, gamma=0.08, k=0.8, periods=30)
+    ...     run = record(f"{folder}/run.nc", state, a=0.5, gamma=0.08, k=0.8, periods=10)
+    ...     run = record(f"{folder}/run.nc", state, a=0.5, gamma=0.08, k=0.8, periods=30)
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
     start, conditions = start_of(state, None, t0, **on)
     check_sample(sample, start.u.size)
-    start = within(start, conditions.walls)
-    wanted = Recording(named("write", path), conditions, time_of(t0), sample, start)
-    count = whole("periods", periods, 0)
-    with _locked(wanted.path):
-        if os.path.lexists(wanted.path / START):
-            _check_same(open_recording(path), wanted)
-        else:
-            _make(wanted)
-        done = wanted.periods
-        if done < count and wanted.stop is RunStop.DONE:
-            return replace(wanted, interrupted=_go_on(wanted, done, count, progress))
+    start, count = within(start, conditions.walls), whole("periods", periods, 0)
+    place = named("write", path)
+    wanted = Recording(place, conditions, time_of(t0), sample, start, start)
+    if os.path.lexists(place):
+        there = open_recording(place)
+        _check_same(there, wanted)
+        wanted = replace(there, conditions=conditions)
+    else:
+        _begin(wanted)
+    if wanted.stop is RunStop.DONE and wanted.periods < count:
+        return _go_on(wanted, count, progress)
     return wanted
 
 
-def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -> bool:
-    """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
-    pending: list[Chunk] = []
-    began = time.monotonic()
+def _begin(run: Recording) -> None:
+    """Write a run of no periods."""
+    conditions = run.conditions
+    try:
+        to_dict(conditions)
+    except NotSerialisable:  # somebody's own forcing: a run needs no more than its harmonics
+        rows = conditions.forcing.harmonics
+        cos, sin = {m: c for m, c, _ in rows}, {m: s for m, _, s in rows}
+        conditions = replace(conditions, forcing=Fourier.from_response(cos, sin))
+    nothing = joined([], run.start, run.t0, run.sample)
+    content = to_dict(SimulationRun(conditions=conditions, **nothing))
+    content["attributes"] = {RECORDED: str(run.sample.per_period if run.sample else 0)}
+    growing = ("strobe", "impact", "rest", "sample")
+    write_file(target_of(run.path), {"run": content}, alone=True, growing=growing)
+
+
+def _go_on(run: Recording, count: int, progress: bool | Bar | None) -> Recording:
+    """Simulate, append and save; what is on disk is a run at any time, only shorter."""
     integrator = EventDriven(run.final, run.conditions, within_period(run.t0), run.sample)
-    ahead = in_chunks(integrator, periods=count - done, first=done, progress=False)
-    with Bar(progress, count) as bar:
+    missing = count - run.periods
+    ahead = in_chunks(integrator, periods=missing, first=run.periods, progress=False)
+    interrupted, due = False, time.monotonic() + EVERY
+    with Bar(progress, count) as bar, growing_file(run.path) as file:
         try:
-            for stretch in ahead:
-                pending.append(stretch)
-                size = sum(p.u.size + p.dense_u.size for p in pending) * 2
-                if time.monotonic() - began > EVERY or size > LARGEST:
-                    done = _write(run, pending)
-                    pending, began = [], time.monotonic()
-                    bar.advance(done)
+            for chunk in ahead:
+                with deferred():  # half a chunk would be no run
+                    run = _appended(run, file, chunk)
+                    began = time.monotonic()
+                    if began > due:
+                        file.save()
+                        now = time.monotonic()
+                        due = now + max(EVERY, (now - began) / SHARE)
+                bar.advance(run.periods)
         except KeyboardInterrupt:
-            return True
+            interrupted = True
         finally:
-            if pending:
-                bar.advance(_write(run, pending))
-    return False
+            with deferred():
+                file.save()
+    return replace(run, stop=RunStop.INTERRUPTED) if interrupted else run
 
 
-# --- files ----------------------------------------------------------------------------------------
+def _appended(run: Recording, file: GrowingFile, chunk: Chunk) -> Recording:
+    """Add a chunk to the file of a run."""
+    after, sampled = run.periods + chunk.periods, run.sample.per_period if run.sample else 0
+    strobe = run.t0 + PERIOD * np.arange(run.periods + 1, after + 1)
+    columns: dict[str, Any] = {"time": strobe, "u": chunk.u, "v": chunk.v}
+    if run.sample is not None:
+        times = np.arange(sampled * run.periods, sampled * after)
+        columns["sample_time"] = run.t0 + PERIOD / sampled * times
+        for name, rows in zip(SAMPLED, (chunk.dense_u, chunk.dense_v), strict=True):
+            columns[name] = rows.reshape(len(times), -1)
+    for kind, table in (("impact", chunk.impacts), ("rest", chunk.rests)):
+        table["time"] += run.t0
+        columns |= {f"{kind}_{name}": table[name] for name in table.dtype.names or ()}
+    file.append(columns)
+    final = State(chunk.u[-1], chunk.v[-1]) if chunk.periods else run.final
+    run = replace(run, periods=after, final=final, stop=chunk.stop or RunStop.DONE)
+    for name, value in (("final_u", final.u), ("final_v", final.v), ("end", run.end)):
+        file.group[name][...] = value
+    if chunk.stop:
+        file.describe(stop=run.stop.name, reason=chunk.reason)
+    return run
+
+
+# --- what is there --------------------------------------------------------------------------------
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -273,204 +305,62 @@ def open_recording(path: str | Path) -> Recording:
     Raises
     ------
     BadInput
-        If there is none.
+        If there is none, or it is damaged.
 
     Examples
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     run = record(f"{folder}/run", ([0.2], [0.3]), a=0.5, gamma=0.0, k=0.8, periods=7)
-    ...     open_recording(f"{folder}/run").periods
+    ...     run = record(f"{folder}/run.nc", ([0.2], [0.3]), a=0.5, gamma=0.0, k=0.8, periods=7)
+    ...     open_recording(f"{folder}/run.nc").periods
     7
     """
-    folder = named("read", path)
-    if not os.path.lexists(folder / START):
-        raise BadInput(f"no run in {folder}: there is no {START} in it; make one with record(...)")
-    arrays = _arrays(folder / START)
-    with _as_written(folder / START):
-        about = json.loads(str(arrays["about"]))
-        earlier = "conditions" not in about
-        conditions = _earlier(about, arrays) if earlier else from_dict(about["conditions"])
-        sample = Sample(**about["sample"]) if about["sample"] else None
-        start = State(arrays["u"], arrays["v"])
-        run = Recording(folder, ranged(conditions), about["t0"], sample, start)
-    _ = run.files  # those that are missing are told of before anything is read
-    return run
+    place = named("read", path)
+    if place.is_dir():
+        raise BadInput(
+            f"{place} is a folder, as versions before recorded into; a recording is one file, "
+            f"{place / 'run.nc'} for instance: record the run anew"
+        )
+    with _opened(place) as group:
+        about, times, count = about_of(group), group["time"], int(group.attrs[RECORDED])
+        sites = group["sampled_sites"][()].tolist() if count else ()
+        start, final = (State(group["u"][i], group["v"][i]) for i in (0, -1))
+        ends: dict[str, Any] = {"periods": len(times) - 1, "stop": RunStop[about["stop"]]}
+        sample = Sample(tuple(sites), count) if count else None
+        conditions = ranged(from_dict(about["conditions"]))
+        return Recording(place, conditions, float(times[0]), sample, start, final, **ends)
 
 
-def _earlier(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Conditions:
-    """As versions wrote them whose forcings were harmonics and whose lattices were arrays."""
-    of_all, *of_sites = about["walls"]
-    parts = [arrays[name] for name in ("stiffness", "masses", "drive") if name in arrays]
-    return Conditions(
-        **{name: about[name] for name in NAMES},
-        forcing=_by_harmonics(about["harmonics"]),
-        walls=Walls(tuple(of_all), tuple((site, (low, high)) for site, low, high in of_sites)),
-        lattice=Lattice(*parts, name=about["lattice"]) if parts else Ring(arrays["u"].size),
-    )
-
-
-def _by_harmonics(harmonics: Iterable[Sequence[float]]) -> Forcing:
-    rows = [(int(m), float(c), float(s)) for m, c, s in harmonics]
-    if rows == [(1, 1.0, 0.0)]:
-        return Harmonic()
-    return Fourier.from_response({m: c for m, c, _ in rows}, {m: s for m, _, s in rows})
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.Group]:
+    """The run in a file whose checksum is its own."""
+    with checked_image(path) as root:
+        groups = list(root.values())
+        if len(groups) != 1 or RECORDED not in groups[0].attrs:
+            raise BadInput(
+                f"{path} holds no recording: it was saved, and contbreather.load reads it"
+            )
+        yield groups[0]
 
 
 def _check_same(there: Recording, wanted: Recording) -> None:
-    for name in (*NAMES, "forcing", "walls", "t0", "sample", "start", "lattice"):
+    for name in (*NAMES, "forcing", "walls", "t0", "sample", "lattice"):
         old, new = (
             getattr(run if hasattr(run, name) else run.conditions, name) for run in (there, wanted)
         )
+        same = old == new
         if name == "forcing":  # the harmonics of F and of f are converted into each other
             rows, other = np.array([*old.harmonics]), np.array([*new.harmonics])
             same = rows.shape == other.shape and np.allclose(rows, other, rtol=1e-14, atol=0)
-        else:
-            same = np.array_equal(old, new) if name == "start" else old == new
-        if not same and name == "start":
-            raise BadInput(
-                f"{there.path} holds a run from another state; choose another folder, or start "
-                f"from open_recording({str(there.path)!r}).start to go on with it."
-            )
         if not same:
             was, here = (x.describe() if hasattr(x, "describe") else x for x in (old, new))
             what = f"is {was} there and {here}" if was != here else f"is another {here} than"
             raise BadInput(
-                f"{there.path} holds another run: {name} {what} here; choose another folder, or "
+                f"{there.path} holds another run: {name} {what} here; choose another file, or "
                 "the same settings to go on with it."
             )
-
-
-def _make(run: Recording) -> None:
-    # what a process that was killed has left half written is nobody's
-    others = [p.name for p in _listed(run.path) if p.name != LOCK and p.suffix != ".part"]
-    if others:
-        raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
-    on = run.conditions
-    try:
-        conditions = to_dict(on)
-    except NotSerialisable:  # somebody's own forcing: a run needs no more than its harmonics
-        conditions = to_dict(replace(on, forcing=_by_harmonics(on.forcing.harmonics)))
-    about = {"conditions": conditions, "t0": run.t0, "sample": run.sample and vars(run.sample)}
-    save_part(run.path / START, {"about": np.array(json.dumps(about)), **run.start._asdict()})
-
-
-@contextmanager
-def _allowed(what: str, path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        why = error.strerror or error
-        raise BadInput(f"cannot {what} {path}: {why}; choose another place.") from error
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else writes to the folder meanwhile; the system lets go when the process ends."""
-    with _allowed("write", folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        number = os.open(folder / LOCK, os.O_WRONLY | os.O_CREAT, 0o666)
-    try:
-        with _allowed("lock", folder):
-            taken = alone(number)
-        if not taken:
-            raise BadInput(
-                f"{folder} is being written to by another run; wait for its end, or choose another "
-                "folder."
-            )
-        yield
-    finally:
-        os.close(number)
-
-
-def _listed(folder: Path) -> list[Path]:
-    with _allowed("read", folder):
-        return list(folder.iterdir())
-
-
-def _span(path: Path) -> tuple[int, int]:
-    """First period of a file, and the one after its last, by its name."""
-    name = NAME.fullmatch(path.name)
-    assert name is not None
-    return int(name[1]), int(name[2])
-
-
-def _write(run: Recording, pieces: list[Chunk]) -> int:
-    """One file from some chunks; the number of periods now on disk."""
-    first, last = pieces[0], pieces[-1]
-    stop = "" if last.stop is None else last.stop.name
-    texts = {"stop": np.array(stop), "reason": np.array(last.reason)}
-    done = last.first + last.periods
-    path = run.path / f"{first.first:012d}-{done:012d}.npz"
-    before = [run.path / START, *(p for p in run.files if p != path)][-1]
-    link = np.frombuffer(_bytes(before, last=CHECKSUM), np.uint8)
-    save_part(
-        path, {**joined_chunks(pieces), **texts, "first": np.array(first.first), "link": link}
-    )
-    return done
-
-
-def read_part(path: Path, *, after: Path | None = None) -> Chunk:
-    """One file of a run, which is to follow another one if that is given."""
-    arrays = _arrays(path)
-    with _as_written(path):
-        link = arrays.pop("link").tobytes()
-        stop, first = str(arrays.pop("stop")), int(arrays.pop("first"))
-        texts = {"reason": str(arrays.pop("reason")), "first": first}
-        stretch = Chunk(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
-        if _span(path) != (first, first + stretch.periods):
-            raise ValueError("its name is that of another file")
-    if after is not None and link != _bytes(after, last=CHECKSUM):
-        raise _damaged(path, f"it was not written after the {after.name} that is there")
-    return stretch
-
-
-def save_part(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """An npz file with its checksum, there whole or not at all, even after a loss of power."""
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    # the last two bytes of a zip file are the length of the comment behind them
-    body = buffer.getvalue()[:-2] + CHECKSUM.to_bytes(2, "little")
-    write_whole(path, lambda file: file.write(body + hashlib.sha256(body).digest()))
-
-
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, once its checksum has shown that it is as it was written."""
-    data = _bytes(path)
-    if len(data) < CHECKSUM or hashlib.sha256(data[:-CHECKSUM]).digest() != data[-CHECKSUM:]:
-        raise _damaged(path, "its checksum does not fit what is in it")
-    with _as_written(path), np.load(io.BytesIO(data)) as file:
-        return {name: file[name] for name in file.files}
-
-
-def _bytes(path: Path, *, last: int | None = None) -> bytes:
-    """What is in a file, or the last bytes of it."""
-    if not os.path.isfile(path):  # a pipe would be waited for
-        raise _damaged(
-            path, "it is not an ordinary file" if os.path.lexists(path) else "it is missing"
+    if not np.array_equal(there.start, wanted.start):
+        raise BadInput(
+            f"{there.path} holds a run from another state; choose another file, or start "
+            f"from open_recording({str(there.path)!r}).start to go on with it."
         )
-    try:
-        with open(path, "rb") as file:
-            if last is not None:
-                file.seek(max(0, os.path.getsize(path) - last))
-            return file.read()
-    except OSError as error:
-        raise _damaged(path, error.strerror or str(error)) from error
-
-
-@contextmanager
-def _as_written(path: Path) -> Iterator[None]:
-    """What is sound, yet not as this version writes it, is refused as well."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        if isinstance(error, BadInput):
-            raise
-        raise _damaged(path, f"this version does not write such a file ({error})") from error
-
-
-def _damaged(path: Path, why: str) -> BadInput:
-    return BadInput(
-        f"{path} is damaged: {why}; bring it back from a copy, or remove it and all files after it "
-        "to go on from there."
-    )

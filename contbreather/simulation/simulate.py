@@ -7,6 +7,7 @@ of the motion: the only error left is rounding. Smooth walls have a solver (`smo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar, Unpack
@@ -91,7 +92,8 @@ class States(Columns, HtmlRepr):
         if hasattr(self, "impacts"):
             rows.append(("impacts", len(self.impacts)))
         rows += [("until t =", self.end), ("then |u| <=", abs(self.final.u).max())]
-        return Sheet.of(rows + [(name, getattr(on, name)) for name in (*NEEDED, "damping")])
+        numbers = ((name, getattr(on, name)) for name in (*NEEDED, "damping"))
+        return Sheet.of(rows + [(name, x) for name, x in numbers if not math.isnan(x)])
 
     def columns(self) -> dict[str, Array]:
         """The states at the strobe."""
@@ -254,6 +256,9 @@ def simulate(
     a, gamma, k : float
         Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1]; needed
         for a state that is no orbit.
+    restitution : callable, optional
+        In place of k: ``restitution(speed)``, from 0 to 1, of the speed before an impact. It is
+        asked at each of them; nothing that is written to files has it.
     damping, spring : float
         Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
         3/damping at most.
@@ -415,7 +420,7 @@ def gathered(
 
 
 def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
-    """What a run has of successive chunks, from the state before them on; t0 is that of period 0,
+    """Fields of a run of successive chunks, from the state before them on; t0 is that of period 0,
     from which their times count."""
     sampled = ("dense_u", "dense_v") if sample else ()
     before = blank(sample, start.u[None], start.v[None])
@@ -463,7 +468,7 @@ def to_content(run: States) -> dict[str, Any]:
     except NotSerialisable as error:
         raise BadInput(
             f"{error.args[0]!r} is of your own making, and a file holds numbers only: give the "
-            "forcing as Fourier, Symbolic or Samples, and simulate with that"
+            "forcing as Fourier, Symbolic or Samples, and k as a number, and simulate with that"
         ) from error
     return {
         "conditions": conditions,
@@ -494,7 +499,8 @@ def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
     }
 
 
-def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+def event_table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+    """Events from the columns of a file."""
     check_lengths(columns, [f"{what}_{name}" for name in dtype.names or ()], f"{what}s")
     table = np.empty(columns[f"{what}_time"].size, dtype)
     for name in dtype.names or ():
@@ -506,7 +512,7 @@ def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
 def _run(
     columns: Values, conditions: Conditions, stop: str, reason: str, noise: float = 0.0
 ) -> SimulationRun:
-    impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
+    impacts, rests = event_table(columns, "impact", IMPACT), event_table(columns, "rest", REST)
     shared = states_of(columns, stop, reason)
     return SimulationRun(
         impacts=impacts, rests=rests, conditions=ranged(conditions), noise=noise, **shared

@@ -33,7 +33,6 @@ Array = NDArray[Any]
 TOLERANCE = 1e-10  # of a run, unless one is given
 FINE = 1e-12  # tolerance where derivatives are asked for
 CAP = 0.2  # largest step
-MOST = 1_000_000  # steps between two outputs
 
 
 @lru_cache(maxsize=16)
@@ -79,7 +78,7 @@ def integrated(
     settings: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
     # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
     # a wall half as many steps are rejected, which saves a sixth of all calls
-    settings |= {"max_step": CAP, "first_step": CAP, "nsteps": MOST, "beta": 0.04}
+    settings |= {"max_step": CAP, "first_step": CAP, "nsteps": 10**6, "beta": 0.04}
     solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
     out = np.empty((len(times), y.size))
     with warnings.catch_warnings(), deferred():

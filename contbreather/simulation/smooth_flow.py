@@ -16,7 +16,7 @@ from contbreather.simulation.taylor import Harmonics, drive_sum
 
 
 class SmoothParameters(NamedTuple):
-    """What the smooth chain moves under; the first six are those of the variations, in order."""
+    """Parameters of the smooth chain; the first six are those of the variations, in order."""
 
     a: float
     gamma: float
@@ -71,7 +71,7 @@ def wall_slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[f
 
 
 def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
-    """What the motion and its variations change by."""
+    """Rates of change of the motion and its variations."""
     accelerations(t, y, on, out)
     size = on.drive.size
     columns = y.size // (2 * size) - 1

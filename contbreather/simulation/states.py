@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypedDict, TypeVar
+from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
-from contbreather.orbits.orbit import Orbit
+from contbreather.lattice.impact_law import Restitution
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 from contbreather.storage.serialise import to_dict
 
@@ -92,7 +92,7 @@ class SmoothConditions:
 
     @property
     def params(self) -> dict[str, float]:
-        """All parameters by name, those of the forcing last."""
+        """Its parameters by name, those of the forcing last."""
         return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
 
     def to_dict(self) -> dict[str, Any]:
@@ -124,10 +124,11 @@ class LatticeParameters(TypedDict, total=False):
 
 
 class ModelParameters(LatticeParameters, total=False):
-    """Those of `simulate`, which every function takes."""
+    """Keywords of `simulate`, which every function takes."""
 
     k: float
     walls: Any
+    restitution: Restitution | None
 
 
 def conditions_of(
@@ -138,6 +139,7 @@ def conditions_of(
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
     walls: Any = None,
+    restitution: Restitution | None = None,
     **numbers: Any,
 ) -> Any:
     """The conditions of a state of so many sites, on a ring unless a lattice is given: of rigid
@@ -154,6 +156,13 @@ def conditions_of(
             f"noise = {brief(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
             "leave it out here, or judge() the run that simulate(..., noise=...) returns"
         )
+    if restitution is not None:
+        if m is not None or "k" in numbers or not callable(restitution):
+            raise BadInput(
+                f"restitution = {brief(restitution)}: a function of the speed before an impact was "
+                "expected, in place of k and on rigid walls; leave out k and m, or restitution"
+            )
+        numbers["k"] = math.nan
     if m is None:
         missing = [name for name in NEEDED if name not in numbers]
         unknown = [name for name in numbers if name not in NAMES]
@@ -179,7 +188,8 @@ def conditions_of(
     numbers |= {"lattice": where, "forcing": forcing_of(forcing)}
     if m is not None:
         return ranged(SmoothConditions(**numbers))
-    return ranged(Conditions(walls=Walls.given(walls), **numbers)).at({})
+    walls = Walls.given(walls)
+    return ranged(Conditions(walls=walls, restitution=restitution, **numbers)).at({})
 
 
 def start_of(
@@ -192,17 +202,28 @@ def start_of(
         own = dict(vars(orbit.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
-        if m is not None and "lam" in on:  # says what k does
+        if (m is not None and "lam" in on) or "restitution" in on:  # say what k does
             del own["k"]
         state, on = orbit.state(t=time_of(t0)), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
 
 
-def orbit_given(state: Any) -> Orbit | None:
+@runtime_checkable
+class GivenOrbit(Protocol):
+    """A periodic orbit that knows what it moves under, as simulation sees it from below."""
+
+    @property
+    def conditions(self) -> Conditions: ...
+    @property
+    def section(self) -> Any: ...
+    def state(self, sites: int | None = None, t: float = 0.0) -> tuple[Array, Array]: ...
+
+
+def orbit_given(state: Any) -> GivenOrbit | None:
     """The orbit that a state was given by, if it was."""
     orbit = state.solution if isinstance(state, Point) else state
-    return orbit if isinstance(orbit, Orbit) else None
+    return orbit if isinstance(orbit, GivenOrbit) else None
 
 
 def ranged(on: C) -> C:
@@ -211,9 +232,9 @@ def ranged(on: C) -> C:
     ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
     if not isinstance(on.lattice, Ring):
         ranges["gamma"] = {"high": HEAVIEST**2, "below": False, "why": ""}
-    for name in (*NAMES, *SMOOTH):
-        if hasattr(on, name):
-            parameter(name, getattr(on, name), **ranges.get(name, {}))
+    for name, value in on.params.items():
+        if name in (*NAMES, *SMOOTH):
+            parameter(name, value, **ranges.get(name, {}))
     return on
 
 

@@ -21,7 +21,6 @@ from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import SimulationRun, completed, let_go
-from contbreather.simulation.smooth import TOLERANCE
 from contbreather.simulation.states import (
     ModelParameters,
     State,
@@ -89,7 +88,7 @@ class Sweep(Columns, HtmlRepr):
         return Sheet([Column(h, getattr(self, n).tolist(), digits=5) for n, h in names.items()])
 
     def columns(self) -> dict[str, Array]:
-        """All that it saw, under the name of its parameter."""
+        """Its columns, the values under the name of its parameter."""
         return {self.name: self.value, **{name: getattr(self, name) for name in COLUMNS[1:]}}
 
     @property
@@ -138,7 +137,6 @@ def sweep(
     *,
     periods: int,
     m: float | None = None,
-    tolerance: float = TOLERANCE,
     t0: float = 0.0,
     progress: bool | None = None,
     **on: Unpack[ModelParameters],
@@ -158,8 +156,8 @@ def sweep(
         At each value.
     t0, on
         As in `simulate`; the swept one is ignored, and may be left out.
-    m, tolerance : optional
-        Take the smooth ring (21) of this hardness instead of the impacting one, and of its solver.
+    m : float, optional
+        Take the smooth ring (21) of this hardness instead of the impacting one.
 
     Returns
     -------
@@ -184,7 +182,6 @@ def sweep(
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
     t0 = time_of(t0)
     how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
-    how["tolerance"] = tolerance
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
     with Bar(progress, len(steps), "values") as bar:

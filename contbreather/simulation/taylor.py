@@ -35,7 +35,7 @@ class Harmonics(NamedTuple):
 
 
 class Couplings(NamedTuple):
-    """What pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
+    """Pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
 
     start: Counts  # entries of site n are those from start[n] to start[n + 1]
     other: Counts
@@ -46,7 +46,7 @@ class Couplings(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """What does not change during a run: the lattice, its damping, its walls, its forcing."""
+    """Constants of a run: the lattice, its damping, its walls, its forcing."""
 
     ring: bool  # without springs: K is gamma (2, -1, -1), and nothing drives v
     gamma: float
@@ -56,6 +56,7 @@ class Parameters(NamedTuple):
     walls: Matrix
     mu: float
     k: float
+    by_speed: bool  # whether k is asked for at every impact
     step: float  # over which the series converge to rounding in ``size`` terms
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
@@ -88,16 +89,14 @@ class DenseOutput(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Of one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
+    """Arrays of one step; ``rows`` are powers of s/h, s the step's time."""
 
-    v: Vector  # v = u - a g(t) and w = v', at the start of the step, or at the present event
+    v: Vector  # v = u - a g(t) and w = v', at the start of the step
     w: Vector
     rows: Matrix  # (powers, sites)
-    origin: Vector
-    last_v: Vector  # at the end of the step, where no event intervenes
+    last_v: Vector  # at the end of the step
     last_w: Vector
     reach: Vector  # no |v| is larger during the step
-    patch: Matrix  # rows of the sites around an impact
     push_rows: Matrix  # of the push of a wall on a site at rest, without what drives it
     column: Vector  # powers of the forced motion
     drive: Matrix  # what drives a site at rest, its cosines and sines
@@ -106,11 +105,12 @@ class Workspace(NamedTuple):
     at_rest: Signs  # the wall on which a site rests, or 0
     place: Vector  # of that wall
     released: Signs  # the wall that has just let go of a site, or 0
-    changed: Signs  # whether a site has an event now
     hits: Counts  # in this period
+    answer: Vector  # the speed before an impact, and k there
+    pause: Vector  # of a period that waits for k: dt, end of the step, sample; dt is `NEVER` else
+    begun: Counts  # events before the period
     candidates: Counts  # the sites that may have an event in this step, ``many`` of them
     many: Counts
-    listed: Signs  # whether a site is among them
 
 
 # --- the series -----------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ LAST = 1e-18  # size of the first term left out, relative to the first one
 
 
 def powers_needed(reach: float) -> int:
-    """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
+    """Number of powers of s/h that are needed where the fastest rate times h is ``reach``."""
     j, size = 0, 1.0
     while size > LAST or j < 4:
         j += 1
@@ -227,7 +227,7 @@ def expand_any(
     v: Vector, w: Vector, h: float, mu: float, bonds: Couplings, at_rest: Signs, place: Vector,
     column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
+    """Fill ``rows`` on any lattice, some sites resting on their walls: at ``place - a g(t)``.
 
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
     driven and the sites held do not move at all, which is what perturbations do.
@@ -305,7 +305,7 @@ def parabola_root(gap: float, slope: float, curvature: float) -> float:
 
 
 def safe_advance(gap: float, slope: float, curvature: float, jerk: float, longest: float) -> float:
-    """How far one may go, at most ``longest``, without reaching the wall."""
+    """Distance that one may go, at most ``longest``, without reaching the wall."""
     # of x with a root behind it all before x is safe, with one before it all before the root: the
     # best x is where both meet
     best, x = NUDGE, longest
@@ -397,10 +397,7 @@ def push_into_wall(
 
 
 def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
-    """When the wall ceases to hold site n in the step from t on: the push on it passes zero.
-
-    With a site at rest a step is expanded anew at each event, so that all series begin with it.
-    """
+    """When the wall ceases to hold site n in the step from t on: the push on it passes zero."""
     rows, bonds, c, s = work.push_rows, on.bonds, work.drive[0], work.drive[1]
     sign, drive, ground = float(work.at_rest[n]), 1.0 + bonds.pulls[1, n], bonds.pulls[2, n]
     for i in range(c.size):  # its part of F and the pull on the common motion
@@ -419,7 +416,7 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
 
 
 def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
-    """How long a site just released certainly moves away: velocity and acceleration are zero."""
+    """Time for which a site just released is certain to move away: u' = u'' = 0 there."""
     sign = float(work.released[n])
     jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + drive_sum(on.motion, t)[3])
     snap = column_bound(work.rows, n, 1.0, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
@@ -429,9 +426,9 @@ def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> 
 
 @inlined
 def comes_to_rest(
-    on: Parameters, work: Workspace, n: int, sign: float, t: float, after: float
+    on: Parameters, work: Workspace, n: int, sign: float, t: float, after: float, k: float
 ) -> float:
-    """How long ever smaller rebounds go on, where they end on the wall soon; else `NEVER`.
+    """Time that ever smaller rebounds take, where they end on the wall soon; else `NEVER`.
 
     With the push A into the wall, rebounds k, k^2, ... times the velocity ``after`` take the time
     ``T = 2 after/(A (1 - k))`` together. Below `GENTLE` they stay closer to the wall than 1e-12/A.
@@ -443,9 +440,9 @@ def comes_to_rest(
     push, rate = push_into_wall(on, work, n, sign, t)
     if push <= 0.0:
         return NEVER
-    if on.k >= 1.0:
+    if k >= 1.0:
         return 0.0 if after <= FLOOR else NEVER
-    loss = 1.0 - on.k
+    loss = 1.0 - k
     # a rebound rises to v^2/2A and loses (1 - k) of v: below the root that is less than `CLOSE`
     if after > max(GENTLE, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
         return NEVER
@@ -460,7 +457,7 @@ def comes_to_rest(
 
 @inlined
 def any_at_rest(at_rest: Signs) -> bool:
-    """Whether any site rests on a wall."""
+    """Say if any site rests on a wall."""
     count = 0
     for n in range(at_rest.size):  # to the end: without a branch it is a vector's sum
         count += at_rest[n] != 0

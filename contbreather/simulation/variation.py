@@ -3,11 +3,12 @@
 Between impacts perturbations obey the unforced lattice, whatever the orbit does. At an impact of
 site n only that site's pair changes, by the block of (19), with damping
 
-    ``du+ = -k du-,   dv+ = -k dv- + b du-,   b = (1 + k)(u''/u' + mu)``,
+    ``du+ = -k du-,   dv+ = R' dv- + b du-,   b = (1 - R') u''/u' + (1 + k) mu``,
 
-both just before. A site that rests on its wall has no perturbation; where the wall lets go, nothing
-jumps. So the tangent flow needs of an orbit only the list of its impacts. Between smooth walls
-perturbations are integrated together with the motion.
+both just before, for a velocity u' that becomes R(u') = -k u': R' = -k where k is a number. A site
+that rests on its wall has no perturbation; where the wall lets go, nothing jumps. So the tangent
+flow needs of an orbit only the list of its impacts. Between smooth walls perturbations are
+integrated together with the motion.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from contbreather.simulation.smooth import state_after
 from contbreather.simulation.states import PERIOD, SmoothConditions, State, within, within_period
 
 Array = NDArray[Any]
-Events = tuple[Array, Array, Array]  # times in their period, sites, entries b (or codes)
+# times in their period, sites, entries b (or codes), ratios of velocities, slopes of the impact law
+Events = tuple[Array, Array, Array, Array, Array]
 
 
 def variation(run: SimulationRun | SmoothRun, vectors: ArrayLike | None = None) -> Array:
@@ -133,8 +135,10 @@ def saltations(
     ``time`` of the tables counts from the start of the run; a NaN of b marks where a rest begins,
     an infinite one where it ends.
     """
-    # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ + k u''-) dt
-    b = (1.0 + conditions.k) * (impacts["acceleration"] / impacts["before"] + conditions.damping)
+    # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ - R' u''-) dt
+    ratio, slope = conditions.law.along(impacts["before"])
+    b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
+    b += (1.0 - ratio) * conditions.damping
     rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
     period = np.concatenate([impacts["period"], rests["period"]])
@@ -145,12 +149,13 @@ def saltations(
     since += PERIOD * np.round((rough - since) / PERIOD)
     site = np.concatenate([impacts["site"], rests["site"]])
     entry = np.concatenate([b, codes])
+    ratio, slope = (np.concatenate([x, np.zeros(len(rests))]) for x in (ratio, slope))
     # at equal times the impact comes before the rest it leads to
     order = np.lexsort((np.isnan(entry), since, period))
     edges = np.searchsorted(period[order], np.arange(periods.start, periods.stop + 1))
     for begin, end in pairwise(edges):
         rows = order[begin:end]
-        yield since[rows], site[rows], entry[rows]
+        yield since[rows], site[rows], entry[rows], ratio[rows], slope[rows]
 
 
 def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[np.void]:

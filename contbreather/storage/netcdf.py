@@ -11,21 +11,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import SpooledTemporaryFile
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import brief
 from contbreather.errors import BadInput
-from contbreather.files import opened, stream_of, writable, write_whole
+from contbreather.files import opened, refused, stream_of, writable, write_whole
 
 if TYPE_CHECKING:
     import h5py
@@ -46,6 +47,9 @@ _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
 _LENGTH = len(_CHECKSUM % bytes(64))
+_BLOCK = 2**20  # bytes that are copied at once
+_SPOOLED = 2**24  # bytes of a file that is being filled; a larger one is on disk meanwhile
+_CHUNK = 2**13  # numbers of a column that grows which are stored together
 
 
 def target_of(path: str | Path) -> Path:
@@ -63,17 +67,24 @@ def target_of(path: str | Path) -> Path:
     return target
 
 
-def write_file(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone: bool) -> Path:
+def write_file(
+    path: str | Path,
+    contents: Mapping[str, Mapping[str, Any]],
+    *,
+    alone: bool,
+    growing: Collection[str] = (),
+) -> Path:
     """Write dicts by their names, all of a file at once; what was there stays until then.
 
-    `alone` says whether the one value is what the file is, rather than the first of several.
+    `alone` says whether the one value is what the file is, rather than the first of several; to
+    columns along dimensions that are `growing` a `GrowingFile` can append.
     """
     target = target_of(path)
     check_names("branch", contents)
     with checked_file(target) as file:
         _describe(file, {**_root(), "alone": int(alone)})
         for name, content in contents.items():
-            _fill(file.create_group(name, track_order=True), **content)
+            _fill(file.create_group(name, track_order=True), growing=growing, **content)
     return target
 
 
@@ -85,6 +96,7 @@ def _fill(
     columns: Mapping[str, Column] | None = None,
     groups: Mapping[str, Any] | None = None,
     attributes: Mapping[str, str] | None = None,
+    growing: Collection[str] = (),
     **plain: Any,
 ) -> None:
     """Write a dict and those in it, with this before the names of their dimensions."""
@@ -97,33 +109,49 @@ def _fill(
     about = {"content": kind, **plain, "parts": [*groups]}
     image = np.array(json.dumps(about, separators=(",", ":")).encode())
     words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
-    fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
+    fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix, growing)
     # xarray wants dimensions of one name to have one size in a group and in those inside it
     for name, inner in groups.items():
         longer = f"{prefix}{name}_" if columns else prefix
         _fill(group.create_group(name, track_order=True), longer, **inner)
 
 
-def fill_group(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "") -> None:
+def fill_group(
+    group: h5py.Group,
+    columns: Values,
+    attributes: Values,
+    prefix: str = "",
+    growing: Collection[str] = (),
+) -> None:
     """Write columns and attributes, with this before the names of dimensions."""
     _describe(group, attributes)
     variables = {name: _variable(name, prefix, *column) for name, column in columns.items()}
     rows = (zip(names, values.shape, strict=True) for names, values, _ in variables.values())
     sizes = {name: size for row in rows for name, size in row}
-    scales = {name: _made(group, name, (size,), dtype=">f4") for name, size in sizes.items()}
+    scales = {
+        name: _made(group, name, (size,), name in growing, dtype=">f4")
+        for name, size in sizes.items()
+    }
     for scale in scales.values():  # the words are netCDF's
         scale.make_scale(b"This is a netCDF dimension but not a netCDF variable.%10d" % scale.size)
     for name, (dimensions, values, flags) in variables.items():
         label = f"{_NAMESAKE}{name}" if name in scales else name
-        variable = _made(group, label, values.shape, data=values, fillvalue=flags.get("_FillValue"))
+        grows, fill = dimensions[:1] in [(one,) for one in growing], flags.get("_FillValue")
+        variable = _made(group, label, values.shape, grows, data=values, fillvalue=fill)
         _describe(variable, flags)
         for axis, dimension in zip(variable.dims, dimensions, strict=True):
             axis.attach_scale(scales[dimension])
 
 
-def _made(group: h5py.Group, name: str, shape: tuple[int, ...], **more: Any) -> h5py.Dataset:
-    limits = tuple(size or None for size in shape) if 0 in shape else None  # as netCDF has length 0
-    return group.create_dataset(name, shape, maxshape=limits, track_order=True, **more)
+def _made(
+    group: h5py.Group, name: str, shape: tuple[int, ...], grows: bool, **more: Any
+) -> h5py.Dataset:
+    if grows:
+        row = shape[1:]
+        more |= {"maxshape": (None, *row), "chunks": (max(1, _CHUNK // math.prod(row)), *row)}
+    elif 0 in shape:  # as netCDF has length 0
+        more["maxshape"] = tuple(size or None for size in shape)
+    return group.create_dataset(name, shape, track_order=True, **more)
 
 
 def _describe(one: h5py.Group | h5py.Dataset, attributes: Values) -> None:
@@ -216,11 +244,104 @@ def checked_file(path: str | Path) -> Iterator[h5py.Group]:
     """A netCDF-4 file to fill: written after that with its checksum, whole or not at all."""
     import h5py
 
-    memory = BytesIO()  # first: where a disk is full, HDF5 ends the interpreter
-    with h5py.File(memory, "w", track_order=True) as file:
-        yield file
-    image = memory.getvalue()
-    write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
+    with _spooled(path) as stream:
+        with h5py.File(stream, "w", track_order=True) as file:
+            yield file
+        _keep(path, stream)
+
+
+class GrowingFile:
+    """A copy of a file of one dict, whose columns grow; `save` puts it in the place of the file."""
+
+    def __init__(self, path: str | Path, root: h5py.File, stream: _Spool) -> None:
+        self.path, self.root, self.stream = path, root, stream
+        (self.group,) = root.values()
+
+    def append(self, columns: Mapping[str, Array]) -> None:
+        """Add rows to columns."""
+        for name, rows in columns.items():
+            variable = self.group[name]
+            before = len(variable)
+            variable.resize(before + len(rows), axis=0)
+            variable[before:] = rows.astype(variable.dtype)
+            variable.dims[0][0].resize(len(variable), axis=0)
+        self.stream.check()
+
+    def describe(self, **about: Any) -> None:
+        """Change what JSON takes."""
+        image = np.array(json.dumps({**about_of(self.group), **about}).encode())
+        del self.group[ABOUT]
+        fill_group(self.group, {ABOUT: ((), image, {})}, {})
+
+    def save(self) -> None:
+        """Write all of it anew: what is appended to a file in place may be lost with its writer."""
+        self.root.flush()
+        _keep(self.path, self.stream)
+
+
+@contextmanager
+def growing_file(path: str | Path) -> Iterator[GrowingFile]:
+    """A file that `write_file` wrote, to append to."""
+    import h5py
+
+    with _spooled(path) as stream:
+        with opened(path) as file:
+            _check(path, file, stream)
+        with h5py.File(stream, "r+") as root:
+            yield GrowingFile(path, root, stream)
+
+
+class _Spool:
+    """A file for HDF5, which ends the interpreter where a disk is full: it is not told of the first
+    refusal, and from there on nothing is written."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+        self.refusal: OSError | None = None
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        def tried(*given: Any) -> Any:
+            try:
+                return 0 if self.refusal else getattr(self.stream, name)(*given)
+            except OSError as error:
+                self.refusal = error
+                return 0
+
+        return tried
+
+    def check(self) -> None:
+        """Raise the refusal."""
+        if self.refusal:
+            raise self.refusal
+
+
+@contextmanager
+def _spooled(path: str | Path) -> Iterator[_Spool]:
+    """What a file is to hold, on the same disk; nothing is left, however the process ends."""
+    try:
+        with SpooledTemporaryFile(_SPOOLED, dir=str(Path(path).parent)) as stream:
+            file = _Spool(stream)
+            yield file
+    except (OSError, RuntimeError) as error:  # HDF5 may stumble over what was not written
+        if file.refusal is None:
+            raise
+        raise refused("write", Path(path), file.refusal) from error
+
+
+def _keep(path: str | Path, image: _Spool) -> None:
+    """Write a file from its image, with its checksum behind that."""
+
+    def write(file: BinaryIO) -> None:
+        digest = hashlib.sha256()
+        image.seek(0)
+        while block := image.read(_BLOCK):
+            digest.update(block)
+            file.write(block)
+        file.write(_CHECKSUM % digest.hexdigest().encode())
+
+    image.flush()
+    image.check()
+    write_whole(path, write)
 
 
 def _root() -> dict[str, Any]:
@@ -252,27 +373,14 @@ def read_file(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
         Where somebody else has changed it, and its checksum.
     """
-    import h5py  # without xarray, which asks for each variable thirty times
+    import h5py
 
-    with h5py.File(h5py.h5f.open_file_image(_checked(path))) as root:
-        about = {name: _plain(value) for name, value in _all(root.attrs)}
-        if about.get("format") == ATLAS:
-            raise BadInput(
-                f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
-                "read here are branches, boundaries, diagrams, zones and runs"
-            )
-        if about.get("format") != FORMAT:
-            raise BadInput(f"{path} holds nothing that this version's `save` wrote")
-        number = about["format_number"]
-        if number > NUMBER:
-            raise BadInput(
-                f"{path} was written by a later version ({about.get('made_by')}): its format "
-                f"is {number}, this version reads {NUMBER}; update contbreather"
-            )
+    with checked_image(path) as root:
         contents = {n: _content(one) for n, one in _all(root) if isinstance(one, h5py.Group)}
-        if about["alone"] and len(contents) != 1:
+        alone = bool(_plain(root.attrs["alone"]))
+        if alone and len(contents) != 1:
             raise ValueError(f"{len(contents)} results in place of one")
-        return contents, bool(about["alone"])
+        return contents, alone
 
 
 def _all(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -287,6 +395,12 @@ def _plain(attribute: Any) -> Any:
     return value.decode() if isinstance(value, bytes) else value
 
 
+def about_of(group: h5py.Group) -> dict[str, Any]:
+    """What JSON takes of the dict of a group."""
+    about: dict[str, Any] = json.loads(group[ABOUT][()].tobytes())
+    return about
+
+
 def _content(group: h5py.Group) -> dict[str, Any]:
     """The dict of a group."""
     import h5py
@@ -297,33 +411,61 @@ def _content(group: h5py.Group) -> dict[str, Any]:
             groups[name] = _content(one)
         elif not h5py.h5ds.is_scale(one.id):  # a dimension, which has a size and no values
             columns[name.removeprefix(_NAMESAKE)] = _decoded(one)
-    about = json.loads(columns.pop(ABOUT).tobytes())
+    del columns[ABOUT]
+    about = about_of(group)
     about.pop("parts", None)
     parts = {"columns": columns, "groups": groups}
     return {"kind": str(about.pop("content")), **about, **{n: p for n, p in parts.items() if p}}
 
 
-def _checked(path: str | Path) -> bytes:
-    """The bytes in front of a checksum that is theirs."""
+@contextmanager
+def checked_image(path: str | Path) -> Iterator[h5py.File]:
+    """A file to read, once its checksum has shown that it is as it was written."""
+    import h5py  # without xarray, which asks for each variable thirty times
+
     with opened(path) as file:
-        if file.read(len(_SIGNATURE)) != _SIGNATURE:
-            raise BadInput(f"cannot read {path}: it is not a netCDF-4 file")
-        size = file.seek(0, os.SEEK_END)
-        file.seek(max(0, size - _LENGTH))
-        last = file.read()
-        if not (last.startswith(_CHECKSUM[:-3]) and last.endswith(_CHECKSUM[-1:])):
-            raise BadInput(
-                f"{path} holds nothing that `save` wrote, or it has lost its end: the checksum "
-                "that should be there is not"
-            )
-        file.seek(0)
-        image = file.read(size - _LENGTH)
-    if last != _CHECKSUM % _sha256(image):
+        _check(path, file)
+        with h5py.File(file, "r") as root:
+            _check_format(path, {name: _plain(value) for name, value in _all(root.attrs)})
+            yield root
+
+
+def _check_format(path: str | Path, about: Values) -> None:
+    if about.get("format") == ATLAS:
+        raise BadInput(
+            f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
+            "read here are branches, boundaries, diagrams, zones and runs"
+        )
+    if about.get("format") != FORMAT:
+        raise BadInput(f"{path} holds nothing that this version's `save` wrote")
+    number = about["format_number"]
+    if number > NUMBER:
+        raise BadInput(
+            f"{path} was written by a later version ({about.get('made_by')}): its format "
+            f"is {number}, this version reads {NUMBER}; update contbreather"
+        )
+
+
+def _check(path: str | Path, file: BinaryIO, copy: BinaryIO | _Spool | None = None) -> None:
+    """Refuse a file whose checksum is not its own; copy what is before that."""
+    if file.read(len(_SIGNATURE)) != _SIGNATURE:
+        raise BadInput(f"cannot read {path}: it is not a netCDF-4 file")
+    left = max(0, file.seek(0, os.SEEK_END) - _LENGTH)
+    file.seek(left)
+    last = file.read()
+    if not (last.startswith(_CHECKSUM[:-3]) and last.endswith(_CHECKSUM[-1:])):
+        raise BadInput(
+            f"{path} holds nothing that `save` wrote, or it has lost its end: the checksum "
+            "that should be there is not"
+        )
+    digest = hashlib.sha256()
+    file.seek(0)
+    while block := file.read(min(left, _BLOCK)):
+        left -= len(block)
+        digest.update(block)
+        if copy is not None:
+            copy.write(block)
+    if last != _CHECKSUM % digest.hexdigest().encode():
         raise BadInput(
             f"{path} is damaged: its checksum is not the one that `save` wrote; restore a copy"
         )
-    return image
-
-
-def _sha256(image: bytes) -> bytes:
-    return hashlib.sha256(image).hexdigest().encode()

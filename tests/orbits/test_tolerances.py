@@ -14,8 +14,7 @@ import contbreather as cb
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import _is_impact, _is_mirrored
-from contbreather.orbits.initial_guesses import GuessedMotion
-from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section, check_both_walls, check_possible
 from contbreather.orbits.symmetries import simpler_than
 
@@ -67,12 +66,18 @@ def test_sites_feel_each_other_from_a_coupling_on() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_seed_may_be_behind_a_wall_by_rounding(side: float) -> None:
-    on, v = Conditions(0.7, 0.04, 0.8, lattice=cb.Ring(3)), np.zeros(3)
-    assert GuessedMotion(on, (side * np.array([0.0, 1.0 + 1e-7, 0.0]), v), 0.0).time == 0.0
+    on = {"a": 0.7, "gamma": 0.04, "k": 0.8}
+    b = cb.symmetric(**on, site=1, lattice=cb.Ring(3))
+    t = b.times[0] + (0.0 if side > 0.0 else math.pi)
+    u, v = b.state(t=t)
+    v[1] /= -b.k  # just before its impact
+    u[1] = side * (1.0 + 1e-7)
+    assert orbit_at(cb.shooting((u, v), t=t, **on)).p == pytest.approx(b.p, abs=1e-9)
+    u[1] = side * (1.0 + 1e-4)
     with pytest.raises(
         cb.BadInput, match=r"u\[1\] = .* of the seed is outside the walls at -1 and"
     ):
-        GuessedMotion(on, (side * np.array([0.0, 1.0 + 1e-4, 0.0]), v), 0.0)
+        cb.shooting((u, v), t=t, **on)
 
 
 def test_a_mode_is_in_resonance_with_half_a_period_to_rounding_only() -> None:

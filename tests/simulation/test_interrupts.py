@@ -29,7 +29,6 @@ from contbreather.simulation import (
     sweep,
 )
 from contbreather.simulation.classify import judge
-from contbreather.simulation.states import State
 
 from ..apart import begun, until, workers_of
 
@@ -107,27 +106,6 @@ def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
     assert 0 < cut.periods < 1000
     assert np.array_equal(cut.final.u, cut.strobe.u[-1])
     assert np.array_equal(cut.strobe, run(STATE, periods=cut.periods, **SET).strobe)
-
-
-def test_ctrl_c_while_room_is_made_for_more_impacts_drops_no_period(monkeypatch) -> None:
-    """Room for 256 impacts is full after 128 periods: the stretch ends there, and hands them on."""
-    make = integrator.event_log
-
-    def interrupted(size):
-        if size > 256:
-            raise KeyboardInterrupt
-        return make(size)
-
-    monkeypatch.setattr(integrator, "event_log", interrupted)
-    conditions = simulate(STATE, periods=0, **SET).conditions
-    rigid = integrator.EventDriven(State(*STATE), conditions, 0.0)
-    first = rigid.advance(1000, 0)
-    assert (first.periods, len(first.impacts), first.stop) == (128, 256, None)
-    with pytest.raises(KeyboardInterrupt):
-        rigid.advance(100, 128)
-    monkeypatch.undo()
-    whole = simulate(STATE, periods=228, **SET)
-    assert np.array_equal([*first.u, *rigid.advance(100, 128).u], whole.strobe.u[1:])
 
 
 @pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])

@@ -192,16 +192,18 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     state = orbit.state(t=0.1)
     shared = {"a": 0.6, "t0": 0.1, **on}
     whole = simulate(state, periods=30, **shared)
-    record(tmp_path / "run", state, periods=10, **shared)
-    assert np.array_equal(record(tmp_path / "run", state, periods=30, **shared).final, whole.final)
-    kept = open_recording(tmp_path / "run")
+    record(tmp_path / "run.nc", state, periods=10, **shared)
+    assert np.array_equal(
+        record(tmp_path / "run.nc", state, periods=30, **shared).final, whole.final
+    )
+    kept = open_recording(tmp_path / "run.nc")
     assert kept.conditions.lattice == lattice
     assert len(kept.impacts) == len(whole.impacts)
     with pytest.raises(BadInput, match="lattice is graph, 6 sites there and ring of 6"):
-        record(tmp_path / "run", state, periods=40, **{**shared, "lattice": None})
+        record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": None})
     other = cb.Lattice.from_graph(nx.path_graph(6))
     with pytest.raises(BadInput, match="another run: lattice is another graph, 6 sites than here"):
-        record(tmp_path / "run", state, periods=40, **{**shared, "lattice": other})
+        record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": other})
     found = classify(state, settle=300, periods=100, **shared)
     assert found.kind is Kind.PERIODIC
     largest = np.abs(orbit.multipliers()).max()

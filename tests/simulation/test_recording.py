@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
-import shutil
 import signal
+import sys
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import contbreather
+import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
-from contbreather.simulation import RunStop, Sample, open_recording, record, recording, simulate
+from contbreather.simulation import RunStop, Sample, open_recording, record, simulate
 
 from ..apart import begun, until
 
@@ -42,71 +41,143 @@ def assert_same(recorded, run):
 def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
     sample = Sample(sites=(0, 1), per_period=8)
     run = simulate(state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
-    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
+    path = tmp_path / "run.nc"
+    recorded = record(path, state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
     assert_same(recorded, run)
-    assert_same(open_recording(tmp_path / "run"), run)
+    assert_same(open_recording(path), run)
     dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.chunks()])
     assert np.array_equal(dense, run.record.u)
+    assert_same_columns(cb.load(path), run)
 
 
-def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "LARGEST", 50_000)
-    monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
-    monkeypatch.setattr(contbreather.simulation.integrator, "CHUNK", 2**14)
-    monkeypatch.setattr(contbreather.simulation.integrator, "MOMENT", math.inf)
-    state = symmetric(0.7, 0.06, 0.2).state(20)
-    peaks = []
-    for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):
-        tracemalloc.start()
-        settings = {"a": 0.7, "gamma": 0.06, "k": 0.2, "periods": periods}
-        recorded = record(tmp_path / name, state, **settings, sample=Sample((0,), 4))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-        assert recorded.periods == periods
-    assert peaks[2] < 1.5 * peaks[1]
+def assert_same_columns(one, other):
+    assert one.conditions == other.conditions
+    for name, (_, values) in other.variables().items():
+        assert np.array_equal(one.variables()[name][1], values), name
+
+
+def test_the_end_of_a_recording_is_the_end_of_its_run(tmp_path, state):
+    late = record(tmp_path / "run.nc", state, **CONDITIONS, periods=60, t0=1.0).last(7)
+    assert_same_columns(late, simulate(state, **CONDITIONS, periods=60, t0=1.0).since(53))
+
+
+def test_a_recording_is_read_in_pieces_that_are_the_whole(tmp_path, state):
+    """Dense samples make pieces short: here of a few periods each."""
+    sample = Sample(sites=(0, 3), per_period=2**16)
+    run = simulate(state, **CONDITIONS, periods=20, sample=sample)
+    pieces = [*record(tmp_path / "run.nc", state, **CONDITIONS, periods=20, sample=sample).chunks()]
+    assert len(pieces) > 2
+    assert [piece.first for piece in pieces[1:]] == np.cumsum([p.periods for p in pieces])[
+        :-1
+    ].tolist()
+    assert all(
+        set(piece.impacts["period"]) <= {*range(piece.first, piece.first + piece.periods)}
+        for piece in pieces
+    )
+    assert np.array_equal(np.concatenate([piece.impacts for piece in pieces]), run.impacts)
+    assert np.array_equal(
+        np.concatenate([piece.dense_v.reshape(-1, 2) for piece in pieces]), run.record.v
+    )
+
+
+def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path):
+    sample, on = Sample((0,), 2**13), {"a": 0.7, "gamma": 0.06, "k": 0.2}
+    state = symmetric(**on).state(4)
+    record(tmp_path / "warm.nc", state, **on, periods=1, sample=sample)
+    tracemalloc.start()
+    recorded = record(tmp_path / "run.nc", state, **on, periods=1500, sample=sample)
+    longest = sum(len(piece.impacts) for piece in recorded.chunks())
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert longest == 3000
+    assert (tmp_path / "run.nc").stat().st_size > 1500 * 2**13 * 16 > 1.5 * peak
 
 
 @pytest.mark.parametrize("forcing", [None, Fourier(cos={1: -1.0, 3: 0.1}, sin={5: 0.3})])
-def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcing, monkeypatch):
-    monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
+def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcing):
     on = {**CONDITIONS, "forcing": forcing}
-    for periods in (13, 13, 40, 100):
-        recorded = record(tmp_path / "run", state, **on, periods=periods)
+    for periods in (0, 13, 13, 40, 100):
+        recorded = record(tmp_path / "run.nc", state, **on, periods=periods)
         assert recorded.periods == periods
-    assert len(recorded.files) == 3
     assert_same(recorded, simulate(state, **on, periods=100))
+    assert record(tmp_path / "run.nc", state, **on, periods=3).periods == 100  # it has more
 
 
-def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monkeypatch):
-    advance = contbreather.simulation.integrator.EventDriven.advance
-    calls = []
-
-    def interrupted(self, *args, **kwargs):
-        calls.append(1)
-        if len(calls) == 4:
-            raise KeyboardInterrupt
-        return advance(self, *args, **kwargs)
-
-    monkeypatch.setattr(contbreather.simulation.integrator.EventDriven, "advance", interrupted)
-    first = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
-    assert (first.interrupted, first.stop) == (True, RunStop.INTERRUPTED)
-    assert 0 < first.periods < 1000
-    second = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
-    assert (second.interrupted, second.stop) == (False, RunStop.DONE)
-    assert_same(second, simulate(state, **CONDITIONS, periods=1000))
+def test_a_run_that_ends_early_says_so_on_disk(tmp_path):
+    on = {"a": 0.0, "gamma": 0.0, "k": 1.0, "periods": 3}
+    start = [0.0], [1e5]
+    run, kept = simulate(start, **on), record(tmp_path / "run.nc", start, **on)
+    assert kept.stop is run.stop is RunStop.CHATTER
+    again = record(tmp_path / "run.nc", start, **on)
+    assert (again.stop, again.last(9).reason) == (RunStop.CHATTER, run.reason)
 
 
-def recording_elsewhere(tmp_path: Path, state):
-    """Another process that records into ``run``, a file every 0.02 s, until it is killed."""
-    np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
-    script = (
-        "import numpy as np\n"
-        "from contbreather.simulation import recording\n"
-        "recording.EVERY = 0.02\n"
-        f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
-        f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
-    )
-    return begun("-c", script)
+# --- ends that nobody asked for -------------------------------------------------------------------
+
+RECORDS = """
+import resource, signal, sys
+import numpy as np
+from contbreather.errors import BadInput
+from contbreather.simulation import Sample, record
+path, conditions, limit = sys.argv[1], eval(sys.argv[2]), int(sys.argv[3])
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+state = tuple(np.load(path + ".state.npy"))
+sample = Sample((0,), 2**13) if limit else None
+try:
+    run = record(path, state, **conditions, sample=sample, periods=10**8)
+except BadInput as error:
+    print(error)
+else:
+    print(run.interrupted, run.stop.name, run.periods)
+"""
+
+
+def recording_elsewhere(path: Path, state, limit=0):
+    """Another process that records without end."""
+    np.save(f"{path}.state.npy", state)
+    return begun("-c", RECORDS, path, repr(CONDITIONS), str(limit))
+
+
+def saved(path: Path) -> int:
+    return open_recording(path).periods if path.exists() else 0
+
+
+def test_ctrl_c_keeps_every_finished_period(tmp_path, state):
+    path = tmp_path / "run.nc"
+    with recording_elsewhere(path, state) as child:
+        until(lambda: child.poll() is not None or saved(path))
+        child.send_signal(signal.SIGINT)
+        told = child.communicate()[0]
+    first = open_recording(path)
+    assert told.split() == ["True", RunStop.INTERRUPTED.name, str(first.periods)]
+    assert_same(first, simulate(state, **CONDITIONS, periods=first.periods))
+
+
+def test_a_killed_process_leaves_what_it_saved_and_the_run_goes_on_from_there(tmp_path, state):
+    path = tmp_path / "run.nc"
+    with recording_elsewhere(path, state) as child:
+        until(lambda: child.poll() is not None or saved(path))  # reading meanwhile is free
+        assert child.poll() is None
+        child.send_signal(signal.SIGKILL)
+    done = open_recording(path).periods
+    recorded = record(path, state, **CONDITIONS, periods=done + 10)
+    assert_same(recorded, simulate(state, **CONDITIONS, periods=done + 10))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of Linux")
+def test_a_full_disk_is_a_sentence_and_what_was_saved_is_kept(tmp_path, state):
+    """HDF5 itself ends the interpreter where it cannot write."""
+    path, limit = tmp_path / "run.nc", 2**25  # bytes: beyond what is held in memory
+    with recording_elsewhere(path, state, limit) as child:
+        told, err = child.communicate()
+    assert (child.returncode, err) == (0, "")
+    assert told == f"cannot write {path}: File too large; choose another place\n"
+    assert_same(open_recording(path), simulate(state, **CONDITIONS, periods=saved(path)))
+    assert {p.name for p in tmp_path.iterdir()} == {"run.nc", "run.nc.state.npy"}
+
+
+# --- other files ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -118,23 +189,62 @@ def recording_elsewhere(tmp_path: Path, state):
             {"forcing": Fourier(cos={1: -1.0, 3: 0.1})},
             "holds another run: forcing is .* there and .*0.1",
         ),
-        ({"state": ([0.0], [0.0])}, "holds a run from another state"),
+        ({"state": np.zeros((2, 12))}, "holds a run from another state"),
     ],
 )
-def test_folder_of_another_run_is_refused(tmp_path, state, changed, sentence):
-    record(tmp_path / "run", state, **CONDITIONS, periods=2)
+def test_file_of_another_run_is_refused(tmp_path, state, changed, sentence):
+    record(tmp_path / "run.nc", state, **CONDITIONS, periods=2)
     other = {**CONDITIONS, "periods": 4, "state": state, **changed}
     with pytest.raises(BadInput, match=sentence):
-        record(tmp_path / "run", **other)
-    assert open_recording(tmp_path / "run").periods == 2
+        record(tmp_path / "run.nc", **other)
+    assert open_recording(tmp_path / "run.nc").periods == 2
 
 
-def test_places_that_hold_no_run_are_refused(tmp_path, state):
-    with pytest.raises(BadInput, match="no run in"):
-        open_recording(tmp_path)
-    (tmp_path / "note.txt").touch()
-    with pytest.raises(BadInput, match="is not empty and holds no run"):
-        record(tmp_path, state, **CONDITIONS, periods=2)
+def test_places_that_hold_no_recording_are_refused(tmp_path, state):
+    with pytest.raises(BadInput, match="No such file"):
+        open_recording(tmp_path / "run.nc")
+    with pytest.raises(BadInput, match="there is no directory"):
+        record(tmp_path / "none" / "run.nc", state, **CONDITIONS, periods=2)
+    (tmp_path / "note.txt").write_text("a note, and no run")
+    cb.save(tmp_path / "saved.nc", simulate(state, **CONDITIONS, periods=2))
+    for name, words in (
+        (".", "is a folder, as versions before recorded into; a recording is one file"),
+        ("note.txt", "it is not a netCDF-4 file"),
+        ("saved.nc", "holds no recording: it was saved"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            record(tmp_path / name, state, **CONDITIONS, periods=2)
+
+
+def test_damaged_recording_is_refused_in_a_sentence(tmp_path, state):
+    path = tmp_path / "run.nc"
+    kept = record(path, state, **CONDITIONS, periods=9)
+    sound, rng = path.read_bytes(), np.random.default_rng(1)
+    flipped = [bytearray(sound) for _ in range(40)]
+    for image in flipped:
+        image[rng.integers(len(image))] ^= 1 << int(rng.integers(8))
+    cut = [sound[: rng.integers(len(sound))] for _ in range(10)]
+    for image in (*flipped, *cut, sound + rng.bytes(40), b""):
+        path.write_bytes(image)
+        for read in (lambda: open_recording(path), lambda: kept.impacts, lambda: kept.last(3)):
+            with pytest.raises(BadInput, match=r"is damaged|lost its end|not a netCDF-4 file"):
+                read()
+    path.unlink()
+    os.mkfifo(path)  # which would be waited for
+    with pytest.raises(BadInput, match="not an ordinary file"):
+        open_recording(path)
+
+
+def test_an_empty_recording_is_where_it_starts(tmp_path, state):
+    kept = record(tmp_path / "run.nc", state, **CONDITIONS, periods=0, t0=0.5)
+    again = open_recording(tmp_path / "run.nc")
+    for run in (kept, again):
+        assert (run.periods, run.end, run.stop, run.sample) == (0, 0.5, RunStop.DONE, None)
+        assert np.array_equal(run.final, run.start)
+        assert len(run.impacts) == 0
+        assert run.strobe(0).u.shape == (1,)
+        assert run.strobe().u.shape == (1, 12)
+    assert again.conditions == kept.conditions
 
 
 def test_progress_is_shown_on_standard_error_and_only_if_wanted(state, monkeypatch, capsys):
@@ -145,113 +255,3 @@ def test_progress_is_shown_on_standard_error_and_only_if_wanted(state, monkeypat
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "20/20 periods" in shown.err
-
-
-# --- damage, and two at once ----------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    """A run in five files, and another one."""
-    folder = tmp_path_factory.mktemp("recordings")
-    own, other = (symmetric(0.2, 0.11, 0.8).state(12, t) for t in (0.0, 0.3))
-    for periods in (4, 8, 12, 16, 20):
-        record(folder / "sound", own, **CONDITIONS, periods=periods)
-    record(folder / "other", other, **CONDITIONS, periods=4)
-    return folder
-
-
-def flip(path, rng):
-    data = bytearray(path.read_bytes())
-    data[rng.integers(len(data))] ^= 1 << int(rng.integers(8))
-    path.write_bytes(data)
-
-
-def cut(path, rng):
-    path.write_bytes(path.read_bytes()[: rng.integers(path.stat().st_size)])
-
-
-def grow(path, rng):
-    path.write_bytes(path.read_bytes() + rng.bytes(40))
-
-
-def change_one_number(path, rng):
-    with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files}
-    arrays["u"] = arrays["u"] + 1e-12
-    np.savez(path, **arrays)
-
-
-def put_another_run_in(path, rng):
-    first = next((path.parents[1] / "other").glob("0*.npz"))
-    path.write_bytes((first.with_name("start.npz") if "start" in path.name else first).read_bytes())
-
-
-def put_a_later_piece_in(path, rng):
-    path.write_bytes(max(path.parent.glob("0*.npz")).read_bytes())
-
-
-def remove(path, rng):
-    path.unlink()
-
-
-def replace_by_a_pipe(path, rng):
-    path.unlink()
-    os.mkfifo(path)
-
-
-def replace_by_a_directory(path, rng):
-    path.unlink()
-    path.mkdir()
-
-
-DAMAGES = [
-    *(20 * [flip]), *(6 * [cut]), grow, change_one_number, put_another_run_in,
-    put_a_later_piece_in, remove, replace_by_a_pipe, replace_by_a_directory,
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("which", [0, 1, 3])  # the start, the first file, an inner one
-def test_damaged_recording_is_refused_in_a_sentence(sound, tmp_path, which):
-    rng = np.random.default_rng(which)
-    for j, damage in enumerate(DAMAGES):
-        shutil.copytree(sound, tmp_path / f"{j}")
-        path = [tmp_path / f"{j}/sound/start.npz", *sorted(tmp_path.glob(f"{j}/sound/0*.npz"))][
-            which
-        ]
-        damage(path, rng)
-        with pytest.raises(BadInput, match=r"is damaged: |no run in"):
-            _ = open_recording(path.parent).impacts
-
-
-def test_missing_inner_file_is_noticed_before_anything_is_read(sound, tmp_path):
-    shutil.copytree(sound, tmp_path / "all")
-    folder = tmp_path / "all" / "sound"
-    sorted(folder.glob("0*.npz"))[2].unlink()
-    with pytest.raises(BadInput, match=r"does not follow on from .*, which ends at period 8"):
-        open_recording(folder)
-
-
-def test_run_goes_on_after_what_is_damaged_was_taken_away(sound, tmp_path):
-    shutil.copytree(sound, tmp_path / "all")
-    folder = tmp_path / "all" / "sound"
-    kept = open_recording(folder)
-    whole = simulate(kept.start, **CONDITIONS, periods=20)
-    flip(kept.files[-1], np.random.default_rng(0))
-    with pytest.raises(BadInput, match="remove it and all files after it to go on"):
-        record(folder, kept.start, **CONDITIONS, periods=24)
-    kept.files[-1].unlink()
-    assert_same(record(folder, kept.start, **CONDITIONS, periods=20), whole)
-
-
-def test_two_processes_do_not_write_to_one_folder_and_a_killed_one_lets_go(tmp_path, state):
-    with recording_elsewhere(tmp_path, state) as child:
-        until(lambda: child.poll() is not None or len([*(tmp_path / "run").glob("0*.npz")]) > 2)
-        with pytest.raises(BadInput, match="is being written to by another run"):
-            record(tmp_path / "run", state, **CONDITIONS, periods=10**6)
-        assert open_recording(tmp_path / "run").periods > 0  # reading is free
-        assert child.poll() is None
-        child.send_signal(signal.SIGKILL)
-    done = open_recording(tmp_path / "run").periods
-    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=done + 10)
-    assert_same(recorded, simulate(state, **CONDITIONS, periods=done + 10))

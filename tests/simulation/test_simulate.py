@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather import switch, trace
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import symmetric
@@ -324,6 +324,26 @@ def test_fast_elastic_impacts_are_followed_and_too_many_are_not_called_a_chatter
     assert faster.stop is RunStop.CHATTER
     assert "from wall to wall at a speed of 1e+06" in faster.reason
     assert "chatter" not in faster.reason + faster.stop.value
+    for periods in (3, 0.5, 1.5):  # in its first chunk, where it began
+        run = simulate(([0.1], [1e5]), a=0.5, gamma=0.0, k=1.0, periods=periods, t0=0.3)
+        assert run.stop is RunStop.CHATTER
+        assert (run.periods, run.end, run.final.u[0], run.final.v[0]) == (0, 0.3, 0.1, 1e5)
+        assert repr(run) == f"<Run of 1 sites over 0 periods: 0 impacts; {run.reason}>"
+
+
+def test_a_motion_that_blows_up_is_an_error():
+    free = {"gamma": 0.0, "k": 0.8, "walls": (None, None)}
+    with pytest.raises(
+        NotConverged, match=r"the motion blows up in period 0 \(a = 10{10}\.0, k = 0\.8"
+    ):
+        simulate(([0.0], [0.0]), a=1e10, periods=0.25, **free)
+
+
+def test_where_the_ring_does_not_go_on_a_branch_of_its_motions_ends():
+    problem = periodic(symmetric(0.2, 0.0, 0.8, lattice=Ring(1))).problem
+    assert np.abs(problem.residual(problem.x, problem.params)).max() < 1e-9
+    with pytest.raises(ArithmeticError, match="has more than 150000 impacts in period 0"):
+        problem.residual(np.array([0.1, 1e5]), {**problem.params, "k": 1.0})
 
 
 @pytest.mark.parametrize("k", [0.99, 0.999, 0.9995])

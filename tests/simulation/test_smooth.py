@@ -196,3 +196,12 @@ def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
 def test_energy_that_blows_up_is_an_error():
     with pytest.raises(NotConverged, match="the energy blows up in period 1"):
         simulate_smooth(([0.0], [0.0]), a=1e8, gamma=0.0, k=0.8, m=2, periods=50)
+
+
+def test_a_smooth_motion_that_blows_up_is_no_equation_to_the_engine() -> None:
+    on = {"a": 0.2, "gamma": 0.04, "k": 0.8, "m": 6, "damping": 0.1}
+    state = simulate_smooth(symmetric(0.2, 0.04, 0.8).state(4), **on, periods=100).final
+    problem = periodic(state, **on).problem
+    backwards = {**problem.params, "damping": -1e4}  # amplifies by exp(1e4) in a unit of time
+    with pytest.raises(ArithmeticError, match="dop853 cannot go on at t = "):
+        problem.residual(np.concatenate(state), backwards)

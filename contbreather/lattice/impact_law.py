@@ -1,0 +1,67 @@
+"""The law of an impact: the velocity after it by that before, eq. (2), and its derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import number
+
+Array = NDArray[Any]
+Restitution = Callable[[float], float]  # of a speed
+
+NEARBY = 1e-4  # of a velocity: differences of order 4 over so much of it are right to 1e-12
+
+
+@dataclass(frozen=True)
+class ImpactLaw:
+    """``u' -> -k u'``, with a number k, or one that depends on the speed before the impact.
+
+    Attributes
+    ----------
+    k : float
+    by_speed : callable, optional
+        ``by_speed(speed)`` in place of k, from 0 to 1, as smooth as slopes are to be exact.
+
+    Examples
+    --------
+    >>> ImpactLaw(0.8).after(0.5), round(ImpactLaw(0.8).slope(0.5), 12)
+    (-0.4, -0.8)
+    >>> soft = ImpactLaw(float("nan"), lambda speed: 1.0 - 0.1 * speed)
+    >>> round(soft.after(0.5), 12), round(soft.slope(0.5), 9)  # of -v + v^2/10
+    (-0.475, -0.9)
+    """
+
+    k: float
+    by_speed: Restitution | None = None
+
+    def at(self, speed: float) -> float:
+        """The restitution coefficient at a speed."""
+        if self.by_speed is None:
+            return self.k
+        name = f"restitution({speed:.6g})"
+        return number(name, self.by_speed(speed), 0.0, 1.0, "a number from 0 to 1")
+
+    def after(self, v: float) -> float:
+        """The velocity after an impact."""
+        return -self.at(abs(v)) * v
+
+    def slope(self, v: float) -> float:
+        """The derivative of `after`."""
+        if self.by_speed is None:
+            return -self.k
+        h = NEARBY * abs(v)
+        near, far = (self.after(v + step) - self.after(v - step) for step in (h, 2.0 * h))
+        return (8.0 * near - far) / (12.0 * h) if h else -self.at(0.0)
+
+    def along(self, velocities: ArrayLike) -> tuple[Array, Array]:
+        """Ratios of the velocities after and before many impacts, and slopes."""
+        v = np.asarray(velocities, dtype=float)
+        if self.by_speed is None:
+            return np.full(v.shape, -self.k), np.full(v.shape, -self.k)
+        ratios = [-self.at(abs(x)) for x in v.tolist()]
+        return np.array(ratios, float), np.array([self.slope(x) for x in v.tolist()], float)

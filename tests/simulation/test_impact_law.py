@@ -1,0 +1,162 @@
+"""Restitution that depends on the speed of an impact, beside integrators of others and k itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.errors import BadInput
+from contbreather.lattice.impact_law import ImpactLaw
+from contbreather.simulation import (
+    Sample,
+    lyapunov,
+    periodic,
+    record,
+    simulate,
+    simulate_smooth,
+    variation,
+)
+
+ON = {"a": 0.5, "gamma": 0.08}
+LAWS = {
+    "softer when fast": lambda speed: 1.0 / (1.0 + 0.4 * speed),
+    "of spheres": lambda speed: 1.0 - 0.3 * speed**0.2,
+    "plastic beyond a speed": lambda speed: 0.9 * min(1.0, (0.3 / max(speed, 1e-9)) ** 0.25),
+}
+
+
+@pytest.fixture
+def state():
+    u, v = cb.symmetric(**ON, k=0.8).state(5)
+    return u + 0.01 * np.arange(5), v
+
+
+def by_solve_ivp(state, law, t_end, damping):
+    """The ring, from impact to impact by a general solver; its end, and its impacts."""
+    n, t, x, hits = len(state[0]), 0.0, np.concatenate(state), []
+
+    def rates(t, x):
+        u, v = np.split(x, 2)
+        pull = ON["gamma"] * (2.0 * u - np.roll(u, 1) - np.roll(u, -1))
+        return np.concatenate([v, -ON["a"] * math.cos(t) - pull - damping * v])
+
+    def wall(t, x):
+        return 1.0 - np.abs(x[:n]).max()
+
+    wall.terminal, wall.direction = True, -1.0
+    while t < t_end:
+        fine = {"rtol": 1e-13, "atol": 1e-13, "max_step": 0.05}
+        run = solve_ivp(rates, (t, t_end), x, "DOP853", events=wall, **fine)
+        t, x = float(run.t[-1]), run.y[:, -1].copy()
+        if run.status == 1:
+            site = int(np.abs(x[:n]).argmax())
+            before = x[n + site]
+            x[n + site] = -law(abs(before)) * before
+            hits.append((t, site, before, x[n + site]))
+    return x, hits
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+def test_it_is_that_of_an_integrator_from_impact_to_impact(state, law, damping):
+    run = simulate(state, **ON, restitution=law, damping=damping, periods=4.4)
+    end, hits = by_solve_ivp(state, law, 4.4 * 2.0 * math.pi, damping)
+    assert len(run.impacts) == len(hits) > 7
+    for name, column in zip(
+        ("time", "site", "before", "after"), zip(*hits, strict=True), strict=True
+    ):
+        np.testing.assert_allclose(run.impacts[name], column, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate(run.final), end, atol=1e-9)
+
+
+def test_a_function_that_is_constant_is_the_number_bit_for_bit(state):
+    """Dense samples, a chatter that ends in a rest, and noise among what periods are asked for."""
+    for start, on, k, more in (
+        (state, ON, 0.8, {"sample": Sample((0, 2), 16), "periods": 20.5}),
+        (([0.2, 0.0], [0.0, 0.0]), {"a": 3.0, "gamma": 0.05}, 0.3, {"periods": 30}),
+        (state, ON, 0.8, {"periods": 5, "noise": 0.01}),
+    ):
+        one = simulate(start, **on, k=k, **more)
+        other = simulate(start, **on, restitution=lambda _, k=k: k, **more)
+        for name, (_, values) in one.variables().items():
+            assert np.array_equal(other.variables()[name][1], values), name
+        assert on is ON or len(one.rests) > 10
+
+
+def test_many_sites_that_hit_together_have_each_its_own_speed():
+    u, v = np.array([1.0, 1.0, 0.5]), np.array([0.4, 0.8, 0.0])
+    law = LAWS["softer when fast"]
+    run = simulate((u, v), a=0.1, gamma=0.0, restitution=law, periods=0.01)
+    assert run.impacts["site"].tolist() == [0, 1]
+    np.testing.assert_allclose(run.impacts["after"], [-law(x) * x for x in (0.4, 0.8)], rtol=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_perturbations_grow_as_differences_say(state, law):
+    on = {**ON, "restitution": law, "damping": 0.03, "periods": 2.3}
+    matrix, x, h = variation(simulate(state, **on)), np.concatenate(state), 1e-5
+    for j in range(len(x)):
+        ends = [
+            np.concatenate(simulate(np.split(x + s * h * np.eye(len(x))[j], 2), **on).final)
+            for s in (1.0, -1.0)
+        ]
+        np.testing.assert_allclose(matrix[:, j], (ends[0] - ends[1]) / (2.0 * h), atol=2e-7)
+
+
+def test_periodic_motions_have_multipliers_of_the_law():
+    law = LAWS["softer when fast"]
+    found = periodic(cb.symmetric(**ON, k=0.8).state(5), **ON, restitution=law, damping=0.1)
+    hits = found.run().impacts
+    assert found.residual < 1e-12
+    ratios = -np.array([ImpactLaw(math.nan, law).slope(x) for x in hits["before"]])
+    k = law(np.abs(hits["before"]))
+    # Liouville: volumes shrink by damping between impacts, and by k (-R') at each of them
+    volume = math.exp(-0.1 * 5 * 2.0 * math.pi) * np.prod(k * ratios)
+    assert np.prod(found.multipliers).real == pytest.approx(volume, rel=1e-8)
+    rates = lyapunov(found.state, **ON, restitution=law, damping=0.1, periods=200, count=1)
+    assert rates.exponents[0] == pytest.approx(found.growth, abs=1e-3)
+    branch = cb.trace(found, "a", within={"a": (0.49, 0.51)}, towards="both")
+    assert branch["a"].tolist()[0] == 0.49
+
+
+def test_slopes_are_those_of_the_velocity_after():
+    law = ImpactLaw(math.nan, LAWS["softer when fast"])
+    for v in (0.01, -0.7, 3.0):  # -v/(1 + c |v|) has the slope -1/(1 + c |v|)^2
+        assert law.slope(v) == pytest.approx(-((1.0 + 0.4 * abs(v)) ** -2), rel=1e-10)
+        assert ImpactLaw(0.8).slope(v) == -0.8
+
+
+def test_what_is_no_law_is_a_sentence(state, tmp_path):
+    law = LAWS["of spheres"]
+    for on, words in (
+        ({"k": 0.8, "restitution": law}, "in place of k and on rigid walls; leave out k"),
+        ({"restitution": 0.8}, r"^restitution = 0\.8: a function of the speed"),
+        (
+            {"restitution": lambda speed: 1.0 + speed},
+            r"^restitution\(.*\) = 1\.\d+: a number from 0",
+        ),
+        ({"restitution": lambda speed: None}, r"^restitution\(.*\) = None: a number from 0 to 1"),
+        ({}, "missing k"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            simulate(state, **ON, **on, periods=1)
+    with pytest.raises(BadInput, match="on rigid walls; leave out k and m"):
+        simulate_smooth(state, **ON, m=6, restitution=law, periods=1)
+    with pytest.raises(BadInput, match="a file holds numbers only"):
+        record(tmp_path / "run.nc", state, **ON, restitution=law, periods=1)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(BadInput, match="in place of k"):
+        cb.simulation.sweep(state, "k", [0.8, 0.7], **ON, restitution=law, periods=2)
+
+
+def test_an_orbit_is_let_go_under_another_law():
+    orbit, law = cb.symmetric(**ON, k=0.8, lattice=cb.Ring(5)), LAWS["softer when fast"]
+    run = simulate(orbit, restitution=law, periods=2)
+    assert np.array_equal(
+        run.final, simulate(orbit.state(), **ON, restitution=law, periods=2).final
+    )
+    assert "nan" not in str(run.table())
