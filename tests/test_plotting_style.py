@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import contbreather as cb
-from contbreather.cli.simulate import draw
 from contbreather.continuation.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
@@ -130,7 +129,6 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.05, 0.9)})
     arms = cb.switch(branch.first("PF"), within={"a": (0.05, 0.9)})
     state = cb.symmetric(**HERE).state(6)
-    large = cb.symmetric(**HERE).state(24)
     loop = sweep(state, "a", there_and_back([0.2, 0.19, 0.18]), periods=4, **HERE, damping=0.01)
     outcome = np.array([[-1, 0, 1], [2, 3, 4]], np.int8)
     plane = Axis("u", 0, [-0.5, 0.0, 0.5]), Axis("v", 0, [0.0, 1.0])
@@ -143,7 +141,6 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     made = {
         "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
         "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
-        "simulated": draw(cb.simulate(large, **HERE, periods=30), 12).axes[0],
         "moduli": replace(figure4(), sites=40).draw().axes[2],
         "against": series[0],
         "traces": series[1],
@@ -164,7 +161,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
 
 NAMES = (
     "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
-    "basin", "orbit", "sites", "simulated", "moduli", "against", "traces",
+    "basin", "orbit", "sites", "moduli", "against", "traces",
 )  # fmt: skip
 
 
