@@ -1,4 +1,4 @@
-"""What events share: matrices that lose rank, pairs of eigenvalues, and their defining systems.
+"""Defining systems: matrices that lose rank, and a problem with such conditions as a longer one.
 
 With the defining system ``g(x, p, y) = 0`` of an event, y what it needs besides (a null vector, an
 angle), the equations ``F(x, p) = 0`` become the longer problem of its curve in two parameters::
@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from ..errors import BadInput
 from . import derivatives
 from .curve import Curve, Params
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
-from .newton import Undefined
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
 from .sparse import Dense, Matrix, above, beside
@@ -35,10 +33,6 @@ Values = NDArray[np.complex128]
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
-# Eigenvalues, and sums of two, this small against the derivative are rounding: twice what is left
-# by differences where they are zero all along, as in conservative systems, area preserving maps.
-ROUNDING = 2e-13
-_NONE = 1e-100  # the size of what has a sign only
 
 
 # --- matrices that lose rank ------------------------------------------------------------------
@@ -210,96 +204,6 @@ def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
     change = curve.along(z, weak.right * curve.scales[:n])
     # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
     return np.asarray(weak.sign * ((weak.left / curve.row_scales) @ change))[None, :]
-
-
-# --- pairs of eigenvalues ---------------------------------------------------------------------
-
-
-def without(values: NDArray[np.complex128], *everywhere: complex) -> NDArray[np.complex128]:
-    """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
-    meeting has another name, BT for a flow."""
-    for value in everywhere:
-        values = np.delete(values, int(abs(values - value).argmin()))
-    return values
-
-
-def pairs(values: Values) -> tuple[Values, Values]:
-    """The first and the second eigenvalues of all pairs of them."""
-    first, second = _each_with_later(len(values))
-    return values[first], values[second]
-
-
-_each_with_later = cache(partial(np.triu_indices, k=1))
-
-
-def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:
-    """The size of the smallest factor with the sign of the product of all: it vanishes where the
-    product does, smoothly, and cannot overflow.
-
-    A factor that is rounding, as it is all along the branches of conservative systems, is zero.
-    Several of them have no size, and the sign that the others have: a zero of even order.
-    """
-    sizes = abs(factors)
-    clear = sizes > rounding
-    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
-    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
-
-
-def critical_plane(matrix: Array, small: float) -> tuple[complex, Array, Array]:
-    """The complex eigenvalue nearest to the imaginary axis, and two vectors of the plane of its
-    pair; 0 where that is twice an eigenvalue, with one eigenvector."""
-    values, vectors = np.linalg.eig(matrix)
-    if np.count_nonzero(abs(values) < small) == 2:
-        # a Jordan block: M g = null, and g, null span its plane
-        null = null_vector(matrix, np.ones(len(matrix)))
-        return 0.0, np.asarray(np.linalg.lstsq(matrix, null)[0]), null
-    upper = np.flatnonzero(values.imag > 0)
-    if not upper.size:
-        raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
-    nearest = upper[abs(values[upper].real).argmin()]
-    vector = vectors[:, nearest] / sense(vectors[:, nearest])
-    return complex(values[nearest]), vector.real, vector.imag
-
-
-def pair_locus(square: float, plane: tuple[Array, Array]) -> DefiningSystem:
-    """``(F_x^2 + omega2) v = 0`` in the plane of a pair (D. Roose and V. Hlavacek, SIAM J. Appl.
-    Math. 45, 879, 1985)."""
-    start, reference = _frame(*plane)
-    vector = _PairVector(reference)
-    extra = {"null": start, "omega2": square}
-    return DefiningSystem(extra, vector.conditions, vector.derivative)
-
-
-@dataclass(frozen=True)
-class _PairVector:
-    reference: Array
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, square, matrix = extra[:-1], extra[-1], curve.jacobian(z)[:, : curve.size]
-        # F_x^2 + omega2 vanishes on the plane of the pair: the last two choose v in it
-        in_plane = matrix @ (matrix @ v) + square * v
-        return np.concatenate([in_plane, [v.dot(v) - 1, self.reference.dot(v)]])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, square, n = extra[:-1], extra[-1], curve.size
-        matrix, change = curve.jacobian(z)[:, :n], curve.along(z, v)
-        rows = np.zeros((n + 2, z.size + n + 1))
-        # the product rule: (M M v)' = M' (M v) + M (M' v)
-        rows[:n, : z.size] = curve.along(z, matrix @ v) + matrix @ change
-        rows[:n, z.size : -1] = matrix @ matrix + square * np.eye(n)
-        rows[:n, -1] = v
-        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, self.reference
-        return rows
-
-
-def _frame(first: Array, second: Array) -> tuple[Array, Array]:
-    """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
-    pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
-    conditions of a pair by itself."""
-    null = first / np.linalg.norm(first) + second / np.linalg.norm(second)
-    null /= np.linalg.norm(null)
-    reference = first - (first @ null) * null
-    return null, reference / np.linalg.norm(reference)
 
 
 # --- problem and defining system as one longer problem ------------------------------------------

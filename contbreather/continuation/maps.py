@@ -19,14 +19,15 @@ from ..checks import whole
 from ..errors import BadInput
 from ..tables import HtmlRepr, Sheet
 from . import defining_systems as systems
-from . import multiplier_events
 from .branch_points import crossing_event
 from .curve import Params
 from .equilibria import fold
+from .multiplier_events import linked
 from .point import Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .settings import all_of
 from .sparse import is_sparse
+from .spectrum import ROUNDING
 from .switching import SwitchingProblem
 
 Array = NDArray[np.float64]
@@ -264,9 +265,8 @@ class MapCycleProblem(Problem):
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
         """All of them, and what rounding may leave in each."""
         matrix = units(point)
-        return np.linalg.eigvals(matrix).astype(complex), systems.ROUNDING * float(
-            np.linalg.norm(matrix)
-        )
+        rounding = ROUNDING * float(np.linalg.norm(matrix))
+        return np.linalg.eigvals(matrix).astype(complex), rounding
 
 
 # --- the events on a branch -------------------------------------------------------------------
@@ -293,9 +293,9 @@ def _doubled(point: Point) -> SwitchingProblem:
 
 
 _PLAIN_FOLD = fold()
-_LINKED = multiplier_events.linked(
+_CIRCLE = linked(
     replace(_PLAIN_FOLD, examine=partial(_examine_one, _PLAIN_FOLD)), systems.Singular(_flip_matrix)
 )
-_PLAIN_BRANCH_POINT = crossing_event(multiplier_events.meetings("BP", _LINKED))
+_PLAIN_BRANCH_POINT = crossing_event(_CIRCLE.meetings("BP"))
 _BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
-EVENTS = (_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"])
+EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

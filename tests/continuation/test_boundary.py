@@ -83,12 +83,9 @@ def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Bran
         "residual",
         "x",
         "y",
-        "null",
         "omega2",
     )
     assert [name for name in line.columns() if name != "label"] == [*line.names]
-    assert line["null"].shape == (len(line), 2)
-    assert np.allclose(np.sum(line["null"] ** 2, axis=1), 1, atol=1e-13)
     assert line.free == "b2"
     assert "HB boundary in (b2, b1)" in repr(line)
 
