@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ Values = NDArray[np.complex128]
 
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
 
 
@@ -187,23 +189,41 @@ def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     return weak
 
 
-def rank_locus() -> DefiningSystem:
-    """The least singular value of a large derivative is zero: one equation and no unknown. It is
-    the scalar of a bordered system whose borders are the null vectors of each place."""
-    return DefiningSystem({}, _least, _slope_of_least)
-
-
-def _least(curve: Curve, z: Array, extra: Array) -> Array:
+def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """Its value and vectors as `rank_locus` takes them."""
     weak = least_in_unknowns(curve, z)
-    return np.array([weak.sign * weak.size])
+    left, right = weak.left / curve.row_scales, weak.right * curve.scales[: curve.size]
+    return weak.sign * weak.size, weak.sign * left, right
 
 
-def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
-    weak, n = least_in_unknowns(curve, z), curve.size
-    # second derivatives are symmetric, as in `null_locus`
-    change = curve.along(z, weak.right * curve.scales[:n])
-    # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
-    return np.asarray(weak.sign * ((weak.left / curve.row_scales) @ change))[None, :]
+def rank_locus(weak: Callable[[Curve, Array], tuple[float, Array, Array]]) -> DefiningSystem:
+    """The least singular value of a square matrix B is zero: one equation and no unknown.
+
+    ``weak(curve, z)`` gives it with the sign of the determinant, and its vectors w and v, in the
+    units of the equations and of the unknowns. It is the scalar of a bordered system whose borders
+    are the vectors of each place.
+    """
+    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak))
+
+
+def _least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([weak(curve, z)[0]])
+
+
+def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
+    return along_by_difference(curve, z, *weak(curve, z)[1:])[None, :]
+
+
+def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
+    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
+    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
+    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    way = np.append(right, np.zeros(z.size - right.size))
+    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
+    step = _STEP / max(size, 1e-300)  # one of two null vectors may vanish
+    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
+    return np.asarray(change / (2 * step))
 
 
 # --- problem and defining system as one longer problem ------------------------------------------

@@ -21,7 +21,7 @@ from . import branch_points, normal_forms, spectrum
 from . import defining_systems as systems
 from .branch import Points
 from .linear_algebra import least_singular
-from .newton import OUT_OF_DOMAIN
+from .newton import OUT_OF_DOMAIN, Undefined
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Many, Point, UnstableDimension
 from .problem import Problem
 from .sparse import is_sparse
@@ -116,9 +116,11 @@ def _fold_locus(point: Point) -> DefiningSystem:
     if is_sparse(matrix):
         null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
         cusps = replace(cusp(), test=partial(_cusp_beside, null))
-        return replace(systems.rank_locus(), events=(cusps,), meets=_AXIS.meetings("LP"))
-    null = systems.null_vector(matrix, curve.scales[: curve.size])
-    return replace(systems.null_locus(null), events=(cusp(),), meets=_AXIS.meetings("LP"))
+        locus = systems.rank_locus(systems.singular_in_unknowns)
+    else:
+        null, cusps = systems.null_vector(matrix, curve.scales[: curve.size]), cusp()
+        locus = systems.null_locus(null)
+    return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
 
 def _vanish(point: Point, left: Array, by_params: Array, reach: Array) -> bool:
@@ -249,30 +251,17 @@ def _hopf_locus(point: Point) -> DefiningSystem:
 
 def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means; why not, where there is no l1."""
-    verdict = _pair_on_axis(point)
-    if isinstance(verdict, str):
-        return verdict
-    return verdict | normal_forms.criticality(
-        "l1",
-        lambda: normal_forms.lyapunov_coefficient(point, verdict["omega"]),
-        stable_if_negative=True,
-    )
-
-
-def _pair_on_axis(point: Point) -> str | dict[str, float]:
-    """Check that two eigenvalues that add up to nothing are a complex pair. On a boundary they may
-    be both zero, where it meets a fold curve."""
-    found = eigenvalues_at(point)
-    pair, square = found.nearest_pair(), point.detail.get("omega2", math.nan)
-    zero = abs(pair).max() <= found.beside
-    if zero and point.tangent is not None:
-        return "a double zero eigenvalue: no pair on the imaginary axis"
-    if not zero and not pair.imag.any():
-        return (
-            f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
-        )
-    omega = math.sqrt(square) if square > 0 else float(abs(pair[0].imag))
-    return {"omega": omega} | ({"reach": found.reach} if is_sparse(found.matrix) else {})
+    upper, square = _AXIS.pair_at(point), point.detail.get("omega2", math.nan)
+    if isinstance(upper, str):
+        return upper
+    known, omega = eigenvalues_at(point), math.sqrt(square) if square > 0 else upper.imag
+    return {
+        "omega": omega,
+        **({"reach": known.reach} if is_sparse(known.matrix) else {}),
+        **normal_forms.criticality(
+            "l1", lambda: normal_forms.lyapunov_coefficient(point, omega), stable_if_negative=True
+        ),
+    }
 
 
 # --- where a second zero joins the one that a curve has everywhere ------------------------------
@@ -297,27 +286,10 @@ def _examine_double_zero(point: Point) -> Examined:
     return coefficients | branch_points.crossed(base)
 
 
-# --- on curves of Hopf points -----------------------------------------------------------------
-
-
-def _lyapunov_on_hopf(point: Point) -> float:
-    """l1 without its pole at ZH."""
-    square = point["omega2"]
-    if not square > 0:
-        return math.nan  # beyond BT
-    # det F_x vanishes at ZH as 1 / l1 does
-    l1 = normal_forms.value_or_nan(
-        lambda: normal_forms.lyapunov_coefficient(point, math.sqrt(square))
-    )
-    return l1 * systems.signed_smallest(eigenvalues_at(point).matrix)
-
-
-def _examine_generalised(point: Point) -> str:
-    l1 = normal_forms.lyapunov_coefficient(point, math.sqrt(point["omega2"]))
-    reason = normal_forms.not_zero("the first Lyapunov coefficient", l1, point)
-    if not reason and eigenvalues_at(point).critical.size != 2:
-        return "more than one pair of eigenvalues on the imaginary axis"
-    return reason
+def _lyapunov(point: Point, agreed: float) -> normal_forms.Coefficient:
+    if not point["omega2"] > 0:
+        raise Undefined("beyond BT are neutral saddles")
+    return normal_forms.lyapunov_coefficient(point, math.sqrt(point["omega2"]), agreed)
 
 
 # --- the events -------------------------------------------------------------------------------
@@ -329,7 +301,7 @@ def _pair_followed(point: Point) -> complex | None:
 
 
 _AXIS = Border(
-    "imaginary axis", {"BP": 0.0, "LP": 0.0}, "HB", eigenvalues_at, _pair_followed,
+    "eigenvalues", "imaginary axis", {"BP": 0.0, "LP": 0.0}, "HB", eigenvalues_at, _pair_followed,
     ("omega", attrgetter("imag")), names={("LP", "HB"): "ZH"},
 )  # fmt: skip
 _FOLD = Event(
@@ -355,7 +327,7 @@ _ON_HOPF = (
     CodimensionTwo(
         "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
     ),
-    Event("GH", _lyapunov_on_hopf, examine=_examine_generalised),
+    _AXIS.degenerate("GH", "HB", (0.0,), "the first Lyapunov coefficient", _lyapunov),
     Event("HH", partial(_AXIS.least_of_pairs, "HB"), examine=partial(_AXIS.examine, ("HB", "HB"))),
 )
 _BRANCH_POINT = branch_points.crossing_event(_AXIS.meetings("BP"))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from . import normal_forms
 from .branch_points import RANK, crossed
 from .curve import Curve
+from .defining_systems import along_by_difference, rank_locus
 from .linear_algebra import by_inverses, least_singular, solved
 from .newton import Array, Undefined
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point
@@ -28,17 +29,13 @@ from .spectrum import Multipliers, Values
 from .stability_border import Border
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
-_DOUBLE = 1e-4  # and two of them, which a root splits
-_ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
-_STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
 _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
-_NOTHING = 1e-300  # one of two null vectors may vanish
 
 
 def multipliers_at(point: Point) -> Multipliers:
-    """All multipliers but a trivial one."""
+    """Multipliers but a trivial one."""
 
     def make(z: Array) -> Multipliers:
         return Multipliers(*base.curve.problem.multipliers(base))
@@ -55,8 +52,8 @@ def _pair_followed(point: Point) -> complex | None:
 def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border:
     """LP as it is given, PD by its test, and NS; on the curve of each the others are known."""
     circle = Border(
-        "unit circle", {"BP": 1.0, "LP": 1.0, "PD": -1.0}, "NS", multipliers_at, _pair_followed,
-        ("angle", cmath.phase),
+        "multipliers", "unit circle", {"BP": 1.0, "LP": 1.0, "PD": -1.0}, "NS",
+        multipliers_at, _pair_followed, ("angle", cmath.phase),
     )  # fmt: skip
     circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
     circle.events["PD"] = Event(
@@ -69,7 +66,7 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
         "NS",
         partial(circle.least_of_pairs, ""),
         locus=partial(_rotation_locus, circle),
-        examine=_examine_rotation,
+        examine=partial(_examine_rotation, circle),
     )
     for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
         sign = int(circle.real[on])
@@ -105,12 +102,9 @@ def _units(curve: Curve) -> Array:
 
 
 def _eigenvectors(mu: float, point: Point) -> int:
-    """How many, one or two, belong to a multiplier that is there."""
+    """Count those of a multiplier that is there, one or two."""
     base = point.base_point
-    matrix, moved = (
-        scaled_closing(base.curve, base.jacobian(), mu),
-        base.curve.problem.perturbed,
-    )
+    matrix, moved = scaled_closing(base.curve, base.jacobian(), mu), base.curve.problem.perturbed
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
     return 2 if weak.second < RANK * max(1.0, weak.largest) else 1
@@ -120,7 +114,7 @@ def _eigenvectors(mu: float, point: Point) -> int:
 
 
 def unresolved(point: Point) -> str:
-    """Why no event is believed: where a mesh resolves no multiplier."""
+    """Say why no event is believed, where a mesh resolves no multiplier."""
     base = point.base_point
     reason: str = base.curve.problem.unresolved(base)
     return reason
@@ -138,17 +132,13 @@ def _examine_flip(point: Point) -> Examined:
     return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
-def _examine_rotation(point: Point) -> Examined:
-    """Of the two multipliers with product 1: are they a complex pair?"""
+def _examine_rotation(circle: Border, point: Point) -> Examined:
     if coarse := unresolved(point):
         return coarse
-    pair = multipliers_at(point).nearest_pair()
-    for sign, name in ((1, "R1"), (-1, "R2")):
-        if (abs(pair - sign) < _DOUBLE).all():
-            return f"both multipliers are {sign}: the resonance {name}"
-    if not pair.imag.any():
-        return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
-    angle = abs(cmath.phase(pair[0]))
+    upper = circle.pair_at(point)
+    if isinstance(upper, str):
+        return upper
+    angle = cmath.phase(upper)
     return {"angle": angle} | normal_forms.criticality(
         "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
     )
@@ -157,49 +147,28 @@ def _examine_rotation(point: Point) -> Examined:
 # --- as equations -----------------------------------------------------------------------------
 
 
-class _SmallestSingular(NamedTuple):
-    """The least singular value of a square matrix with the sign of its determinant, its vectors,
-    ``B right = value left``, and what it is multiplied by."""
+def _flipped(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of the problem closed with -1, and its vectors; of a small one times
+    the next, for where both vanish two curves cross. On a mesh all are small."""
 
-    value: float
-    left: Array
-    right: Array
-    weight: float = 1.0
-
-
-def _weak(curve: Curve, z: Array) -> _SmallestSingular:
-    """Of the problem closed with -1."""
-
-    def make(z: Array) -> _SmallestSingular:
-        matrix = curve.jacobian(z)
+    def make(z: Array) -> tuple[float, Array, Array]:
+        matrix, units = curve.jacobian(z), _units(curve)
         B = scaled_closing(curve, matrix, -1.0)
         if not is_large(B):
             weak = least_singular(B)
-            value, left = weak.sign * weak.size, weak.sign * weak.left
-            return _SmallestSingular(value, left, weak.right, min(1.0, weak.second))
+            value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
+            weight = min(1.0, weak.second)
+            return weight * value, weight * left / units, right * units
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
         factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        return _SmallestSingular(*by_inverses(regular, B.shape[0], refined=False))
+        value, left, right = by_inverses(regular, B.shape[0], refined=False)
+        return value, left / units, right * units
 
-    weak: _SmallestSingular = curve.cached("flip", z, make)
+    weak: tuple[float, Array, Array] = curve.cached("flip", z, make)
     return weak
-
-
-def _flipped(curve: Curve, z: Array, extra: Array) -> Array:
-    """The problem closed with -1 is singular: its least singular value, of a small one times the
-    next, for where both vanish two curves cross. On a mesh all are small, and that says nothing."""
-    weak = _weak(curve, z)
-    return np.array([weak.value * weak.weight])
-
-
-def _slope_of_flipped(curve: Curve, z: Array, extra: Array) -> Array:
-    weak, units = _weak(curve, z), _units(curve)
-    # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
-    change = _turned(curve, z, weak.left / units, weak.right * units)
-    return weak.weight * change[None, :]
 
 
 def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
@@ -213,8 +182,10 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
         a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
         whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
         turned = whole.conj().T
-        if is_large(whole):
-            whole, turned = _sparse(whole), _sparse(turned)
+        if is_large(whole):  # of a cycle, where most entries are 0
+            from scipy.sparse import csc_array
+
+            whole, turned = csc_array(whole), csc_array(turned)
         why = "a second pair is where one is followed"
         right, left = solved(whole, unit, why), solved(turned, unit, why)
         return right[-1], right[:-1], left[:-1]
@@ -222,13 +193,6 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
     found: tuple[Any, NDArray[Any], NDArray[Any]]
     found = curve.cached("pair", np.append(z, extra), make)
     return found
-
-
-def _sparse(matrix: Matrix) -> Matrix:
-    """Of a cycle, where most entries are 0."""
-    from scipy.sparse import csc_array
-
-    return csc_array(matrix)
 
 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
@@ -242,7 +206,10 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     g, v, w = _bordered(curve, z, extra)
     units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
     left, right = w.conj() / units, v * units
-    slope = -_turned(curve, z, left, right.real) - 1j * _turned(curve, z, left, right.imag)
+    real, imaginary = (
+        along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
+    )
+    slope = -real - 1j * imaginary
     # affine in mu: the derivative of the closing is the difference of any two
     in_mu = scaled_closing(curve, matrix, 1.0) - scaled_closing(curve, matrix, 0.0)
     slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
@@ -251,26 +218,14 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([slope.real, below / sine])
 
 
-def _turned(curve: Curve, z: Array, left: Array, right: Array) -> Array:
-    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
-    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
-    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
-    way = np.append(right, np.zeros(z.size - right.size))
-    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = _STEP / max(size, _NOTHING)
-    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
-    return np.asarray(change / (2 * step))
-
-
 def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
     assert plain.locus is not None
     return replace(plain.locus(point), meets=circle.meetings("LP"))
 
 
 def _flip_locus(circle: Border, point: Point) -> DefiningSystem:
-    coefficient = partial(_flip_coefficient, circle)
-    ends = (Event("GPD", coefficient, examine=_examine_generalised_flip),)
-    return DefiningSystem({}, _flipped, _slope_of_flipped, events=ends, meets=circle.meetings("PD"))
+    ends = (circle.degenerate("GPD", "PD", (-1.0, 1.0), "the coefficient c =", normal_forms.flip),)
+    return replace(rank_locus(_flipped), events=ends, meets=circle.meetings("PD"))
 
 
 def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
@@ -290,7 +245,8 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
             )
             for k in (3, 4)
         ),
-        Event("CH", partial(_rotation_coefficient, circle), examine=_examine_chenciner),
+        # no value at R1, R2 and R3, where the normal form is another
+        circle.degenerate("CH", "NS", (1.0,), "Re d =", _rotation),
     )  # fmt: skip
     start = {"angle": _angle(point)}
     return DefiningSystem(
@@ -299,8 +255,8 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
 
 
 def _angle(point: Point) -> float:
-    """Of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as there a
-    curve of folds or doublings has this angle."""
+    """Angle of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as
+    there a curve of folds or doublings has this angle."""
     values = multipliers_at(point).values
     for double, angle in ((1.0, _ASIDE), (-1.0, math.pi - _ASIDE)):
         if _count(values, double) == 2:
@@ -332,40 +288,5 @@ def _examine_double(on: str, sign: int, point: Point) -> Examined:
     return crossed(point.base_point) if sign == 1 else {}
 
 
-# --- where normal forms degenerate ------------------------------------------------------------
-
-
-def _accuracy(point: Point) -> dict[str, float]:
-    """Where each derivative is dear, less is asked of a coefficient all along a curve."""
-    return {} if point.base_point.curve.problem.closing is None else {"agreed": _ROUGHLY}
-
-
-def _flip_coefficient(circle: Border, point: Point) -> float:
-    """c without its poles, at R2 and fold-flips."""
-    # multipliers first: the orbit at hand is the one that was solved for last
-    poles = _pole(circle, "PD", -1.0, point) * _pole(circle, "PD", 1.0, point)
-    return poles * normal_forms.value_or_nan(lambda: normal_forms.flip(point, **_accuracy(point)))
-
-
-def _rotation_coefficient(circle: Border, point: Point) -> float:
-    """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
-    is another."""
-    pole = _pole(circle, "NS", 1.0, point)  # first, as above
-    return pole * normal_forms.value_or_nan(
-        lambda: normal_forms.rotation_coefficient(point, point["angle"], **_accuracy(point))
-    )
-
-
-def _pole(circle: Border, on: str, wanted: float, point: Point) -> float:
-    """Zero where another multiplier is there, 1 where there is no other."""
-    alone = not circle.others(on, point).values.size
-    return 1.0 if alone else circle.least_beside(on, wanted, point)
-
-
-def _examine_generalised_flip(point: Point) -> str:
-    return normal_forms.not_zero("the coefficient c =", normal_forms.flip(point), point)
-
-
-def _examine_chenciner(point: Point) -> str:
-    d = normal_forms.rotation_coefficient(point, point["angle"])
-    return normal_forms.not_zero("Re d =", d, point)
+def _rotation(point: Point, agreed: float) -> normal_forms.Coefficient:
+    return normal_forms.rotation_coefficient(point, point["angle"], agreed)

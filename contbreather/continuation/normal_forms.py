@@ -53,7 +53,8 @@ _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
 _FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
 _SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
-_AGREED = 1e-10  # relative error at which no shorter step is tried
+AGREED = 1e-10  # relative error at which no shorter step is tried
+ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
 _FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
 _ROUNDING = 1e-11  # and this small it is rounding
@@ -102,7 +103,7 @@ def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
 class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
-    def __init__(self, point: Point, agreed: float = _AGREED) -> None:
+    def __init__(self, point: Point, agreed: float = AGREED) -> None:
         base, self.agreed = point.base_point, agreed
         self.curve, self.z = base.curve, base.z
         problem = self.curve.problem
@@ -256,12 +257,12 @@ def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
 # --- flows ------------------------------------------------------------------------------------
 
 
-def lyapunov_coefficient(point: Point, omega: float) -> Coefficient:
+def lyapunov_coefficient(point: Point, omega: float, agreed: float = AGREED) -> Coefficient:
     """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    forms = Forms(point)
+    forms = Forms(point, agreed)
     critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
     coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
@@ -344,7 +345,7 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
 # --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
 
 
-def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
+def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
     forms = Forms(point, agreed)
@@ -358,7 +359,7 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
 
 
-def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
+def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).

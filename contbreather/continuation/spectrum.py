@@ -129,6 +129,11 @@ class Spectrum:
         """How far off its place a critical real value may be."""
         raise NotImplementedError
 
+    @property
+    def doubled(self) -> float:
+        """How far off their place both of a double critical real value may be."""
+        return self.beside
+
     def nearest_pair(self) -> Values:
         """The two values that are nearest to a critical pair."""
         first, second = pairs(self.values)
@@ -147,7 +152,7 @@ class Multipliers(Spectrum):
         rounding = _PRODUCT * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
         return first * second - 1, rounding
 
-    beside = _BESIDE
+    beside, doubled = _BESIDE, _CIRCLE
 
     @property
     def critical(self) -> Values:

@@ -9,21 +9,26 @@ one real and a pair  ZH, BP-HB              LPNS, PDNS, BP-NS
 two different reals                         LPPD, BP-PD
 one real twice       BT                     R1, R2
 two pairs            HH
+no cubic term        GH                     GPD, CH
 ===================  =====================  ========================
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
+from . import normal_forms
 from .boundary import codim_two
 from .branch_points import branches_cross
 from .point import CodimensionTwo, Event, Examined, Point
 from .spectrum import Spectrum
+
+Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,8 @@ class Border:
 
     Attributes
     ----------
-    name : str
+    values, name : str
+        Its values, and itself, in words.
     real : dict
         Critical value of each kind that has one, the largest first: they are named in this order.
     pair : str
@@ -52,6 +58,7 @@ class Border:
         On the curves of kinds of one real value: where another one joins it.
     """
 
+    values: str
     name: str
     real: Mapping[str, float]
     pair: str
@@ -125,14 +132,52 @@ class Border:
             found += [_word(place)] * int(here.sum())
             left = left[~here]
         upper = left[left.imag > 0]
-        found += ["pair"] * upper.size
-        wanted = [_word(self.real[kind]) if kind in self.real else "pair" for kind in kinds]
+        found += ["a pair"] * upper.size
+        wanted = [_word(self.real[kind]) if kind in self.real else "a pair" for kind in kinds]
         if sorted(found) != sorted(wanted):
             shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
-            saddle = ": a neutral saddle" if wanted.count("pair") > found.count("pair") else ""
-            return f"on the {self.name} are {shown}, where {these} are expected{saddle}"
+            saddle = ": a neutral saddle" if wanted.count("a pair") > found.count("a pair") else ""
+            return f"on the {self.name} are {shown}, where only {these} should be{saddle}"
         name, measure = self.frequency
         return {name: float(measure(upper[0]))} if upper.size == 1 else ""
+
+    def pair_at(self, point: Point) -> complex | str:
+        """The upper value of the pair that is on the border, or why it is no complex pair."""
+        every = self.spectrum(point)
+        pair = every.nearest_pair()
+        for on, event in self.double.items():
+            if abs(pair - self.real[on]).max() <= every.doubled:
+                return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
+        if not pair.imag.any():
+            one, other = pair.real
+            return f"a neutral saddle: the {self.values} {one:.3g} and {other:.3g} are real"
+        return complex(pair[0] if pair[0].imag > 0 else pair[1])
+
+    def degenerate(
+        self, kind: str, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic
+    ) -> Event:
+        """The event where a cubic coefficient of the normal form vanishes along the curve of a
+        kind; it has poles where another value joins at these places."""
+        return Event(
+            kind,
+            partial(self._without_poles, on, poles, coefficient),
+            examine=partial(self._examine_zero, on, name, coefficient),
+        )
+
+    def _without_poles(
+        self, on: str, poles: tuple[float, ...], coefficient: Cubic, point: Point
+    ) -> float:
+        # eigenvalues first: the orbit at hand is the one that was solved for last
+        others = self.others(on, point).values.size
+        factors = [self.least_beside(on, place, point) for place in poles if others]
+        dear = point.base_point.curve.problem.closing is not None  # each derivative
+        agreed = normal_forms.ROUGHLY if dear else normal_forms.AGREED
+        return math.prod(factors) * normal_forms.value_or_nan(lambda: coefficient(point, agreed))
+
+    def _examine_zero(self, on: str, name: str, coefficient: Cubic, point: Point) -> Examined:
+        found = coefficient(point, normal_forms.AGREED)
+        reason = normal_forms.not_zero(name, found, point)
+        return reason if reason or on in self.real else self.examine((on,), point)
 
 
 def _word(place: float) -> str:

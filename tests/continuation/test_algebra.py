@@ -159,7 +159,7 @@ PLANE = matrices(9, n=4)[0][:2]
 LOCI = {
     "null": systems.null_locus(PLANE[0]),
     "pair": spectrum.conditions_in_plane(0.6),
-    "rank": systems.rank_locus(),
+    "rank": systems.rank_locus(systems.singular_in_unknowns),
 }
 
 
