@@ -274,7 +274,7 @@ class Extended:
         return np.concatenate([values, conditions])
 
     def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
-        """Those of the conditions in z and in the extra unknowns."""
+        """Derivatives of the conditions in z and in the extra unknowns."""
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
@@ -365,32 +365,28 @@ def event_of(problem: Problem) -> Event | None:
 
 def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    above = _Above(locus, together)
-    names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
     return replace(
         locus,
-        extra=names,
-        conditions=above.conditions,
-        derivative=above.derivative if locus.derivative else None,
+        extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
+        conditions=partial(_asked_beneath, together, locus.conditions),
+        derivative=partial(_derivative_beneath, together, locus.derivative)
+        if locus.derivative
+        else None,
         events=(),
         walker=None,
     )
 
 
-@dataclass(frozen=True)
-class _Above:
-    """Conditions of the shorter problem, asked of a curve of the longer."""
+def _asked_beneath(
+    together: Extended, conditions: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    base, place = together.beneath(z[: curve.size], curve.params(z), curve.free)
+    return np.asarray(conditions(base, place, extra))
 
-    locus: DefiningSystem
-    together: Extended
 
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(self.locus.conditions(base, place, extra))
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        assert self.locus.derivative is not None
-        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(self.locus.derivative(base, place, extra))
-        n, m = self.together.n, self.together.extra
-        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
+def _derivative_beneath(
+    together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    rows = _asked_beneath(together, derivative, curve, z, extra)
+    n, m = together.n, together.extra
+    return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

@@ -51,7 +51,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """How a branch came about: at which depth, from where, and of which branch it is the image."""
+    """Origin of a branch: at which depth, from where, and of which branch it is the image."""
 
     depth: int
     place: Place | None = None
@@ -122,7 +122,7 @@ class Diagram(Columns, HtmlRepr):
         return self.branches[index]
 
     def columns(self) -> dict[str, Any]:
-        """Those of all branches, which ``branch`` numbers."""
+        """Columns of all branches, which ``branch`` numbers."""
         return stacked(({"branch": i}, branch.columns()) for i, branch in enumerate(self))
 
     @property
@@ -135,7 +135,7 @@ class Diagram(Columns, HtmlRepr):
 
     @property
     def graph(self) -> MultiDiGraph:
-        """What was born where, as a networkx graph.
+        """Branches and special points as a networkx graph.
 
         Nodes are branches (their number, with ``branch`` and ``depth``) and special points
         (``"branch 0: PF1"``, with ``point``); ``kind`` is ``"branch"`` or that of the point. Edges
@@ -326,7 +326,6 @@ class _Growth:
             self.queue.popleft()
 
     def so_far(self) -> Diagram | None:
-        """What an interruption leaves."""
         return self.diagram(interrupted=True) if len(self.tree) else None
 
     def diagram(self, *, interrupted: bool = False) -> Diagram:

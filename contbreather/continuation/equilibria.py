@@ -115,7 +115,7 @@ def _fold_locus(point: Point) -> DefiningSystem:
     curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
     if is_sparse(matrix):
         null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
-        cusps = replace(cusp(), test=partial(_cusp_beside, null))
+        cusps = replace(cusp(), test=partial(_cusp_test, reference=null))
         locus = systems.rank_locus(systems.singular_in_unknowns)
     else:
         null, cusps = systems.null_vector(matrix, curve.scales[: curve.size]), cusp()
@@ -124,8 +124,8 @@ def _fold_locus(point: Point) -> DefiningSystem:
 
 
 def _vanish(point: Point, left: Array, by_params: Array, reach: Array) -> bool:
-    """Whether derivatives in the parameters vanish within a short way, too: where a fold is narrow
-    beside the size of its unknowns, or they are tiny, those in the unknowns alone do."""
+    """Tell whether derivatives in the parameters vanish within a short way, too: where a fold is
+    narrow beside the size of its unknowns, or they are tiny, those in the unknowns alone do."""
     curve = point.curve
     for value, unit in zip(by_params, np.diag(curve.scales)[curve.size :], strict=True):
         change = left @ curve.balanced(curve.along(point.z, unit))
@@ -150,12 +150,10 @@ def _examine_fold(point: Point) -> str:
     return ""
 
 
-def _cusp_test(point: Point) -> float:
-    return _quadratic(point.base_point, np.atleast_1d(point["null"]))
-
-
-def _cusp_beside(reference: Array, point: Point) -> float:
-    """The same with the null vector that is no unknown here, on the side of another."""
+def _cusp_test(point: Point, reference: Array | None = None) -> float:
+    if reference is None:
+        return _quadratic(point.base_point, np.atleast_1d(point["null"]))
+    # a null vector that is no unknown here, on the side of another
     base = point.base_point
     weak = systems.least_in_unknowns(base.curve, base.z)
     null = weak.right * base.curve.scales[: base.curve.size]

@@ -58,7 +58,7 @@ class Dense:
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
     def sign(self) -> int:
-        """Of the determinant; 0 where the matrix is singular."""
+        """Sign of the determinant; 0 where the matrix is singular."""
         if not self.exact:
             return 0
         # P A = L U, L with ones on its diagonal: det A = det U / det P
@@ -70,12 +70,12 @@ class Dense:
 
 
 def is_sparse(matrix: object) -> bool:
-    """Whether a matrix, or what was given for one, comes from scipy.sparse."""
+    """Tell whether a matrix, or what was given for one, comes from scipy.sparse."""
     return hasattr(matrix, "tocsc")
 
 
 def is_large(matrix: Matrix) -> bool:
-    """Whether all that is asked of a matrix are solutions: a sparse one, or one of many rows."""
+    """Tell a matrix that is only solved with: a sparse one, or one of many rows."""
     return is_sparse(matrix) or len(matrix) >= _MANY
 
 
@@ -345,7 +345,7 @@ def _most_moving(null: Array) -> NDArray[Any]:
 
 
 def _odd(permutation: NDArray[np.intp]) -> bool:
-    """Whether a permutation changes the sign of a determinant."""
+    """Tell whether a permutation changes the sign of a determinant."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 

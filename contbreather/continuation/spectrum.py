@@ -121,17 +121,17 @@ class Spectrum:
 
     @property
     def critical(self) -> Values:
-        """Those on the border of stability."""
+        """Values on the border of stability."""
         raise NotImplementedError
 
     @property
     def beside(self) -> float:
-        """How far off its place a critical real value may be."""
+        """Largest distance of a critical real value from its place."""
         raise NotImplementedError
 
     @property
     def doubled(self) -> float:
-        """How far off their place both of a double critical real value may be."""
+        """Largest distance of both of a double critical real value from their place."""
         return self.beside
 
     def nearest_pair(self) -> Values:
@@ -143,7 +143,7 @@ class Spectrum:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers(Spectrum):
-    """All multipliers of an orbit but a trivial one; a pair is critical where its product is 1."""
+    """Multipliers of an orbit but a trivial one; a pair is critical where its product is 1."""
 
     def factors(self) -> tuple[Values, Array | float]:
         # mu_i mu_j are the eigenvalues of the bialternate product of the matrix with itself; an
@@ -161,7 +161,7 @@ class Multipliers(Spectrum):
 
 @dataclass(frozen=True, eq=False)
 class Eigenvalues(Spectrum):
-    """All eigenvalues of a flow; a pair is critical where its sum is 0.
+    """Eigenvalues of a flow, all of them; a pair is critical where its sum is 0.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ def eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
 
 
 def eigenvalues_at(point: Point) -> Eigenvalues:
-    """Those of the original problem, at a point of a boundary too."""
+    """Eigenvalues for the original problem, at a point of a boundary too."""
     return eigenvalues(point.base_point.curve, point.base_point.z)
 
 

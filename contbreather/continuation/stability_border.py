@@ -70,7 +70,7 @@ class Border:
     double: dict[str, CodimensionTwo] = field(default_factory=dict)
 
     def others(self, on: str, point: Point) -> Spectrum:
-        """All values but those that the curve of a kind has everywhere: where one more of these
+        """Values next to those that the curve of a kind has everywhere: where one more of these
         joins them the meeting has another name. None beyond the end of a curve of pairs."""
         values = self.spectrum(point)
         if on != self.pair:

@@ -111,7 +111,7 @@ class SwitchingProblem:
         return np.asarray(-math.copysign(1.0, first) * tangent)
 
     def seeds(self) -> tuple[Seed, ...]:
-        """Where the arms set out."""
+        """Starts of the arms."""
         (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
         sides = (1.0, -1.0) if self.both else (1.0,)
         return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
@@ -147,7 +147,7 @@ class SwitchingProblem:
 
 
 def across(point: Point) -> tuple[Seed, ...]:
-    """Both directions of the curve that crosses the one the point was found on."""
+    """Seeds in both directions of the curve that crosses the one the point was found on."""
     if "tangents" not in point.detail:
         raise Undefined("no directions are known here: other curves set out where curves cross")
     row = point.curve.metric * point.direction
