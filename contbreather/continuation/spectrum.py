@@ -44,7 +44,6 @@ ROUNDING = 2e-13
 FEW = 250  # rows up to which all eigenvalues at once take less time
 _ZERO = 1e-6  # relative size of an eigenvalue that is zero: a double zero splits by a root
 _CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root splits double ones
-_BESIDE = 1e-3  # and how far off 1 or -1 where one is there and another curve is met
 _PRODUCT = 1e-12  # relative error of a product of two multipliers
 _IN_A_DISK = 12  # eigenvalues that are looked for around one place of the axis
 _DISKS = 4
@@ -90,6 +89,10 @@ class Spectrum:
     values : ndarray of complex
     rounding : float
         May be left in each of them, or in what a pair is tested by.
+    critical : ndarray of complex
+        Those on the border of stability.
+    beside : float
+        Largest distance of a critical real value from its place.
     """
 
     values: Values
@@ -119,21 +122,6 @@ class Spectrum:
             return math.nan
         return least_with_sign(self.values - place, 0.0)
 
-    @property
-    def critical(self) -> Values:
-        """Values on the border of stability."""
-        raise NotImplementedError
-
-    @property
-    def beside(self) -> float:
-        """Largest distance of a critical real value from its place."""
-        raise NotImplementedError
-
-    @property
-    def doubled(self) -> float:
-        """Largest distance of both of a double critical real value from their place."""
-        return self.beside
-
     def nearest_pair(self) -> Values:
         """The two values that are nearest to a critical pair."""
         first, second = pairs(self.values)
@@ -152,7 +140,7 @@ class Multipliers(Spectrum):
         rounding = _PRODUCT * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
         return first * second - 1, rounding
 
-    beside, doubled = _BESIDE, _CIRCLE
+    beside = _CIRCLE
 
     @property
     def critical(self) -> Values:

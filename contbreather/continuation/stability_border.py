@@ -26,7 +26,7 @@ from . import normal_forms
 from .boundary import codim_two
 from .branch_points import branches_cross
 from .point import CodimensionTwo, Event, Examined, Point
-from .spectrum import Spectrum
+from .spectrum import Eigenvalues, Multipliers, Spectrum
 
 Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
 
@@ -62,7 +62,7 @@ class Border:
     name: str
     real: Mapping[str, float]
     pair: str
-    spectrum: Callable[[Point], Spectrum]
+    spectrum: Callable[[Point], Eigenvalues | Multipliers]
     followed: Callable[[Point], complex | None]
     frequency: tuple[str, Callable[[complex], float]]
     names: Mapping[tuple[str, str], str] = field(default_factory=dict)
@@ -146,7 +146,7 @@ class Border:
         every = self.spectrum(point)
         pair = every.nearest_pair()
         for on, event in self.double.items():
-            if abs(pair - self.real[on]).max() <= every.doubled:
+            if abs(pair - self.real[on]).max() <= every.beside:
                 return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
         if not pair.imag.any():
             one, other = pair.real

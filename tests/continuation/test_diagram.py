@@ -302,15 +302,17 @@ def test_every_branch_ever_new_still_ends() -> None:
     assert len(tree) <= 12
 
 
-def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def seeds(point: object) -> tuple[Seed, ...]:
-        wrong = Seed(point.problem, point.z + 0.3, np.array([1.0, 0.0]))
-        return (wrong, Seed(point.problem, point.z, np.array([1.0, 0.0])))
+class Astray(SwitchingProblem):
+    """Two arms, of which the first sets out beside the curve."""
 
-    monkeypatch.setattr("contbreather.continuation.diagram.seeds_at", seeds)
-    tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[branch_point()])
+    def seeds(self) -> tuple[Seed, ...]:
+        z, along = np.append(self.problem.x, self.problem.params["mu"]), np.array([1.0, 0.0])
+        return Seed(self.problem, z + 0.3, along), Seed(self.problem, z, along)
+
+
+def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
+    mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: Astray(point.problem, "mu")}.get)
+    tree = diagram(mine, "mu", within=MU, events=[branch_point()])
     assert len(tree) == 2
     assert "no curve leaves the start" in str(tree.failed[0])
     assert "1 arm not followed" in tree.describe()

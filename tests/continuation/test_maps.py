@@ -22,13 +22,6 @@ from .lines import PLANE, XY, Params, at, henon, kinds, of_map
 from .zoo import Array
 
 
-def test_henon_branch_has_its_fold_and_its_period_doubling() -> None:
-    branch = trace(henon(1.0, 0.5, 0.6), "alpha", within={"alpha": (-3, 4), "y": (-3, 3)})
-    assert sorted(kinds(branch)) == ["LP", "PD"]
-    at(branch.first("LP"), alpha=-(1.5**2) / 4, y=-0.75)
-    at(branch.first("PD"), alpha=3 * 1.5**2 / 4, y=0.75)
-
-
 def plain(u: Array) -> Array:
     """Without an imaginary part, so that derivatives are differences."""
     return np.array([float(value.real) for value in u])
