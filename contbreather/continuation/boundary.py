@@ -162,7 +162,6 @@ def boundary_problem(
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
-    named_pair(pair)
     base, active = active_events(base_point.problem, events, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
@@ -182,19 +181,6 @@ def boundary_problem(
                 f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
                 f"{end:g}; take a point there"
             )
-    others = [
-        met
-        for other in active
-        if other.kind != event.kind and other.test is not None
-        for met in locus.meets.get(other.kind, (codim_two(kind, other),))
-    ]
-    of_locus = locus.events
-    if events == ():  # only what the curve cannot be followed beyond
-        of_locus = tuple(e for e in of_locus if e.ends)
-    if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
-        of_locus = tuple(
-            e for e in of_locus if not (isinstance(e, CodimensionTwo) and e.base.ends_domain)
-        )
     record = base.record
     if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
         record = {
@@ -203,7 +189,7 @@ def boundary_problem(
         }
     make = partial(
         BoundaryProblem,
-        events=(*of_locus, *others),
+        events=_met_on(locus, event, kind, active, events, walls_are_lifted(base)),
         record=record,
         label=titled(f"{kind} boundary", base),
         asked=events,
@@ -217,6 +203,27 @@ def boundary_problem(
             if wrong := wrong_entry(longer_curve, longer_curve.start):
                 raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
     return longer
+
+
+def _met_on(
+    locus: DefiningSystem,
+    event: Event,
+    kind: str,
+    active: Iterable[Event],
+    asked: tuple[Event, ...] | None,
+    beyond_walls: bool,
+) -> tuple[Event, ...]:
+    """Events to look for on the boundary of an event: those of its locus, and meetings with all
+    others that are active."""
+    met = [*locus.events]
+    if asked is not None and not asked:  # only what the curve cannot be followed beyond
+        met = [own for own in met if own.ends]
+    if beyond_walls and event.ends_domain:  # what ends it is another wall
+        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
+    for other in active:
+        if other.kind != event.kind and other.test is not None:
+            met += locus.meets.get(other.kind, (codim_two(kind, other),))
+    return tuple(met)
 
 
 def _named(base_point: Point, event: Event) -> str:

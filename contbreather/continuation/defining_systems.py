@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .curve import Curve, Params
-from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
+from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
 from .sparse import Dense, Matrix, above, beside
@@ -57,23 +57,29 @@ class Singular:
 
 
 def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
-    """On which steps between neighbours of several small matrices no interpolation is singular, by
-    the norms of powers alone (`_inverses`)."""
+    """Tell on which steps between neighbours of several small matrices no interpolation is
+    singular, by the norms of powers alone."""
     stack = np.concatenate([[first], stack])
     try:
-        power = np.linalg.solve(stack[:-1], stack[:-1] - stack[1:])
+        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
     except np.linalg.LinAlgError:
         return np.zeros(len(stack) - 1, dtype=bool)
-    regular = np.zeros(len(power), dtype=bool)
+
+
+def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which of several matrices have no eigenvalue of size 1: where a power is smaller."""
+    small = np.zeros(len(power), dtype=bool)
     for _ in range(_SQUARES):
-        regular |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        small |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        if small.all():
+            break
         power = power @ power
-    return regular
+    return small
 
 
 def singular_between(first: Matrix, *others: Matrix) -> Array:
-    """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
-    linear interpolation of two or quadratic of three.
+    """Find the places from the first of several matrices, 0, to the last, 1, where they are
+    singular, in order, by linear interpolation of two or quadratic of three.
 
     Of steep and shallow singular values side by side the smallest alone shows no two zeros.
     """
@@ -101,14 +107,8 @@ def _pencil(first: Array, *others: Array) -> Array | None:
 
 def _inverses(matrix: Array) -> Array:
     """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
-    if not (matrix * matrix).sum() < math.inf:
+    if not (matrix * matrix).sum() < math.inf or _reaches_nothing(matrix[None])[0]:
         return np.empty(0)
-    power = matrix
-    for _ in range(_SQUARES):
-        # no eigenvalue reaches 1 where a power of the matrix is smaller
-        if (power * power).sum() < (1.0 - _EDGE) ** 2**_SQUARES:
-            return np.empty(0)
-        power = power @ power
     return _places(np.linalg.eigvals(matrix))
 
 
@@ -147,12 +147,6 @@ def oriented_overlap(matrix: Matrix) -> float:
 def overlap(point: Point) -> float:
     """The test of a double zero where one eigenvalue of F_x is zero all along a curve."""
     return oriented_overlap(point.base_point.jacobian()[:, : point.base_point.curve.size])
-
-
-def null_vector(matrix: Array, scales: Array) -> Array:
-    """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
-    vector = np.linalg.svd(matrix)[2][-1] * scales
-    return np.asarray(vector / (sense(vector) * np.linalg.norm(vector)))
 
 
 # A fold. The null vector is an unknown like any other

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from . import branch_points, normal_forms, spectrum
 from . import defining_systems as systems
 from .branch import Points
-from .linear_algebra import least_singular
+from .linear_algebra import least_singular, sense
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Many, Point, UnstableDimension
 from .problem import Problem
@@ -118,8 +118,8 @@ def _fold_locus(point: Point) -> DefiningSystem:
         cusps = replace(cusp(), test=partial(_cusp_test, reference=null))
         locus = systems.rank_locus(systems.singular_in_unknowns)
     else:
-        null, cusps = systems.null_vector(matrix, curve.scales[: curve.size]), cusp()
-        locus = systems.null_locus(null)
+        null, cusps = np.linalg.svd(matrix)[2][-1] * curve.scales[: curve.size], cusp()
+        locus = systems.null_locus(null / (sense(null) * np.linalg.norm(null)))
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
 

@@ -179,7 +179,12 @@ class Factors:
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
         if width > n and (not self.exact or abs(self.null).max() > _STEEP):
-            apart = _most_moving(self.null)
+            from scipy.linalg import qr
+
+            # for each null vector an unknown that it moves most, and no other does: each pivot is
+            # the column with most in it that those before do not span
+            order = qr(self.null.T, mode="r", pivoting=True)[1]
+            apart = np.sort(order[: width - n])
             self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
@@ -333,15 +338,6 @@ def _shifted(matrix: Matrix) -> Matrix:
     if not is_sparse(matrix):
         return matrix + np.diag(shifts)
     return (matrix + diags_array(shifts)).tocsc()
-
-
-def _most_moving(null: Array) -> NDArray[Any]:
-    """For each null vector an unknown that it moves most, and no other does."""
-    from scipy.linalg import qr
-
-    # each pivot is the column with most in it that those before do not span
-    order = qr(null.T, mode="r", pivoting=True)[1]
-    return np.sort(order[: null.shape[1]])
 
 
 def _odd(permutation: NDArray[np.intp]) -> bool:

@@ -144,6 +144,8 @@ class Border:
     def pair_at(self, point: Point) -> complex | str:
         """The upper value of the pair that is on the border, or why it is no complex pair."""
         every = self.spectrum(point)
+        if every.values.size < 2:
+            return f"no two {self.values} are known beside the {self.name}"
         pair = every.nearest_pair()
         for on, event in self.double.items():
             if abs(pair - self.real[on]).max() <= every.beside:

@@ -21,7 +21,6 @@ from .zoo import (
     LORENZ,
     PITCHFORK,
     STATIC,
-    TRANSCRITICAL,
     Array,
     Counted,
     imperfect,
@@ -178,12 +177,6 @@ def test_a_net_of_crossing_lines_is_found_whole_and_ends() -> None:
     assert length == pytest.approx(wanted, rel=1e-4)
     assert len([p for p in tree.special if p.kind == "BP"]) == 9
     assert tree.failed == ()
-
-
-def test_a_transcritical_point_has_two_curves() -> None:
-    tree = grown(TRANSCRITICAL.problem)
-    assert len(tree) == 3
-    assert len([p for p in tree.special if p.kind == "BP"]) == 1
 
 
 @pytest.mark.parametrize("h", [1e-2, 1e-4])
@@ -376,11 +369,6 @@ def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
-
-
-def test_events_of_the_problem_are_looked_for_by_default() -> None:
-    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, events=(branch_point(),))
-    assert len(diagram(mine, "mu", within=MU)) == 3
 
 
 # --- in files -----------------------------------------------------------------------------------

@@ -120,10 +120,6 @@ def test_a_hopf_point_is_refused_where_both_eigenvalues_are_zero() -> None:
     assert "a double 0: BT" in reason(hopf(), there)
 
 
-def test_a_user_s_event_needs_no_verification() -> None:
-    assert user("mu", 0.3).examine is None
-
-
 # --- on boundaries --------------------------------------------------------------------------------
 
 
