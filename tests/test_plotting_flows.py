@@ -139,13 +139,13 @@ def test_tables_of_cycles_are_without_their_collocation(cycles, tmp_path) -> Non
 
 def test_tables_of_boundaries_are_without_null_vectors() -> None:
     mine = cb.Problem(
-        lambda x, p: np.array(field(0.0, x, {"mu": p["mu"] + p["b"] ** 2})),
-        {"x": 0.0, "y": 0.0}, {"mu": -0.5, "b": 0.0},
+        lambda x, p: np.array([p["mu"] + p["b"] ** 2 - x[0] ** 2, -x[1]]),
+        {"x": 0.5, "y": 0.0}, {"mu": 0.25, "b": 0.0},
     )  # fmt: skip
-    branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
-    line = cb.boundary(branch.first("HB"), ("b", "mu"), within={"b": (0.0, 0.02)}, events=())
+    branch = cb.trace(mine, "mu", within={"x": (-1, 1)}, events=[cb.fold()])
+    line = cb.boundary(branch.first("LP"), ("b", "mu"), within={"b": (0.0, 0.02)}, events=())
     assert line["null"].shape == (len(line), 2)
-    assert {"mu", "b", "omega2"} <= {*line.to_dataframe()}
+    assert {"mu", "b"} <= {*line.to_dataframe()}
     assert not [name for name in line.to_dataframe() if name.startswith("null")]
 
 

@@ -142,7 +142,7 @@ class BoundaryProblem(ExtendedProblem):
     inadmissible: bool = field(kw_only=True)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
-        """Where the base problem has another parameter, free in place of the first."""
+        """Free another parameter of the base problem in place of the first."""
         curve, (free,), event = Curve(self, ()), names, self.residual.event
         assert event is not None
         pair = free, curve.varied[-1]
@@ -162,7 +162,6 @@ def boundary_problem(
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
-    named_pair(pair)
     base, active = active_events(base_point.problem, events, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
@@ -182,19 +181,6 @@ def boundary_problem(
                 f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
                 f"{end:g}; take a point there"
             )
-    others = [
-        met
-        for other in active
-        if other.kind != event.kind and other.test is not None
-        for met in locus.meets.get(other.kind, (codim_two(kind, other),))
-    ]
-    of_locus = locus.events
-    if events == ():  # only what the curve cannot be followed beyond
-        of_locus = tuple(e for e in of_locus if e.ends)
-    if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
-        of_locus = tuple(
-            e for e in of_locus if not (isinstance(e, CodimensionTwo) and e.base.ends_domain)
-        )
     record = base.record
     if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
         record = {
@@ -203,32 +189,47 @@ def boundary_problem(
         }
     make = partial(
         BoundaryProblem,
-        events=(*of_locus, *others),
+        events=_met_on(locus, event, kind, active, events, walls_are_lifted(base)),
         record=record,
         label=titled(f"{kind} boundary", base),
         asked=events,
         inadmissible=inadmissible,
     )
     longer = extended(curve, locus, event, make)
-    if base.derivatives is None:  # those of this package are held to differences
-        _check_derivative(longer, locus, pair[0])  # by its tests
+    # those of this package are held to differences by its tests
+    if base.derivatives is None and locus.derivative is not None:
+        longer_curve = Curve(longer, (pair[0],))
+        with contextlib.suppress(Undefined):
+            if wrong := wrong_entry(longer_curve, longer_curve.start):
+                raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
     return longer
+
+
+def _met_on(
+    locus: DefiningSystem,
+    event: Event,
+    kind: str,
+    active: Iterable[Event],
+    asked: tuple[Event, ...] | None,
+    beyond_walls: bool,
+) -> tuple[Event, ...]:
+    """Events to look for on the boundary of an event: those of its locus, and meetings with all
+    others that are active."""
+    met = [*locus.events]
+    if asked is not None and not asked:  # only what the curve cannot be followed beyond
+        met = [own for own in met if own.ends]
+    if beyond_walls and event.ends_domain:  # what ends it is another wall
+        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
+    for other in active:
+        if other.kind != event.kind and other.test is not None:
+            met += locus.meets.get(other.kind, (codim_two(kind, other),))
+    return tuple(met)
 
 
 def _named(base_point: Point, event: Event) -> str:
     """The kind that a point was found to be, which may be another than its event's: PF for BP."""
     same = base_point.event is not None and base_point.event.kind == event.kind
     return base_point.kind if same and base_point.kind else event.kind
-
-
-def _check_derivative(longer: Problem, locus: DefiningSystem, free: str) -> None:
-    if locus.derivative is None:
-        return
-    curve = Curve(longer, (free,))
-    with contextlib.suppress(Undefined):
-        wrong = wrong_entry(curve, curve.start)
-        if wrong:
-            raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
 
 
 def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
@@ -275,50 +276,51 @@ def codim_two(kind: str, event: Event) -> CodimensionTwo:
     Where both have a locus, the meeting is located by the conditions of both at once. Where
     branches cross, so do the boundaries on them: a branch point of the longer problem.
     """
-    assert event.test is not None
-    if event.crosses:
+    name = f"{kind}-{event.kind}"
+    if event.crosses:  # to look ahead costs as much as a step
         return CodimensionTwo(
-            f"{kind}-{event.kind}",
-            branch_point_test,  # to look ahead costs as much as a step
-            locus=Crossings(),
-            examine=_examine_crossing,
-            base=event,
+            name, branch_point_test, locus=Crossings(), examine=_examine_crossing, base=event
         )
+    beneath = _Beneath(kind, event)
     return CodimensionTwo(
-        f"{kind}-{event.kind}",
-        partial(_value_beneath, event),
-        locus=partial(_locus_beneath, event) if event.locus else None,
-        examine=partial(_examine_beneath, kind, event) if event.examine else None,
+        name,
+        beneath.test,
+        locus=beneath.locus if event.locus else None,
+        examine=beneath.examine if event.examine else None,
         ends=event.ends,
         may_jump=event.may_jump,
         base=event,
     )
 
 
-def _value_beneath(event: Event, point: Point) -> float | int:
-    return event.value(point.base_point)
+@dataclass(frozen=True)
+class _Beneath:
+    """An event of the original problem, asked at points of the boundary of another kind."""
 
+    kind: str
+    event: Event
 
-def _locus_beneath(event: Event, point: Point) -> DefiningSystem:
-    together = point.curve.problem.residual
-    assert event.locus is not None
-    assert isinstance(together, Extended)
-    return lifted(event.locus(point.base_point), together, f" of {event.kind}")
+    def test(self, point: Point) -> float | int:
+        return self.event.value(point.base_point)
 
+    def locus(self, point: Point) -> DefiningSystem:
+        together = point.curve.problem.residual
+        assert self.event.locus is not None
+        assert isinstance(together, Extended)
+        return lifted(self.event.locus(point.base_point), together, f" of {self.event.kind}")
 
-def _examine_beneath(kind: str, event: Event, point: Point) -> Examined:
-    assert event.examine is not None
-    suffix = f" of {event.kind}"
-    detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
-    verdict = event.examine(replace(point.base_point, detail=detail))
-    if isinstance(verdict, str):
-        return verdict
-    # its normal form is that of a branch, what is said of it is not
-    words = {name: value for name, value in verdict.items() if isinstance(value, str)}
-    return {**words, "kind": f"{kind}-{verdict['kind']}"} if "kind" in verdict else words
+    def examine(self, point: Point) -> Examined:
+        assert self.event.examine is not None
+        suffix = f" of {self.event.kind}"
+        detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
+        verdict = self.event.examine(replace(point.base_point, detail=detail))
+        if isinstance(verdict, str):
+            return verdict
+        # its normal form is that of a branch, what is said of it is not
+        words = {name: value for name, value in verdict.items() if isinstance(value, str)}
+        return {**words, "kind": f"{self.kind}-{words['kind']}"} if "kind" in words else words
 
 
 def _examine_crossing(point: Point) -> str:
-    """Whether branches cross for the original problem, too."""
     reason = "the boundary is singular here, but the branches it is on do not cross"
     return "" if branches_cross(point.base_point) else reason

@@ -199,8 +199,8 @@ class Crossings:
 
 
 def branches_cross(base: Point) -> bool:
-    """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
-    no smooth surface, and branches cross for other values of the parameters as well."""
+    """Tell whether the derivative in unknowns and both parameters loses one rank: solutions then
+    are no smooth surface, and branches cross for other values of the parameters as well."""
     matrix = balanced(base)
     weak = least_singular(matrix)
     return weak.size < _lost(matrix, weak) < weak.second
@@ -213,7 +213,7 @@ def _lost(matrix: Matrix, weak: LeastSingular) -> float:
 
 
 def crossed(base: Point) -> dict[str, str]:
-    """That branches cross where they do, which makes any other normal form degenerate."""
+    """Note that branches cross, where they do: any other normal form is degenerate there."""
     return {"degenerate": CROSSED} if branches_cross(base) else {}
 
 

@@ -1,4 +1,4 @@
-"""What events share: matrices that lose rank, pairs of eigenvalues, and their defining systems.
+"""Defining systems: matrices that lose rank, and a problem with such conditions as a longer one.
 
 With the defining system ``g(x, p, y) = 0`` of an event, y what it needs besides (a null vector, an
 angle), the equations ``F(x, p) = 0`` become the longer problem of its curve in two parameters::
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .curve import Curve, Params
-from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
-from .newton import Undefined
+from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
 from .sparse import Dense, Matrix, above, beside
@@ -34,11 +33,8 @@ Values = NDArray[np.complex128]
 
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
-# Eigenvalues, and sums of two, this small against the derivative are rounding: twice what is left
-# by differences where they are zero all along, as in conservative systems, area preserving maps.
-ROUNDING = 2e-13
-_NONE = 1e-100  # the size of what has a sign only
 
 
 # --- matrices that lose rank ------------------------------------------------------------------
@@ -61,23 +57,29 @@ class Singular:
 
 
 def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
-    """On which steps between neighbours of several small matrices no interpolation is singular, by
-    the norms of powers alone (`_inverses`)."""
+    """Tell on which steps between neighbours of several small matrices no interpolation is
+    singular, by the norms of powers alone."""
     stack = np.concatenate([[first], stack])
     try:
-        power = np.linalg.solve(stack[:-1], stack[:-1] - stack[1:])
+        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
     except np.linalg.LinAlgError:
         return np.zeros(len(stack) - 1, dtype=bool)
-    regular = np.zeros(len(power), dtype=bool)
+
+
+def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which of several matrices have no eigenvalue of size 1: where a power is smaller."""
+    small = np.zeros(len(power), dtype=bool)
     for _ in range(_SQUARES):
-        regular |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        small |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        if small.all():
+            break
         power = power @ power
-    return regular
+    return small
 
 
 def singular_between(first: Matrix, *others: Matrix) -> Array:
-    """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
-    linear interpolation of two or quadratic of three.
+    """Find the places from the first of several matrices, 0, to the last, 1, where they are
+    singular, in order, by linear interpolation of two or quadratic of three.
 
     Of steep and shallow singular values side by side the smallest alone shows no two zeros.
     """
@@ -105,14 +107,8 @@ def _pencil(first: Array, *others: Array) -> Array | None:
 
 def _inverses(matrix: Array) -> Array:
     """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
-    if not (matrix * matrix).sum() < math.inf:
+    if not (matrix * matrix).sum() < math.inf or _reaches_nothing(matrix[None])[0]:
         return np.empty(0)
-    power = matrix
-    for _ in range(_SQUARES):
-        # no eigenvalue reaches 1 where a power of the matrix is smaller
-        if (power * power).sum() < (1.0 - _EDGE) ** 2**_SQUARES:
-            return np.empty(0)
-        power = power @ power
     return _places(np.linalg.eigvals(matrix))
 
 
@@ -153,12 +149,6 @@ def overlap(point: Point) -> float:
     return oriented_overlap(point.base_point.jacobian()[:, : point.base_point.curve.size])
 
 
-def null_vector(matrix: Array, scales: Array) -> Array:
-    """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
-    vector = np.linalg.svd(matrix)[2][-1] * scales
-    return np.asarray(vector / (sense(vector) * np.linalg.norm(vector)))
-
-
 # A fold. The null vector is an unknown like any other
 # (G. Moore and A. Spence, SIAM J. Numer. Anal. 17, 567, 1980):
 #     | F_x          0       F_p    |
@@ -193,113 +183,41 @@ def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     return weak
 
 
-def rank_locus() -> DefiningSystem:
-    """The least singular value of a large derivative is zero: one equation and no unknown. It is
-    the scalar of a bordered system whose borders are the null vectors of each place."""
-    return DefiningSystem({}, _least, _slope_of_least)
-
-
-def _least(curve: Curve, z: Array, extra: Array) -> Array:
+def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """Its value and vectors as `rank_locus` takes them."""
     weak = least_in_unknowns(curve, z)
-    return np.array([weak.sign * weak.size])
+    left, right = weak.left / curve.row_scales, weak.right * curve.scales[: curve.size]
+    return weak.sign * weak.size, weak.sign * left, right
 
 
-def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
-    weak, n = least_in_unknowns(curve, z), curve.size
-    # second derivatives are symmetric, as in `null_locus`
-    change = curve.along(z, weak.right * curve.scales[:n])
-    # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
-    return np.asarray(weak.sign * ((weak.left / curve.row_scales) @ change))[None, :]
+def rank_locus(weak: Callable[[Curve, Array], tuple[float, Array, Array]]) -> DefiningSystem:
+    """The least singular value of a square matrix B is zero: one equation and no unknown.
 
-
-# --- pairs of eigenvalues ---------------------------------------------------------------------
-
-
-def without(values: NDArray[np.complex128], *everywhere: complex) -> NDArray[np.complex128]:
-    """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
-    meeting has another name, BT for a flow."""
-    for value in everywhere:
-        values = np.delete(values, int(abs(values - value).argmin()))
-    return values
-
-
-def pairs(values: Values) -> tuple[Values, Values]:
-    """The first and the second eigenvalues of all pairs of them."""
-    first, second = _each_with_later(len(values))
-    return values[first], values[second]
-
-
-_each_with_later = cache(partial(np.triu_indices, k=1))
-
-
-def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:
-    """The size of the smallest factor with the sign of the product of all: it vanishes where the
-    product does, smoothly, and cannot overflow.
-
-    A factor that is rounding, as it is all along the branches of conservative systems, is zero.
-    Several of them have no size, and the sign that the others have: a zero of even order.
+    ``weak(curve, z)`` gives it with the sign of the determinant, and its vectors w and v, in the
+    units of the equations and of the unknowns. It is the scalar of a bordered system whose borders
+    are the vectors of each place.
     """
-    sizes = abs(factors)
-    clear = sizes > rounding
-    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
-    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
+    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak))
 
 
-def critical_plane(matrix: Array, small: float) -> tuple[complex, Array, Array]:
-    """The complex eigenvalue nearest to the imaginary axis, and two vectors of the plane of its
-    pair; 0 where that is twice an eigenvalue, with one eigenvector."""
-    values, vectors = np.linalg.eig(matrix)
-    if np.count_nonzero(abs(values) < small) == 2:
-        # a Jordan block: M g = null, and g, null span its plane
-        null = null_vector(matrix, np.ones(len(matrix)))
-        return 0.0, np.asarray(np.linalg.lstsq(matrix, null)[0]), null
-    upper = np.flatnonzero(values.imag > 0)
-    if not upper.size:
-        raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
-    nearest = upper[abs(values[upper].real).argmin()]
-    vector = vectors[:, nearest] / sense(vectors[:, nearest])
-    return complex(values[nearest]), vector.real, vector.imag
+def _least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([weak(curve, z)[0]])
 
 
-def pair_locus(square: float, plane: tuple[Array, Array]) -> DefiningSystem:
-    """``(F_x^2 + omega2) v = 0`` in the plane of a pair (D. Roose and V. Hlavacek, SIAM J. Appl.
-    Math. 45, 879, 1985)."""
-    start, reference = _frame(*plane)
-    vector = _PairVector(reference)
-    extra = {"null": start, "omega2": square}
-    return DefiningSystem(extra, vector.conditions, vector.derivative)
+def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
+    return along_by_difference(curve, z, *weak(curve, z)[1:])[None, :]
 
 
-@dataclass(frozen=True)
-class _PairVector:
-    reference: Array
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, square, matrix = extra[:-1], extra[-1], curve.jacobian(z)[:, : curve.size]
-        # F_x^2 + omega2 vanishes on the plane of the pair: the last two choose v in it
-        in_plane = matrix @ (matrix @ v) + square * v
-        return np.concatenate([in_plane, [v.dot(v) - 1, self.reference.dot(v)]])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, square, n = extra[:-1], extra[-1], curve.size
-        matrix, change = curve.jacobian(z)[:, :n], curve.along(z, v)
-        rows = np.zeros((n + 2, z.size + n + 1))
-        # the product rule: (M M v)' = M' (M v) + M (M' v)
-        rows[:n, : z.size] = curve.along(z, matrix @ v) + matrix @ change
-        rows[:n, z.size : -1] = matrix @ matrix + square * np.eye(n)
-        rows[:n, -1] = v
-        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, self.reference
-        return rows
-
-
-def _frame(first: Array, second: Array) -> tuple[Array, Array]:
-    """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
-    pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
-    conditions of a pair by itself."""
-    null = first / np.linalg.norm(first) + second / np.linalg.norm(second)
-    null /= np.linalg.norm(null)
-    reference = first - (first @ null) * null
-    return null, reference / np.linalg.norm(reference)
+def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
+    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
+    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
+    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    way = np.append(right, np.zeros(z.size - right.size))
+    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
+    step = _STEP / max(size, 1e-300)  # one of two null vectors may vanish
+    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
+    return np.asarray(change / (2 * step))
 
 
 # --- problem and defining system as one longer problem ------------------------------------------
@@ -350,7 +268,7 @@ class Extended:
         return np.concatenate([values, conditions])
 
     def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
-        """Those of the conditions in z and in the extra unknowns."""
+        """Derivatives of the conditions in z and in the extra unknowns."""
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
@@ -441,32 +359,28 @@ def event_of(problem: Problem) -> Event | None:
 
 def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    above = _Above(locus, together)
-    names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
     return replace(
         locus,
-        extra=names,
-        conditions=above.conditions,
-        derivative=above.derivative if locus.derivative else None,
+        extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
+        conditions=partial(_asked_beneath, together, locus.conditions),
+        derivative=partial(_derivative_beneath, together, locus.derivative)
+        if locus.derivative
+        else None,
         events=(),
         walker=None,
     )
 
 
-@dataclass(frozen=True)
-class _Above:
-    """Conditions of the shorter problem, asked of a curve of the longer."""
+def _asked_beneath(
+    together: Extended, conditions: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    base, place = together.beneath(z[: curve.size], curve.params(z), curve.free)
+    return np.asarray(conditions(base, place, extra))
 
-    locus: DefiningSystem
-    together: Extended
 
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(self.locus.conditions(base, place, extra))
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        assert self.locus.derivative is not None
-        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(self.locus.derivative(base, place, extra))
-        n, m = self.together.n, self.together.extra
-        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
+def _derivative_beneath(
+    together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    rows = _asked_beneath(together, derivative, curve, z, extra)
+    n, m = together.n, together.extra
+    return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

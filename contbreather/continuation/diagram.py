@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -24,7 +24,7 @@ from .duplicates import Duplicate, duplicate_of, same_place, simplest
 from .point import Event, Point
 from .problem import Problem
 from .settings import Steps, Within, all_of, steps_of, windows
-from .switching import Seed, follow, lift_of, seeds_at
+from .switching import Seed, branches_leave, follow, seeds_at
 from .trace import Startable, trace
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """How a branch came about: at which depth, from where, and of which branch it is the image."""
+    """Origin of a branch: at which depth, from where, and of which branch it is the image."""
 
     depth: int
     place: Place | None = None
@@ -122,7 +122,7 @@ class Diagram(Columns, HtmlRepr):
         return self.branches[index]
 
     def columns(self) -> dict[str, Any]:
-        """Those of all branches, which ``branch`` numbers."""
+        """Columns of all branches, which ``branch`` numbers."""
         return stacked(({"branch": i}, branch.columns()) for i, branch in enumerate(self))
 
     @property
@@ -135,7 +135,7 @@ class Diagram(Columns, HtmlRepr):
 
     @property
     def graph(self) -> MultiDiGraph:
-        """What was born where, as a networkx graph.
+        """Branches and special points as a networkx graph.
 
         Nodes are branches (their number, with ``branch`` and ``depth``) and special points
         (``"branch 0: PF1"``, with ``point``); ``kind`` is ``"branch"`` or that of the point. Edges
@@ -326,7 +326,6 @@ class _Growth:
             self.queue.popleft()
 
     def so_far(self) -> Diagram | None:
-        """What an interruption leaves."""
         return self.diagram(interrupted=True) if len(self.tree) else None
 
     def diagram(self, *, interrupted: bool = False) -> Diagram:
@@ -413,9 +412,18 @@ class _Growth:
         for point in branch.special:
             if point.parent is not None:
                 continue  # where an arm set out is the place it was born at
-            earlier = self._known_place(point, places)
+            if not branches_leave(point):
+                places.append(Place(index, point))
+                continue
+            # the branch may cross another one there, or itself
+            known = (
+                place
+                for place in chain(*self.tree.places, places)
+                if branches_leave(place.point) and same_place(point, place.point)
+            )
+            earlier = next(known, None)
             places.append(earlier or Place(index, point))
-            if earlier is None and lift_of(point) is not None:
+            if earlier is None:
                 later.append(places[-1])
         self._note(branches=branch, births=birth, places=tuple(places))
         # all that leaves an image is the image of what leaves the original
@@ -424,15 +432,6 @@ class _Growth:
                 self.queue.append(place)
             else:
                 self._note(left=place)
-
-    def _known_place(self, point: Point, places: Sequence[Place]) -> Place | None:
-        """The place where the branch of a point crosses another one, or itself."""
-        if lift_of(point) is None:
-            return None
-        for place in chain(*self.tree.places, places):
-            if lift_of(place.point) is not None and same_place(point, place.point):
-                return place
-        return None
 
 
 # --- in files -----------------------------------------------------------------------------------

@@ -19,21 +19,21 @@ from ..checks import whole
 from ..errors import BadInput
 from ..tables import HtmlRepr, Sheet
 from . import defining_systems as systems
-from . import multiplier_events
-from .branch_points import crossing_event
+from .branch_points import RANK, crossing_event
 from .curve import Params
 from .equilibria import fold
+from .multiplier_events import linked
 from .point import Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .settings import all_of
 from .sparse import is_sparse
+from .spectrum import ROUNDING
 from .switching import SwitchingProblem
 
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
 
 _SAME = 1e-7  # relative distance at which a cycle has closed
-_RANK = 1e-7  # a multiplier this close to 1 is there
 
 
 def FixedPoint(
@@ -207,7 +207,7 @@ def multiplier_matrix(point: Point) -> Array:
 
 
 def with_period(problem: Problem, period: int) -> Problem:
-    """The same orbit as one of another period."""
+    """Write the same orbit as one of another period."""
     iterate: Iterate = problem.residual  # type: ignore[assignment]
     other = replace(iterate, period=period)
     unnamed = problem.label == generic(iterate.period)
@@ -262,11 +262,10 @@ class MapCycleProblem(Problem):
         return _doubled if kind == "PD" else None
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        """All of them, and what rounding may leave in each."""
+        """Multipliers, and what rounding may leave in each."""
         matrix = units(point)
-        return np.linalg.eigvals(matrix).astype(complex), systems.ROUNDING * float(
-            np.linalg.norm(matrix)
-        )
+        rounding = ROUNDING * float(np.linalg.norm(matrix))
+        return np.linalg.eigvals(matrix).astype(complex), rounding
 
 
 # --- the events on a branch -------------------------------------------------------------------
@@ -276,14 +275,10 @@ def _examine_one(plain: Event, point: Point) -> Examined:
     """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
     far apart in size the derivative may look singular where it is not."""
     sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
-    if sizes[-1] > _RANK * max(1.0, sizes[0]):
+    if sizes[-1] > RANK * max(1.0, sizes[0]):
         return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
     assert plain.examine is not None
     return plain.examine(point)
-
-
-def _flip_matrix(point: Point) -> Array:
-    return units(point) + np.eye(point.curve.size)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -292,10 +287,14 @@ def _doubled(point: Point) -> SwitchingProblem:
     return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
+def _flip_matrix(point: Point) -> Array:
+    return units(point) + np.eye(point.curve.size)
+
+
 _PLAIN_FOLD = fold()
-_LINKED = multiplier_events.linked(
+_CIRCLE = linked(
     replace(_PLAIN_FOLD, examine=partial(_examine_one, _PLAIN_FOLD)), systems.Singular(_flip_matrix)
 )
-_PLAIN_BRANCH_POINT = crossing_event(multiplier_events.meetings("BP", _LINKED))
+_PLAIN_BRANCH_POINT = crossing_event(_CIRCLE.meetings("BP"))
 _BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
-EVENTS = (_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"])
+EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -9,114 +9,84 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import defining_systems as systems
 from . import normal_forms
-from .boundary import codim_two
-from .branch_points import RANK, branches_cross, crossed
+from .branch_points import RANK, crossed
 from .curve import Curve
+from .defining_systems import along_by_difference, rank_locus
 from .linear_algebra import by_inverses, least_singular, solved
 from .newton import Array, Undefined
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point
 from .sparse import Factors, Matrix, above, any_vector, beside, is_large, scaled
-
-Values = NDArray[np.complex128]
-Events = Mapping[str, Event]  # LP, PD and NS of one family, each of which speaks of the others
+from .spectrum import Multipliers, Values
+from .stability_border import Border
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
-_DOUBLE = 1e-4  # and two of them, which a root splits
-_TOGETHER = 1e-3  # and one on the circle where two curves meet
-_ROUNDING = 1e-12  # relative error of a product of two multipliers
-_ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
-_STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
 _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
-_NOTHING = 1e-300  # one of two null vectors may vanish
 
 
-def linked(fold: Event, flips: Callable[[Point], float]) -> dict[str, Event]:
+def multipliers_at(point: Point) -> Multipliers:
+    """Multipliers but a trivial one."""
+
+    def make(z: Array) -> Multipliers:
+        return Multipliers(*base.curve.problem.multipliers(base))
+
+    base = point.base_point
+    known: Multipliers = base.curve.cached("multipliers", base.z, make)
+    return known
+
+
+def _pair_followed(point: Point) -> complex | None:
+    return cmath.exp(1j * point["angle"]) if 0 < point["angle"] < math.pi else None
+
+
+def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border:
     """LP as it is given, PD by its test, and NS; on the curve of each the others are known."""
-    events: dict[str, Event] = {}
-    events["LP"] = replace(fold, locus=partial(_fold_locus, fold, events))
-    events["PD"] = Event("PD", flips, locus=partial(_flip_locus, events), examine=_examine_flip)
-    events["NS"] = Event(
-        "NS",
-        partial(least_of_pairs, ""),
-        locus=partial(_rotation_locus, events),
-        examine=_examine_rotation,
+    circle = Border(
+        "multipliers", "unit circle", {"BP": 1.0, "LP": 1.0, "PD": -1.0}, "NS",
+        multipliers_at, _pair_followed, ("angle", cmath.phase),
+    )  # fmt: skip
+    circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
+    circle.events["PD"] = Event(
+        "PD",
+        flips or partial(circle.least_beside, "", -1.0),
+        locus=partial(_flip_locus, circle),
+        examine=_examine_flip,
     )
-    return events
-
-
-# --- multipliers ------------------------------------------------------------------------------
+    circle.events["NS"] = Event(
+        "NS",
+        partial(circle.least_of_pairs, ""),
+        locus=partial(_rotation_locus, circle),
+        examine=partial(_examine_rotation, circle),
+    )
+    for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
+        sign = int(circle.real[on])
+        circle.double[on] = CodimensionTwo(
+            "R1" if sign == 1 else "R2",
+            partial(circle.least_beside, on, sign),
+            examine=partial(_examine_double, on, sign),
+            base=circle.events["NS"],
+        )
+    return circle
 
 
 def _count(values: Values, wanted: float) -> int:
-    """How many of these are at one value. Rounding moves two of them that are one by its root, but
+    """Count the multipliers at one value. Rounding moves two of them that are one by its root, but
     their sum and their product by no more than itself: so with all symmetric functions of them."""
     size = max(1.0, abs(values).max(initial=0.0))
     off = (values - wanted)[abs(values - wanted).argsort()] / size
     # the most of which all are small: of two that a root splits neither one is there alone
     counts = range(off.size, 0, -1)
     return next((k for k in counts if abs(np.poly(off[:k])[1:]).max() < _NEAR), 0)
-
-
-def _all(point: Point) -> tuple[Values, float]:
-    """All multipliers but a trivial one, and what rounding may leave in each."""
-    base = point.base_point
-    known: tuple[Values, float] = base.curve.cached(
-        "multipliers", base.z, lambda z: base.curve.problem.multipliers(base)
-    )
-    return known
-
-
-# Those that are there all along a curve in two parameters; on that of NS a pair.
-_EVERYWHERE: dict[str, tuple[float, ...]] = {"": (), "LP": (1.0,), "BP": (1.0,), "PD": (-1.0,)}
-
-
-def _others(on: str, point: Point) -> Values:
-    """The multipliers but for those that a curve, if that is what the point is on, has everywhere;
-    none beyond the end of a curve of NS."""
-    values = _all(point)[0]
-    if on != "NS":
-        return systems.without(values, *_EVERYWHERE[on])
-    if not 0 < point["angle"] < math.pi:
-        return values[:0]
-    pair = cmath.exp(1j * point["angle"])
-    return systems.without(values, pair, pair.conjugate())
-
-
-def least_beside(on: str, wanted: float, point: Point) -> float:
-    """How far off a value the nearest of these is, with the sign of the product of all."""
-    values = _others(on, point)
-    if not (values.size and np.isfinite(values).all()):  # as at VI
-        return math.nan
-    off = values - wanted
-    if wanted in _EVERYWHERE.get(on, ()):
-        # rounding splits a double one by its root, but does not move the sum of both
-        every = _all(point)[0] - wanted
-        off[abs(off).argmin()] += every[abs(every).argmin()]
-    return systems.least_with_sign(off, 0.0)
-
-
-def least_of_pairs(on: str, point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` of these, with the sign of the product of all."""
-    values = _others(on, point)
-    # mu_i mu_j are the eigenvalues of the bialternate product of the matrix with itself
-    first, second = systems.pairs(values)
-    if not (first.size and np.isfinite(values).all()):
-        return math.nan
-    # an error e in each multiplier moves a product by e (|mu_i| + |mu_j|)
-    rounding = _ROUNDING * (1 + abs(first * second)) + _all(point)[1] * (abs(first) + abs(second))
-    return systems.least_with_sign(first * second - 1, rounding)
 
 
 def scaled_closing(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
@@ -132,12 +102,9 @@ def _units(curve: Curve) -> Array:
 
 
 def _eigenvectors(mu: float, point: Point) -> int:
-    """How many, one or two, belong to a multiplier that is there."""
+    """Count those of a multiplier that is there, one or two."""
     base = point.base_point
-    matrix, moved = (
-        scaled_closing(base.curve, base.jacobian(), mu),
-        base.curve.problem.perturbed,
-    )
+    matrix, moved = scaled_closing(base.curve, base.jacobian(), mu), base.curve.problem.perturbed
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
     return 2 if weak.second < RANK * max(1.0, weak.largest) else 1
@@ -147,7 +114,7 @@ def _eigenvectors(mu: float, point: Point) -> int:
 
 
 def unresolved(point: Point) -> str:
-    """Why no event is believed: where a mesh resolves no multiplier."""
+    """Say why no event is believed, where a mesh resolves no multiplier."""
     base = point.base_point
     reason: str = base.curve.problem.unresolved(base)
     return reason
@@ -156,7 +123,7 @@ def unresolved(point: Point) -> str:
 def _examine_flip(point: Point) -> Examined:
     if coarse := unresolved(point):
         return coarse
-    values = _all(point)[0]
+    values = multipliers_at(point).values
     off, size = abs(values + 1), max(1.0, abs(values).max(initial=0.0))
     if not off.min(initial=math.inf) < _NEAR * size:
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
@@ -165,19 +132,13 @@ def _examine_flip(point: Point) -> Examined:
     return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
-def _examine_rotation(point: Point) -> Examined:
-    """Of the two multipliers with product 1: are they a complex pair?"""
+def _examine_rotation(circle: Border, point: Point) -> Examined:
     if coarse := unresolved(point):
         return coarse
-    first, second = systems.pairs(_all(point)[0])
-    nearest = int(abs(first * second - 1).argmin())
-    pair = np.array([first[nearest], second[nearest]])
-    for sign, name in ((1, "R1"), (-1, "R2")):
-        if (abs(pair - sign) < _DOUBLE).all():
-            return f"both multipliers are {sign}: the resonance {name}"
-    if not pair.imag.any():
-        return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
-    angle = abs(cmath.phase(pair[0]))
+    upper = circle.pair_at(point)
+    if isinstance(upper, str):
+        return upper
+    angle = cmath.phase(upper)
     return {"angle": angle} | normal_forms.criticality(
         "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
     )
@@ -186,49 +147,28 @@ def _examine_rotation(point: Point) -> Examined:
 # --- as equations -----------------------------------------------------------------------------
 
 
-class _SmallestSingular(NamedTuple):
-    """The least singular value of a square matrix with the sign of its determinant, its vectors,
-    ``B right = value left``, and what it is multiplied by."""
+def _flipped(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of the problem closed with -1, and its vectors; of a small one times
+    the next, for where both vanish two curves cross. On a mesh all are small."""
 
-    value: float
-    left: Array
-    right: Array
-    weight: float = 1.0
-
-
-def _weak(curve: Curve, z: Array) -> _SmallestSingular:
-    """Of the problem closed with -1."""
-
-    def make(z: Array) -> _SmallestSingular:
-        matrix = curve.jacobian(z)
+    def make(z: Array) -> tuple[float, Array, Array]:
+        matrix, units = curve.jacobian(z), _units(curve)
         B = scaled_closing(curve, matrix, -1.0)
         if not is_large(B):
             weak = least_singular(B)
-            value, left = weak.sign * weak.size, weak.sign * weak.left
-            return _SmallestSingular(value, left, weak.right, min(1.0, weak.second))
+            value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
+            weight = min(1.0, weak.second)
+            return weight * value, weight * left / units, right * units
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
         factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        return _SmallestSingular(*by_inverses(regular, B.shape[0], refined=False))
+        value, left, right = by_inverses(regular, B.shape[0], refined=False)
+        return value, left / units, right * units
 
-    weak: _SmallestSingular = curve.cached("flip", z, make)
+    weak: tuple[float, Array, Array] = curve.cached("flip", z, make)
     return weak
-
-
-def _flipped(curve: Curve, z: Array, extra: Array) -> Array:
-    """The problem closed with -1 is singular: its least singular value, of a small one times the
-    next, for where both vanish two curves cross. On a mesh all are small, and that says nothing."""
-    weak = _weak(curve, z)
-    return np.array([weak.value * weak.weight])
-
-
-def _slope_of_flipped(curve: Curve, z: Array, extra: Array) -> Array:
-    weak, units = _weak(curve, z), _units(curve)
-    # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
-    change = _turned(curve, z, weak.left / units, weak.right * units)
-    return weak.weight * change[None, :]
 
 
 def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
@@ -242,8 +182,10 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
         a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
         whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
         turned = whole.conj().T
-        if is_large(whole):
-            whole, turned = _sparse(whole), _sparse(turned)
+        if is_large(whole):  # of a cycle, where most entries are 0
+            from scipy.sparse import csc_array
+
+            whole, turned = csc_array(whole), csc_array(turned)
         why = "a second pair is where one is followed"
         right, left = solved(whole, unit, why), solved(turned, unit, why)
         return right[-1], right[:-1], left[:-1]
@@ -251,13 +193,6 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
     found: tuple[Any, NDArray[Any], NDArray[Any]]
     found = curve.cached("pair", np.append(z, extra), make)
     return found
-
-
-def _sparse(matrix: Matrix) -> Matrix:
-    """Of a cycle, where most entries are 0."""
-    from scipy.sparse import csc_array
-
-    return csc_array(matrix)
 
 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
@@ -271,7 +206,10 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     g, v, w = _bordered(curve, z, extra)
     units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
     left, right = w.conj() / units, v * units
-    slope = -_turned(curve, z, left, right.real) - 1j * _turned(curve, z, left, right.imag)
+    real, imaginary = (
+        along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
+    )
+    slope = -real - 1j * imaginary
     # affine in mu: the derivative of the closing is the difference of any two
     in_mu = scaled_closing(curve, matrix, 1.0) - scaled_closing(curve, matrix, 0.0)
     slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
@@ -280,65 +218,46 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([slope.real, below / sine])
 
 
-def _turned(curve: Curve, z: Array, left: Array, right: Array) -> Array:
-    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
-    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
-    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
-    way = np.append(right, np.zeros(z.size - right.size))
-    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = _STEP / max(size, _NOTHING)
-    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
-    return np.asarray(change / (2 * step))
-
-
-def _fold_locus(plain: Event, events: Events, point: Point) -> DefiningSystem:
+def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
     assert plain.locus is not None
-    locus = plain.locus(point)
-    return replace(
-        locus, events=(*locus.events, _double("LP", 1, events)), meets=meetings("LP", events)
-    )
+    return replace(plain.locus(point), meets=circle.meetings("LP"))
 
 
-def _flip_locus(events: Events, point: Point) -> DefiningSystem:
-    ends = (
-        Event("GPD", _flip_coefficient, examine=_examine_generalised_flip),
-        _double("PD", -1, events),
-    )
-    return DefiningSystem(
-        {}, _flipped, _slope_of_flipped, events=ends, meets=meetings("PD", events)
-    )
+def _flip_locus(circle: Border, point: Point) -> DefiningSystem:
+    ends = (circle.degenerate("GPD", "PD", (-1.0, 1.0), "the coefficient c =", normal_forms.flip),)
+    return replace(rank_locus(_flipped), events=ends, meets=circle.meetings("PD"))
 
 
-def _rotation_locus(events: Events, point: Point) -> DefiningSystem:
+def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
     ends = (
         # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-        CodimensionTwo(
-            "R1", partial(_from_angle, 1, 0.0), examine=partial(_examine_double, "NS", 1),
-            ends="branch", base=events["LP"],
-        ),
-        CodimensionTwo(
-            "R2", partial(_from_angle, -1, math.pi), examine=partial(_examine_double, "NS", -1),
-            ends="branch", base=events["PD"],
+        *(
+            CodimensionTwo(
+                f"R{k}", partial(_from_angle, sign, angle), base=circle.events[base],
+                examine=partial(_examine_double, "NS", sign), ends="branch",
+            )
+            for k, sign, angle, base in ((1, 1, 0.0, "LP"), (2, -1, math.pi, "PD"))
         ),
         *(
             Event(
                 f"R{k}", partial(_from_angle, 1, 2 * math.pi / k),
-                examine=partial(_on_circle, "pair", False),
+                examine=partial(circle.examine, ("NS",)),
             )
             for k in (3, 4)
         ),
-        Event("CH", _rotation_coefficient, examine=_examine_chenciner),
+        # no value at R1, R2 and R3, where the normal form is another
+        circle.degenerate("CH", "NS", (1.0,), "Re d =", _rotation),
     )  # fmt: skip
     start = {"angle": _angle(point)}
     return DefiningSystem(
-        start, _on_circle_with, _slope_of_pair, events=ends, meets=meetings("NS", events)
+        start, _on_circle_with, _slope_of_pair, events=ends, meets=circle.meetings("NS")
     )
 
 
 def _angle(point: Point) -> float:
-    """Of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as there a
-    curve of folds or doublings has this angle."""
-    values = _all(point)[0]
+    """Angle of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as
+    there a curve of folds or doublings has this angle."""
+    values = multipliers_at(point).values
     for double, angle in ((1.0, _ASIDE), (-1.0, math.pi - _ASIDE)):
         if _count(values, double) == 2:
             return angle
@@ -353,44 +272,13 @@ def _from_angle(sign: int, angle: float, point: Point) -> float:
     return float(sign * (point["angle"] - angle))
 
 
-# --- what their curves in two parameters meet -------------------------------------------------
-
-
-def meetings(on: str, events: Events) -> dict[str, tuple[Event, ...]]:
-    """On the curve of one kind, what the meeting with each of the others is called."""
-    met: dict[str, tuple[Event, ...]] = {}
-    for kind, wanted in (("LP", 1.0), ("PD", -1.0), ("NS", None)):
-        if kind == on or (kind, on) == ("LP", "BP"):
-            continue
-        first, second = sorted((on, kind), key=[*_CRITICAL].index)
-        name = f"{first}{'-' if first == 'BP' else ''}{second}"
-        critical = f"{_CRITICAL[first]} {_CRITICAL[second]}"
-        test = partial(least_of_pairs, on) if wanted is None else partial(least_beside, on, wanted)
-        examine = partial(_on_circle, critical, first == "LP")
-        met[kind] = (replace(codim_two(on, events[kind]), kind=name, test=test, examine=examine),)
-    if on == "BP":
-        met["NS"] = (_double("BP", 1, events), *met["NS"])
-    return met
-
-
-# Those with the larger multiplier first, which come first in a name.
-_CRITICAL = {"BP": "+1", "LP": "+1", "PD": "-1", "NS": "pair"}
-
-
-def _double(on: str, sign: int, events: Events) -> CodimensionTwo:
-    """R1 or R2 where that multiplier is there all along."""
-    return CodimensionTwo(
-        "R1" if sign == 1 else "R2",
-        partial(least_beside, on, float(sign)),
-        examine=partial(_examine_double, on, sign),
-        base=events["NS"],
-    )
+# --- resonances -------------------------------------------------------------------------------
 
 
 def _examine_double(on: str, sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector; of +1 whether branches cross as well. A curve of
     NS ends where there are two, too: it comes back with the pair interchanged."""
-    values = _all(point)[0]
+    values = multipliers_at(point).values
     count = _count(values, sign)
     if count != 2:
         return f"{count} multipliers are {sign}; two were expected"
@@ -400,55 +288,5 @@ def _examine_double(on: str, sign: int, point: Point) -> Examined:
     return crossed(point.base_point) if sign == 1 else {}
 
 
-def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
-    """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
-    ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
-    if fold and branches_cross(point.base_point):
-        return "a branch point, not a fold"
-    values = _all(point)[0]
-    on = values[abs(abs(values) - 1) < _DOUBLE]
-    critical = ["+1"] * int((abs(on - 1) < _TOGETHER).sum())
-    critical += ["-1"] * int((abs(on + 1) < _TOGETHER).sum())
-    critical += ["pair"] * ((len(on) - len(critical)) // 2)
-    if sorted(critical) != sorted(wanted.split()):
-        shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
-        return f"on the unit circle are {shown}, where {these} are expected"
-    return ""
-
-
-# --- where normal forms degenerate ------------------------------------------------------------
-
-
-def _accuracy(point: Point) -> dict[str, float]:
-    """Where each derivative is dear, less is asked of a coefficient all along a curve."""
-    return {} if point.base_point.curve.problem.closing is None else {"agreed": _ROUGHLY}
-
-
-def _flip_coefficient(point: Point) -> float:
-    """c without its poles, at R2 and fold-flips."""
-    # multipliers first: the orbit at hand is the one that was solved for last
-    poles = _pole("PD", -1.0, point) * _pole("PD", 1.0, point)
-    return poles * normal_forms.value_or_nan(lambda: normal_forms.flip(point, **_accuracy(point)))
-
-
-def _rotation_coefficient(point: Point) -> float:
-    """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
-    is another."""
-    pole = _pole("NS", 1.0, point)  # first, as above
-    return pole * normal_forms.value_or_nan(
-        lambda: normal_forms.rotation_coefficient(point, point["angle"], **_accuracy(point))
-    )
-
-
-def _pole(on: str, wanted: float, point: Point) -> float:
-    """Zero where another multiplier is there, 1 where there is no other."""
-    return least_beside(on, wanted, point) if _others(on, point).size else 1.0
-
-
-def _examine_generalised_flip(point: Point) -> str:
-    return normal_forms.not_zero("the coefficient c =", normal_forms.flip(point), point)
-
-
-def _examine_chenciner(point: Point) -> str:
-    d = normal_forms.rotation_coefficient(point, point["angle"])
-    return normal_forms.not_zero("Re d =", d, point)
+def _rotation(point: Point, agreed: float) -> normal_forms.Coefficient:
+    return normal_forms.rotation_coefficient(point, point["angle"], agreed)

@@ -19,7 +19,7 @@ the matrix T below, the identity otherwise. In place of q and <p, q> it is T q, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -32,7 +32,6 @@ from .linear_algebra import least_singular, sense, solved
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
 from .sparse import (
-    Factors,
     Matrix,
     above,
     beside,
@@ -54,7 +53,8 @@ _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
 _FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
 _SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
-_AGREED = 1e-10  # relative error at which no shorter step is tried
+AGREED = 1e-10  # relative error at which no shorter step is tried
+ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
 _FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
 _ROUNDING = 1e-11  # and this small it is rounding
@@ -81,7 +81,7 @@ class Coefficient:
 
     @property
     def degenerate(self) -> bool:
-        """Whether its real part has no sign to speak of."""
+        """Tell whether its real part has no sign to speak of."""
         return abs(self.value.real) <= max(_DEGENERATE * self.size, self.least)
 
     @property
@@ -103,7 +103,7 @@ def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
 class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
-    def __init__(self, point: Point, agreed: float = _AGREED) -> None:
+    def __init__(self, point: Point, agreed: float = AGREED) -> None:
         base, self.agreed = point.base_point, agreed
         self.curve, self.z = base.curve, base.z
         problem = self.curve.problem
@@ -133,7 +133,7 @@ class Forms:
         return scaled(matrix, 1 / self.scales, self.scales)
 
     def closed(self, mu: complex) -> Matrix:
-        """What maps a perturbation to zero that has grown by mu when it comes back."""
+        """The matrix that takes to zero a perturbation that comes back grown by mu."""
         return self._scaled(closed(self.curve, self.curve.in_unknowns(self.z), mu))
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
@@ -153,7 +153,7 @@ class Forms:
         return q / size, p / np.conj(np.vdot(p, began) / size)
 
     def by_parameters(self, p: Array, v: Array) -> Array:
-        """How much free parameters change ``p F``, at the point and along v from there."""
+        """Changes of ``p F`` by the free parameters, at the point and along v from there."""
         left, n, direction = np.zeros(self.curve.size), self.curve.size, np.zeros(self.curve.size)
         left[self.moved], direction[self.moved] = p / self.scales, v * self.scales
         ways = self.curve.jacobian(self.z), self.curve.along(self.z, direction)
@@ -194,12 +194,14 @@ class Forms:
                 continue
             around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
             if all(math.isfinite(matrix.sum()) for matrix in around):
-                weights = np.array([_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE])
-                first, rough, second, rougher = combined(weights, around)
+                first, rough, second, rougher = (
+                    sum(w * matrix for w, matrix in zip(weights, around, strict=True))
+                    for weights in (_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE)
+                )
                 yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
 
     def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
-        """How far two jets differ, relative; a C that vanishes is measured by B, and a B by both
+        """Relative difference of two jets; a C that vanishes is measured by B, and a B by both
         of its neighbours."""
         a, b, c = (_largest(matrix) for matrix in (self.A, jet.B, jet.C))
         b, c = b * reach, c * reach**2
@@ -207,13 +209,6 @@ class Forms:
         first = _largest(jet.B - other.B) * reach / max(b, 1e-300)
         second = _largest(jet.C - other.C) * reach**2 / max(c, 1e-300)
         return max(first, second)
-
-
-def combined(weights: Array, matrices: Sequence[Matrix]) -> Iterable[Matrix]:
-    """For each row of weights the sum of so many times each matrix."""
-    if is_sparse(matrices[0]):
-        return [sum(w * m for w, m in zip(row, matrices, strict=True)) for row in weights]
-    return np.tensordot(weights, np.stack(matrices), 1)
 
 
 def _largest(matrix: Matrix) -> float:
@@ -252,7 +247,7 @@ def criticality(
 
 
 def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
-    """Why the real part of a cubic coefficient is not zero; empty if it is. Its terms may all
+    """Say that the real part of a cubic coefficient is not zero, unless it is. Its terms may all
     vanish at once: then it is small against a term of order one."""
     if abs(coefficient.value.real) <= 1e-6 * (coefficient.size + Forms(point).cubic):
         return ""
@@ -262,12 +257,12 @@ def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
 # --- flows ------------------------------------------------------------------------------------
 
 
-def lyapunov_coefficient(point: Point, omega: float) -> Coefficient:
+def lyapunov_coefficient(point: Point, omega: float, agreed: float = AGREED) -> Coefficient:
     """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    forms = Forms(point)
+    forms = Forms(point, agreed)
     critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
     coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
@@ -307,8 +302,10 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     bent = jet.B @ q
     # x' = <p, B(q, q)> x^2 / 2 + (<p, C(q, q, q)> + 3 <p, B(q, h)>) x^3 / 6
     quadratic = 0.5 * float(p @ bent)
-    # A h = <p, B> T q - B with <p, T h> = 0, by bordering
-    h = _bordered(forms.A, began, p @ forms.T, 2 * quadratic * began - bent)
+    # | A     T q |  A h = <p, B> T q - B with <p, T h> = 0
+    # | p T    0  |
+    bordered = above(beside(forms.A, began[:, None]), np.append(p @ forms.T, 0.0)[None, :])
+    h = solve(bordered, np.append(2 * quadratic * began - bent, 0.0))[:-1]
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     amplitude = forms.reach / float(abs(q).max())
@@ -316,14 +313,6 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     measure = cubic.size * amplitude**3 + size * amplitude**2 + pushed
     sizes = measure / amplitude**2, measure / amplitude**3
     return Coefficient(quadratic, sizes[0]), replace(cubic, size=sizes[1])
-
-
-def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:
-    """``M h = right`` but for a multiple of q, with ``p h = 0``."""
-    wider, row, full = beside(matrix, q[:, None]), np.append(p, 0.0)[None, :], np.append(right, 0.0)
-    if is_sparse(matrix):
-        return Factors(wider).solve(full, row)[:-1]
-    return solve(above(wider, row), full)[:-1]
 
 
 def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
@@ -339,11 +328,8 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
     # chains: A q0 = 0, A q1 = q0; A^T p1 = 0, A^T p0 = p1 (Kuznetsov, section 8.4)
-    if is_sparse(forms.A):
-        q1, p0 = weak.rest(q0), least_singular(forms.A.T.tocsc()).rest(p1)
-    else:
-        q1 = np.asarray(np.linalg.lstsq(forms.A, q0)[0])
-        p0 = np.asarray(np.linalg.lstsq(forms.A.T, p1)[0])
+    turned = forms.A.T.tocsc() if is_sparse(forms.A) else forms.A.T
+    q1, p0 = weak.rest(q0), least_singular(turned).rest(p1)
     overlap = p1 @ q1
     p0, p1 = p0 / overlap, p1 / overlap
     p0 = p0 - (p0 @ q1) * p1  # then <p0, q1> = 0, and <p0, q0> = <p1, q1> = 1 by the chains
@@ -359,7 +345,7 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
 # --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
 
 
-def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
+def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
     forms = Forms(point, agreed)
@@ -373,7 +359,7 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
 
 
-def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
+def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).

@@ -58,7 +58,7 @@ class Dense:
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
     def sign(self) -> int:
-        """Of the determinant; 0 where the matrix is singular."""
+        """Sign of the determinant; 0 where the matrix is singular."""
         if not self.exact:
             return 0
         # P A = L U, L with ones on its diagonal: det A = det U / det P
@@ -70,12 +70,12 @@ class Dense:
 
 
 def is_sparse(matrix: object) -> bool:
-    """Whether a matrix, or what was given for one, comes from scipy.sparse."""
+    """Tell whether a matrix, or what was given for one, comes from scipy.sparse."""
     return hasattr(matrix, "tocsc")
 
 
 def is_large(matrix: Matrix) -> bool:
-    """Whether all that is asked of a matrix are solutions: a sparse one, or one of many rows."""
+    """Tell a matrix that is only solved with: a sparse one, or one of many rows."""
     return is_sparse(matrix) or len(matrix) >= _MANY
 
 
@@ -179,7 +179,12 @@ class Factors:
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
         if width > n and (not self.exact or abs(self.null).max() > _STEEP):
-            apart = _most_moving(self.null)
+            from scipy.linalg import qr
+
+            # for each null vector an unknown that it moves most, and no other does: each pivot is
+            # the column with most in it that those before do not span
+            order = qr(self.null.T, mode="r", pivoting=True)[1]
+            apart = np.sort(order[: width - n])
             self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
@@ -335,17 +340,8 @@ def _shifted(matrix: Matrix) -> Matrix:
     return (matrix + diags_array(shifts)).tocsc()
 
 
-def _most_moving(null: Array) -> NDArray[Any]:
-    """For each null vector an unknown that it moves most, and no other does."""
-    from scipy.linalg import qr
-
-    # each pivot is the column with most in it that those before do not span
-    order = qr(null.T, mode="r", pivoting=True)[1]
-    return np.sort(order[: null.shape[1]])
-
-
 def _odd(permutation: NDArray[np.intp]) -> bool:
-    """Whether a permutation changes the sign of a determinant."""
+    """Tell whether a permutation changes the sign of a determinant."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 

@@ -7,7 +7,7 @@ is the same walk as ever, along a direction that is given.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -111,7 +111,7 @@ class SwitchingProblem:
         return np.asarray(-math.copysign(1.0, first) * tangent)
 
     def seeds(self) -> tuple[Seed, ...]:
-        """Where the arms set out."""
+        """Starts of the arms."""
         (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
         sides = (1.0, -1.0) if self.both else (1.0,)
         return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
@@ -147,7 +147,7 @@ class SwitchingProblem:
 
 
 def across(point: Point) -> tuple[Seed, ...]:
-    """Both directions of the curve that crosses the one the point was found on."""
+    """Seeds in both directions of the curve that crosses the one the point was found on."""
     if "tangents" not in point.detail:
         raise Undefined("no directions are known here: other curves set out where curves cross")
     row = point.curve.metric * point.direction
@@ -290,45 +290,39 @@ def switch(
                     point, seed, within=within, steps=steps, progress=progress, save=inner,
                     events=point.curve.asked if listed is None and same else listed,
                 )  # fmt: skip
-            _keep_apart(arm, arms)
-            arms.append(_with_image(arm, arms))
+            _refuse_twins(arm, arms)
+            moved = [*images(arm[1])] if len(arm) > 1 else []
+            known = (i for i, other in enumerate(arms) if any(lies_on(at, other) for at in moved))
+            arms.append(replace(arm, image_of=next(known, None)))
         if kept:
             kept.finish(tuple(arms))
     return Branches(arms)
 
 
-def lift_of(point: Point) -> Callable[[Point], SwitchingProblem] | None:
-    """What knows the curves that leave a point, if any do."""
-    if point.event is None:
-        return None
-    crossing = _crossed if point.event.crosses else None
-    return point.curve.problem.lift(point.kind) or crossing
-
-
-def _crossed(point: Point) -> SwitchingProblem:
-    return SwitchingProblem(point.problem, point.curve.free[0])
+def branches_leave(point: Point) -> bool:
+    """Tell whether other branches are known to leave points of its kind."""
+    event = point.event
+    return event is not None and (event.crosses or point.curve.problem.lift(point.kind) is not None)
 
 
 def seeds_at(point: Point) -> tuple[Seed, ...]:
-    """Where curves set out from a point, or why none do."""
-    why, lift = _nothing(point), lift_of(point)
-    if not why and lift is None:
-        why = f": no other branch is known to leave points of kind {point.kind}"
-        reason = look_of(point.kind).nothing_leaves
-        why += f"; {reason}" if reason else ""
-    if why or lift is None:
+    """Find where curves set out from a point, or say why none do."""
+    if why := _nothing(point):
         raise NothingToSwitch(f"{point!r}{why}", point)
+    lift = point.curve.problem.lift(point.kind)
     try:
+        if lift is None:
+            return across(point)
         lifted = lift(point)
         if isinstance(lifted, SwitchingProblem):
-            return lifted.seeds() if lift is not _crossed else across(point)
+            return lifted.seeds()
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
     raise BadInput(f"the lift of {point!r} is {lifted!r}; a SwitchingProblem was expected")
 
 
 def _nothing(point: Point) -> str:
-    """Why no curve can be followed from a point, whatever its event is."""
+    """Say why no curve can be followed from a point."""
     if point.parent is not None:
         return (
             " is where this arm sets out; switch at the point of the branch it left, its `parent`"
@@ -338,7 +332,11 @@ def _nothing(point: Point) -> str:
     if point.event is None:
         what = "where a branch ends" if point.kind else "not a special point"
         return f" is {what}; switch at a BP, PF or PD of a branch"
-    if not point.located and lift_of(point) is not None:
+    if not branches_leave(point):
+        reason = look_of(point.kind).nothing_leaves
+        more = f"; {reason}" if reason else ""
+        return f": no other branch is known to leave points of kind {point.kind}{more}"
+    if not point.located:
         reason = point.detail.get("reason", "no reason kept")
         return f" was seen, not located ({reason}): where others would leave it is not known"
     return ""
@@ -347,7 +345,10 @@ def _nothing(point: Point) -> str:
 def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: Any) -> Branch:
     """One arm from a point, which is its first; how is as for `trace`."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
-    start = _start(seed, free)
+    curve = Curve(seed.problem, (free,))
+    if np.shape(seed.z) != curve.start.shape:
+        raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
+    start = Point(curve, np.array(seed.z, dtype=float)).problem
     with piece_of(save, lambda arm: _with_parent(arm, point)) as inner:
         arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
     if len(arm) == 1 and arm.stop.failed:
@@ -356,16 +357,8 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
             residual=arm[0].residual,
         )
     arm = _with_parent(arm, point)
-    _leave(arm, seed, point)
+    _refuse_parent(arm, seed, point)
     return arm
-
-
-def _start(seed: Seed, free: str) -> Problem:
-    """The problem of an arm with its start at the seed."""
-    curve = Curve(seed.problem, (free,))
-    if np.shape(seed.z) != curve.start.shape:
-        raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
-    return Point(curve, np.array(seed.z, dtype=float)).problem
 
 
 def _with_parent(arm: Branch, point: Point) -> Branch:
@@ -384,7 +377,7 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
     )
 
 
-def _leave(arm: Branch, seed: Seed, point: Point) -> None:
+def _refuse_parent(arm: Branch, seed: Seed, point: Point) -> None:
     """Refuse an arm whose first step goes along the branch it was to leave."""
     curve = arm.curve
     if seed.parent is None or len(arm) < 2 or curve.start.shape != np.shape(seed.z):
@@ -408,7 +401,7 @@ def _aside(curve: Curve, direction: Array, line: Array) -> float:
     return curve.length(direction - float(direction @ (curve.metric * line)) * line)
 
 
-def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:
+def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
     """Refuse an arm that follows another of the same point."""
     for other in others:
         if len(arm) < 2 or len(other) < 2 or arm.curve.slots != other.curve.slots:
@@ -427,20 +420,10 @@ def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:
 
 
 def comes_back(arm: Branch, seed: Seed) -> bool:
-    """Whether an arm that has been walked came back to its start along another seed."""
+    """Tell whether an arm that has been walked came back to its start along another seed."""
     start = arm[0]
     if arm.stop is not Stop.CLOSED or np.shape(seed.z) != start.z.shape:
         return False
     curve = arm.curve
     tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
     return bool(np.allclose(seed.z, start.z) and start.direction @ (curve.metric * tangent) < -0.5)
-
-
-def _with_image(arm: Branch, others: Sequence[Branch]) -> Branch:
-    """The arm, marked if it is the image of another of the same point."""
-    if len(arm) < 2:
-        return arm
-    for i, other in enumerate(others):
-        if any(lies_on(image, other) for image in images(arm[1])):
-            return replace(arm, image_of=i)
-    return arm

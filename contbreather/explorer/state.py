@@ -14,7 +14,7 @@ import numpy as np
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
-from contbreather.continuation.switching import lift_of
+from contbreather.continuation.switching import branches_leave
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -40,7 +40,7 @@ class Chosen:
 
     @property
     def switches(self) -> bool:
-        return self.point is not None and lift_of(self.point) is not None
+        return self.point is not None and branches_leave(self.point)
 
     @property
     def traces(self) -> bool:

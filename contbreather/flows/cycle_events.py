@@ -17,7 +17,7 @@ from ..continuation.branch_points import bordered_matrix, crossing_event
 from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
 from ..continuation.linear_algebra import by_inverses
-from ..continuation.multiplier_events import least_beside, linked, meetings, unresolved
+from ..continuation.multiplier_events import linked, unresolved
 from ..continuation.newton import OUT_OF_DOMAIN, Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from ..continuation.sparse import Dense
@@ -120,8 +120,8 @@ def _fold_locus(point: Point) -> DefiningSystem:
 
 _PLAIN = fold()
 _FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
-_LINKED = linked(_FOLD, partial(least_beside, "", -1.0))
-_CROSSING = crossing_event(meetings("BP", _LINKED))
+_CIRCLE = linked(_FOLD)
+_CROSSING = crossing_event(_CIRCLE.meetings("BP"))
 _BRANCH_POINT = replace(
     _CROSSING, test=Singular(bordered_matrix, _branches), count=None, examine=_examine_crossing
 )
@@ -129,7 +129,8 @@ _BRANCH_POINT = replace(
 
 def events_of_cycle(equations: FlowEquations, tangency: str = "GR") -> tuple[Event, ...]:
     """List the events of a cycle of these flows; one comes into being at a tangency, GR or SL."""
-    events = [_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"]]
+    lp, pd, ns = (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
+    events = [lp, _BRANCH_POINT, pd, ns]
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:

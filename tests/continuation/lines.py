@@ -238,7 +238,7 @@ FLOWS = (
         flow(lambda u, p: [p["m"] * u[0] - p["w"] * u[1] - u[0] * (u @ u),
                            p["w"] * u[0] + p["m"] * u[1] - u[1] * (u @ u)], XY, m=-0.5, w=-0.9),
         "m", "HB", ("w", "m"), course=lambda line: [line["w"][0] + 1, line["w"][-1] - 1],
-        doubtful="no double zero eigenvalue",
+        doubtful="touches zero",
     ),
     Line(  # on ``x^2 = b1`` it is ``b2 = b1``, with omega^2 = 2 b1: that only touches zero
         "other HB of a symmetric BT",

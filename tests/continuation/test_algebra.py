@@ -14,7 +14,7 @@ from scipy.sparse import csc_array
 import contbreather as cb
 from contbreather.continuation import defining_systems as systems
 from contbreather.continuation import linear_algebra as algebra
-from contbreather.continuation import sparse
+from contbreather.continuation import sparse, spectrum
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Dense, Undefined
 
@@ -80,10 +80,6 @@ def test_null_vectors_overlap_as_in_the_adjugate(seed: int) -> None:
     )
     assert systems.oriented_overlap(matrix) * np.prod(sizes[:-1]) == pytest.approx(minors)
     assert math.isnan(systems.oriented_overlap(np.zeros((1, 1))))
-    scales = np.array([1.0, 2.0, 4.0, 0.5, 1.0])
-    null = systems.null_vector(matrix * scales, scales)
-    assert abs(matrix @ null).max() < 1e-13
-    assert np.linalg.norm(null) == pytest.approx(1.0)
 
 
 # --- pairs of eigenvalues ---------------------------------------------------------------------
@@ -94,21 +90,26 @@ def test_the_least_factor_has_the_sign_of_their_product() -> None:
     for _ in range(200):
         pair = rng.normal() + 1j * rng.normal()
         factors = np.array([*rng.normal(size=3), pair, pair.conjugate()])
-        found = systems.least_with_sign(factors, 1e-14)
+        found = spectrum.least_with_sign(factors, 1e-14)
         assert abs(found) == abs(factors).min()
         assert math.copysign(1.0, found) == np.sign(np.prod(factors).real)
-    assert systems.least_with_sign(np.array([2.0, -1e-20 + 0j, 3.0]), 1e-14) == 0.0
+    assert spectrum.least_with_sign(np.array([2.0, -1e-20 + 0j, 3.0]), 1e-14) == 0.0
     for one in (3.0, -3.0):  # zeros of an even order have no size, and change no sign
-        doubled = systems.least_with_sign(np.array([1e-20, one, -1e-20]).astype(complex), 1e-14)
+        doubled = spectrum.least_with_sign(np.array([1e-20, one, -1e-20]).astype(complex), 1e-14)
         assert 0.0 < doubled * np.sign(one) < 1e-50
 
 
+def spectrum_of(matrix: Array) -> spectrum.Eigenvalues:
+    problem = cb.Problem(lambda x, p: matrix @ x, {"x": np.zeros(len(matrix))}, {"m": 0.0})
+    return spectrum.eigenvalues(Curve(problem, ("m",)), np.zeros(len(matrix) + 1))
+
+
 def test_every_pair_of_eigenvalues_is_looked_at_once() -> None:
-    values = np.array([1.0, 2.0, 3.0, 4.0]).astype(complex)
-    assert list(zip(*map(np.real, systems.pairs(values)), strict=True)) == list(
-        combinations([1.0, 2.0, 3.0, 4.0], 2)
-    )
-    assert systems.without(values, 2.1, 3.9).tolist() == [1.0, 3.0]
+    """Beside those that are there everywhere."""
+    values = spectrum_of(np.diag([1.0, 2.0, 3.0, 4.0]))
+    found = np.sort(values.factors()[0].real)
+    assert found == pytest.approx([3.0, 4.0, 5.0, 5.0, 6.0, 7.0])
+    assert np.sort(values.without(2.1, 3.9).values.real) == pytest.approx([1.0, 3.0])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -118,26 +119,27 @@ def test_the_critical_pair_is_the_one_that_is_least_off(seed: int) -> None:
     pairs = rng.normal(size=(3, 2)) + np.array([0.0, 3.0])
     for i, (re, im) in enumerate(pairs):
         blocks[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[re, im], [-im, re]]
+    blocks[6, 6] = 5.0
     turn = rng.normal(size=(7, 7))
-    matrix = turn @ blocks @ np.linalg.inv(turn)
-    value, one, other = systems.critical_plane(matrix, 1e-12)
+    values = spectrum_of(turn @ blocks @ np.linalg.inv(turn))
     re, im = pairs[abs(pairs[:, 0]).argmin()]
-    assert value == pytest.approx(re + 1j * abs(im))
-    for v in (one, other):
-        shifted = matrix - re * np.eye(7)
-        assert abs(shifted @ shifted @ v + im * im * v).max() < 1e-10 * abs(shifted).max() ** 2
-    assert np.linalg.matrix_rank(np.stack([one, other]), tol=1e-6) == 2
+    assert values.square_of_pair() == pytest.approx(re**2 + im**2)
+    plane = values.plane(im**2 - re**2)
+    assert np.linalg.eigvals(plane.within) == pytest.approx([re + 1j * abs(im), re - 1j * abs(im)])
+    assert plane.left.T @ plane.right == pytest.approx(np.eye(2))
+    assert values.matrix @ plane.right == pytest.approx(plane.right @ plane.within, abs=1e-9)
 
 
 def test_a_double_zero_gives_its_chain_and_real_ones_are_no_pair() -> None:
     turn = matrices(3, n=3)[0]
     chain = turn @ np.array([[0, 1, 0], [0, 0, 0], [0, 0, 2.0]]) @ np.linalg.inv(turn)
-    value, one, null = systems.critical_plane(chain, 1e-5)
-    assert value == 0.0
-    assert chain @ null == pytest.approx(np.zeros(3), abs=1e-7)
-    assert chain @ one == pytest.approx(null, abs=1e-7)
+    values = spectrum_of(chain)
+    assert values.square_of_pair() == pytest.approx(0.0, abs=1e-12)
+    plane = values.plane(0.0)
+    assert chain @ plane.right == pytest.approx(plane.right @ plane.within, abs=1e-7)
+    assert plane.within @ plane.within == pytest.approx(np.zeros((2, 2)), abs=1e-7)
     with pytest.raises(Undefined, match="neutral saddle"):
-        systems.critical_plane(np.diag([1.0, -1.0, 3.0]), 1e-5)
+        spectrum_of(np.diag([1.0, -1.0, 3.0])).square_of_pair()
 
 
 def bent(x: Array, p: dict[str, float]) -> Array:
@@ -152,8 +154,8 @@ CURVE = Curve(
 PLANE = matrices(9, n=4)[0][:2]
 LOCI = {
     "null": systems.null_locus(PLANE[0]),
-    "pair": systems.pair_locus(0.6, (PLANE[0], PLANE[1])),
-    "rank": systems.rank_locus(),
+    "pair": spectrum.conditions_in_plane(0.6),
+    "rank": systems.rank_locus(systems.singular_in_unknowns),
 }
 
 
@@ -173,23 +175,16 @@ def test_slopes_of_conditions_are_their_differences(name: str) -> None:
 
 
 def test_conditions_of_a_pair_hold_in_its_plane_alone() -> None:
-    values, vectors = np.linalg.eig(CURVE.jacobian(CURVE.start)[:, :4])
-    upper = int(values.imag.argmax())
-    mu, v = values[upper], vectors[:, upper]
+    values = np.linalg.eigvals(CURVE.jacobian(CURVE.start)[:, :4])
+    mu = values[values.imag.argmax()]
     # the pair moved onto the imaginary axis
     moved = replace(CURVE.problem, residual=lambda x, p: bent(x, p) - mu.real * x)
     curve, square = Curve(moved, ("a", "b")), mu.imag**2
-    locus = systems.pair_locus(square, (v.real, v.imag))
-    assert locus.derivative is not None
-    start = np.asarray(locus.extra["null"])
-    sizes = [np.linalg.norm(part) for part in (v.real, v.imag)]
-    assert start @ v.real / sizes[0] == pytest.approx(start @ v.imag / sizes[1])  # between both
-    held = locus.conditions(curve, curve.start, np.append(start, square))
+    locus = spectrum.conditions_in_plane(square)
+    held = locus.conditions(curve, curve.start, np.array([square]))
     assert abs(held).max() < 1e-12
-    apart = locus.conditions(curve, curve.start, np.append(start, 1.1 * square))
+    apart = locus.conditions(curve, curve.start, np.array([1.1 * square]))
     assert abs(apart).max() > 0.01
-    row = locus.derivative(curve, curve.start, np.append(start, 1.0))[-1, 6:-1]
-    assert (np.linalg.norm(row), float(row @ start)) == pytest.approx((1.0, 0.0), abs=1e-12)
 
 
 # --- large matrices -----------------------------------------------------------------------------

@@ -29,7 +29,6 @@ from contbreather.errors import BadInput
 
 from .lines import kinds
 from .zoo import (
-    ALL,
     CUSP,
     PITCHFORK,
     analytic_bratu,
@@ -83,12 +82,9 @@ def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Bran
         "residual",
         "x",
         "y",
-        "null",
         "omega2",
     )
     assert [name for name in line.columns() if name != "label"] == [*line.names]
-    assert line["null"].shape == (len(line), 2)
-    assert np.allclose(np.sum(line["null"] ** 2, axis=1), 1, atol=1e-13)
     assert line.free == "b2"
     assert "HB boundary in (b2, b1)" in repr(line)
 
@@ -164,19 +160,6 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
     assert abs(other["x"] - other["mu"] ** 2).max() < 1e-13
     assert "GR-LP" in kinds(other)
     assert other.first("GR-LP")["mu"] == pytest.approx(point["mu"], abs=1e-12)
-
-
-def test_a_neutral_saddle_met_on_a_fold_curve_is_no_hopf_point() -> None:
-    """x^2 = mu; the other two eigenvalues are 1 + nu and -1: a neutral saddle at nu = 0."""
-
-    def residual(u, p):
-        x, y, z = u
-        return np.array([x * x - p["mu"], (1 + p["nu"]) * y, -z])
-
-    problem = Problem(residual, {"x": 1.0, "y": 0.0, "z": 0.0}, {"mu": 1.0, "nu": 0.5})
-    branch = trace(problem, "mu", within={"x": (-1, 2)}, events=[fold()], towards="down")
-    line = boundary(branch.first("LP"), ("nu", "mu"), within={"nu": (-0.9, 0.9)}, events=ALL)
-    assert events_of(line) == []
 
 
 def test_any_point_of_a_boundary_can_be_its_start(planar: Branch) -> None:
@@ -348,16 +331,6 @@ def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart: 
     line = boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)}, events=events, steps=steps)
     for kind, at in places.items():
         assert line.first(f"LP-{kind}")["mu"] == pytest.approx(at, abs=1e-10)
-
-
-def test_scalar_problem_without_any_fold_has_no_cusp_either() -> None:
-    line = trace(
-        scalar(lambda x, p: x - p["mu"] + 0 * p["h"], 0.0, {"mu": 0.0, "h": 0.0}),
-        "mu",
-        within={"mu": (-1, 1)},
-        events=ALL,
-    )
-    assert events_of(line) == []
 
 
 def test_a_locus_without_derivative_is_followed_to_the_rim_of_its_parameters() -> None:

@@ -320,7 +320,6 @@ def test_a_point_is_a_start(branch: Branch) -> None:
 def test_what_an_event_knows_is_read_by_name() -> None:
     point = trace_case(BRUSSELATOR).first("HB")
     assert point["omega2"] == pytest.approx(1.0, abs=1e-14)
-    assert point["null"].shape == (2,)
 
 
 def test_a_point_says_what_it_is_to_its_user() -> None:

@@ -21,7 +21,6 @@ from .zoo import (
     LORENZ,
     PITCHFORK,
     STATIC,
-    TRANSCRITICAL,
     Array,
     Counted,
     imperfect,
@@ -180,12 +179,6 @@ def test_a_net_of_crossing_lines_is_found_whole_and_ends() -> None:
     assert tree.failed == ()
 
 
-def test_a_transcritical_point_has_two_curves() -> None:
-    tree = grown(TRANSCRITICAL.problem)
-    assert len(tree) == 3
-    assert len([p for p in tree.special if p.kind == "BP"]) == 1
-
-
 @pytest.mark.parametrize("h", [1e-2, 1e-4])
 def test_an_imperfect_pitchfork_has_one_curve_and_no_false_switch(h: float) -> None:
     for case in imperfect(h):
@@ -302,15 +295,17 @@ def test_every_branch_ever_new_still_ends() -> None:
     assert len(tree) <= 12
 
 
-def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def seeds(point: object) -> tuple[Seed, ...]:
-        wrong = Seed(point.problem, point.z + 0.3, np.array([1.0, 0.0]))
-        return (wrong, Seed(point.problem, point.z, np.array([1.0, 0.0])))
+class Astray(SwitchingProblem):
+    """Two arms, of which the first sets out beside the curve."""
 
-    monkeypatch.setattr("contbreather.continuation.diagram.seeds_at", seeds)
-    tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[branch_point()])
+    def seeds(self) -> tuple[Seed, ...]:
+        z, along = np.append(self.problem.x, self.problem.params["mu"]), np.array([1.0, 0.0])
+        return Seed(self.problem, z + 0.3, along), Seed(self.problem, z, along)
+
+
+def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
+    mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: Astray(point.problem, "mu")}.get)
+    tree = diagram(mine, "mu", within=MU, events=[branch_point()])
     assert len(tree) == 2
     assert "no curve leaves the start" in str(tree.failed[0])
     assert "1 arm not followed" in tree.describe()
@@ -374,11 +369,6 @@ def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
-
-
-def test_events_of_the_problem_are_looked_for_by_default() -> None:
-    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, events=(branch_point(),))
-    assert len(diagram(mine, "mu", within=MU)) == 3
 
 
 # --- in files -----------------------------------------------------------------------------------

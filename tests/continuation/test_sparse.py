@@ -10,7 +10,6 @@ import pytest
 from scipy.sparse import block_array, coo_array, csr_array, diags_array
 
 import contbreather as cb
-from contbreather.continuation import sparse
 from contbreather.errors import BadInput
 from contbreather.progress import Counter
 
@@ -125,21 +124,6 @@ def test_two_branch_points_within_one_step_are_both_found() -> None:
 
 
 # --- what it takes ----------------------------------------------------------------------------
-
-
-def test_a_step_takes_few_factorisations_of_the_size_of_the_derivative(monkeypatch) -> None:
-    sizes, factorised = [], sparse.factorised
-
-    def counted(matrix):
-        sizes.append(matrix.shape[0])
-        return factorised(matrix)
-
-    monkeypatch.setattr(sparse, "factorised", counted)
-    steps = cb.Steps(most=12)
-    branch = cb.trace(bratu(second(300)), "lam", towards="up", events=FEW, steps=steps)
-    assert len(branch) == 13
-    assert len(sizes) < 3 * len(branch)
-    assert max(sizes) == 300
 
 
 def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
@@ -329,16 +313,6 @@ def test_a_sparse_derivative_in_a_parameter_is_refused() -> None:
 def test_a_pattern_of_the_wrong_shape_is_refused() -> None:
     with pytest.raises(BadInput, match=r"pattern has shape \(3, 3\); \(30, 30\) was expected"):
         replace(bratu(second(30)), jacobian=np.eye(3))
-
-
-@pytest.mark.parametrize("many", [1, 2, 3])
-def test_each_null_vector_has_an_unknown_of_its_own(many: int) -> None:
-    """As many different unknowns as vectors, and those see every combination of the vectors."""
-    for seed in range(20):
-        null = np.linalg.qr(np.random.default_rng(seed).normal(size=(8, many)))[0]
-        chosen = sparse._most_moving(null)
-        assert len({*chosen.tolist()}) == many
-        assert np.linalg.svd(null[chosen], compute_uv=False).min() > 0.1
 
 
 def test_a_hopf_point_far_up_the_axis_is_seen_among_two_hundred_sparse_unknowns() -> None:

@@ -22,7 +22,6 @@ from contbreather.continuation import (
     branch_point,
     fold,
     hopf,
-    switching,
     trace,
     user,
 )
@@ -321,10 +320,16 @@ def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     assert isinstance(caught.value, NotConverged)
 
 
-def test_arms_that_coincide_are_refused_with_both(monkeypatch: pytest.MonkeyPatch) -> None:
-    point = trace_case(PITCHFORK).first("BP")
-    twice = (Seed(point.problem, point.z, np.array([1.0, 0.0])),) * 2
-    monkeypatch.setattr(switching, "seeds_at", lambda point: twice)
+class Twice(SwitchingProblem):
+    """One arm, given twice."""
+
+    def seeds(self) -> tuple[Seed, ...]:
+        return (Seed(self.problem, np.zeros(2), np.array([1.0, 0.0])),) * 2
+
+
+def test_arms_that_coincide_are_refused_with_both() -> None:
+    mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: Twice(point.problem, "mu")}.get)
+    point = trace(mine, "mu", within=MU, events=STATIC).first("BP")
     with pytest.raises(ArmsCoincide, match=r"two arms of .* coincide") as caught:
         switch(point, within=MU)
     assert caught.value.distance < 1e-12
