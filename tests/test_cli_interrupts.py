@@ -82,7 +82,7 @@ def test_what_is_done_is_written_and_marked_as_cut_short(
 
 @pytest.mark.apart
 def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    Clock(monkeypatch).last = 10  # of more than twenty
+    Clock(monkeypatch).last = 24  # of more than forty
     assert "interrupted, curves may be missing." in run(ZONES.replace("--json ", ""))[1]
 
 
