@@ -99,7 +99,7 @@ def computing() -> Iterator[None]:
 
 
 def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
-    """What a computation gives, and whether Ctrl-C has cut it short.
+    """Compute, and tell whether Ctrl-C has cut it short.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def prepare() -> None:
 
 @contextlib.contextmanager
 def heard(aloud: bool) -> Iterator[None]:
-    """What the library logs goes to standard error, if it is wanted."""
+    """Let the log of the library go to standard error, if it is wanted."""
     logger, handler = logging.getLogger("contbreather"), logging.StreamHandler()
     before = logger.level
     if aloud:
@@ -160,7 +160,7 @@ def abandon(stream: Any) -> None:
 
 
 def trouble(error: OSError) -> str:
-    """What the system has to say, as a sentence; files have names, standard output has none."""
+    """Say what the system refuses, in a sentence; files have names, standard output has none."""
     if isinstance(error, FileNotFoundError) and error.filename is None:  # os.getcwd() says so
         return "the current directory is gone; change to one that exists"
     reason = error.strerror or str(error) or type(error).__name__

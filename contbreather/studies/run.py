@@ -57,7 +57,7 @@ class Report(HtmlRepr):
 
     @property
     def missing(self) -> dict[str, str]:
-        """All parts without a result, and why."""
+        """Parts without a result, and why."""
         return self.failed | self.absent
 
     def table(self) -> Sheet:

@@ -265,7 +265,7 @@ class Figure(Table):
 
 
 class Study(Table):
-    """All of it."""
+    """Tables of a whole file."""
 
     title: str = ""
     chain: Chain = Chain()

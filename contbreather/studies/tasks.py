@@ -97,7 +97,7 @@ class Task:
 
     @property
     def said(self) -> dict[str, Any]:
-        """All that its result depends on, but for values, the chain and where it starts."""
+        """Settings of its result, but for values, the chain and where it starts."""
         return self.table.model_dump(exclude=OUTSIDE, exclude_none=True)
 
     @property
