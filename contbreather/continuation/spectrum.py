@@ -81,7 +81,7 @@ _each_with_later = cache(partial(np.triu_indices, k=1))
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class CriticalValues:
     """Critical values of a linearisation: eigenvalues or multipliers, as far as they are known.
 
     Attributes
@@ -130,7 +130,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True, eq=False)
-class Multipliers(Spectrum):
+class Multipliers(CriticalValues):
     """Multipliers of an orbit but a trivial one; a pair is critical where its product is 1."""
 
     def factors(self) -> tuple[Values, Array | float]:
@@ -148,7 +148,7 @@ class Multipliers(Spectrum):
 
 
 @dataclass(frozen=True, eq=False)
-class Eigenvalues(Spectrum):
+class Eigenvalues(CriticalValues):
     """Eigenvalues of a flow, all of them; a pair is critical where its sum is 0.
 
     Attributes

@@ -26,7 +26,7 @@ from . import normal_forms
 from .boundary import codim_two
 from .branch_points import branches_cross
 from .point import CodimensionTwo, Event, Examined, Point
-from .spectrum import Eigenvalues, Multipliers, Spectrum
+from .spectrum import CriticalValues, Eigenvalues, Multipliers
 
 Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
 
@@ -69,7 +69,7 @@ class Border:
     events: dict[str, Event] = field(default_factory=dict)
     double: dict[str, CodimensionTwo] = field(default_factory=dict)
 
-    def others(self, on: str, point: Point) -> Spectrum:
+    def others(self, on: str, point: Point) -> CriticalValues:
         """Values next to those that the curve of a kind has everywhere: where one more of these
         joins them the meeting has another name. None beyond the end of a curve of pairs."""
         values = self.spectrum(point)
