@@ -28,7 +28,7 @@ Located = tuple[float, float, Point]  # bracket and point
 _MOST = 50  # events of one kind that are looked for on one step
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
 _TOUCH = 1e-5  # a test this small, relative to its largest, touches zero
-BESIDE = 1e-2  # how far off an event, relative to the piece beside it, its sides are looked at
+BESIDE = 1e-2  # how far off an event, relative to the piece looked at, its sides are looked at
 
 
 def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
@@ -127,8 +127,10 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
         return place
     point, kind = samples.segment.at(u), samples.event.kind
     left_over = abs(samples.event.value_or_nan(point))
-    # rounding of a test may be more than that where its values are small all around
-    beside = (samples.look(v) for v in (u - BESIDE * (u - left), u + BESIDE * (right - u)))
+    # rounding of a test may be more than that where its values are small all around: as far off on
+    # either side, for next to an end of the bracket they are as small as rounding
+    off = BESIDE * (right - left)
+    beside = (samples.look(v) for v in (max(u - off, left), min(u + off, right)))
     if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
         return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
     if samples.event.may_jump:
