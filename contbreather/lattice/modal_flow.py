@@ -12,6 +12,7 @@ entire functions of x, so that drifting (z = 0) and overdamped modes need no cas
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -138,12 +139,11 @@ class Spectrum(NamedTuple):
     m: FloatArray
     table: Array
 
-    def at(self, site: int, t: float) -> tuple[float, float, float]:
-        """Value and first two derivatives of one site."""
-        m = self.m
-        wave = self.table[0 if len(self.table) == 1 else site] * np.exp(1j * m * t)
-        bent = m * m * wave.real
-        return float(wave.real.sum()), -float((m * wave.imag).sum()), -float(bent.sum())
+    def along(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Value and three derivatives of each site at its time, shape (4, times)."""
+        rows = self.table[np.array(sites) if len(self.table) > 1 else np.zeros(times.size, int)]
+        wave, turn = rows * np.exp(1j * np.multiply.outer(times, self.m)), 1j * self.m
+        return np.array([(wave * turn**order).real.sum(axis=-1) for order in range(4)])
 
     def everywhere(self, t: Any, order: int) -> FloatArray:
         """The order-th derivative for all rows, shape ``(*t.shape, rows)``."""
@@ -166,11 +166,12 @@ class Driven:
         """Whether every site follows ``f``, with ``f'' = F``: nothing holds or brakes it."""
         return self.lattice.uniform and self.spring == 0.0 and self.damping == 0.0
 
-    def at(self, site: int, t: float) -> tuple[float, float, float]:
-        """Displacement, velocity and acceleration of one site."""
+    def along(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Displacement and three derivatives of each site at its time, shape (4, times)."""
         if self.alike:
-            return self.forcing.motion(t)
-        return self._spectrum.at(site, t)
+            f = self.forcing
+            return np.array([f.f(times), f.df(times), f.d2f(times), f.d3f(times)])
+        return self._spectrum.along(sites, times)
 
     def harmonics(self, site: int) -> Harmonics:
         """The motion of one site as a series (m, A, B), ``A cos mt + B sin mt``."""
@@ -188,16 +189,17 @@ class Driven:
             return np.asarray((f.f, f.df, f.d2f)[order](np.asarray(t, dtype=float)))[..., None]
         return self._spectrum.everywhere(t, order)
 
-    def slope(self, name: str, site: int, t: float) -> tuple[float, float]:
-        """Derivatives of displacement and velocity in gamma, spring, damping or a parameter of
-        the forcing; 0 in all others."""
+    def slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Derivatives of displacement, velocity and acceleration in gamma, spring, damping or a
+        parameter of the forcing, shape (3, times); 0 in all others."""
         drive = name in self.forcing.params
         if drive and self.alike:
-            return self.forcing.f_param(name, t, 0), self.forcing.f_param(name, t, 1)
+            f = self.forcing.f_param
+            return np.array([[f(name, t, order) for t in times.tolist()] for order in range(3)])
         # in gamma: where all sites move alike no bond between them is stretched
         if drive or name in ("spring", "damping") or (name == "gamma" and not self.lattice.uniform):
-            return self._slope(name).at(site, t)[:2]
-        return 0.0, 0.0
+            return self._slope(name).along(sites, times)[:3]
+        return np.zeros((3, times.size))
 
     def _slope(self, name: str) -> Spectrum:
         if name in self.forcing.params:
