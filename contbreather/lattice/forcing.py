@@ -432,7 +432,7 @@ class Samples(Periodic):
                 f"{values.size // 4} still reach {tail / largest:.1e} of the largest, so it may be "
                 "aliased; sample finer, or smooth it, or give its harmonics with Fourier."
             )
-        return lattice_response(spectrum, 2e-16 * largest)  # below it is rounding of the transform
+        return response_of(spectrum, 2e-16 * largest)  # below it is rounding of the transform
 
     def describe(self) -> str:
         return f"F = a times {len(self.values)} samples, harmonics up to {self.highest}"
@@ -448,7 +448,7 @@ def spectrum_of(values: FloatArray) -> ComplexArray:
     return spectrum
 
 
-def lattice_response(spectrum: ComplexArray, floor: float) -> Harmonics:
+def response_of(spectrum: ComplexArray, floor: float) -> Harmonics:
     """f from the odd harmonics of F, without what is only rounding."""
     odd = enumerate(spectrum[1::2].tolist())  # C - i S, to be divided by -m^2
     return tuple(

@@ -27,7 +27,7 @@ from contbreather.lattice.forcing import (
     TrigonometricSeries,
     check_size,
     is_finite,
-    lattice_response,
+    response_of,
     spectrum_of,
 )
 from contbreather.parameters import CHOICES, NAMES
@@ -196,7 +196,7 @@ def _series_of(
         slope = f"the forcing {brief(f'd/d{name} of {formula.text}')}"
         _check(slope if name else subject, at, spectrum, row, fine)
     floor = 1e-17 * float(abs(spectra[0]).max())
-    responses = [TrigonometricSeries(lattice_response(spectrum, floor)) for spectrum in spectra]
+    responses = [TrigonometricSeries(response_of(spectrum, floor)) for spectrum in spectra]
     return dict(zip(["", *params], responses, strict=True))
 
 
