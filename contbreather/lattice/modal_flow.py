@@ -11,7 +11,6 @@ entire functions of x, so that drifting (z = 0) and overdamped modes need no cas
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -29,11 +28,8 @@ FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
 MOST = 5_000  # modes, two rows each: 10^8 numbers
-SMALL = 0.25  # |x| below which differences of c and s go by their series
 # a driven mode this close to a harmonic answers it beyond all bounds
 RESONANT = 1e-12
-# (s - c)/x by powers of x
-_SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
 
 
 def check_modes(lattice: Finite, modes: int) -> None:
@@ -85,40 +81,6 @@ def propagators(z: Vector, damping: float, times: Vector, out: Cube) -> None:
 
 
 PROPAGATORS = Kernel(propagators)
-
-
-def propagator_slope(
-    z: FloatArray, time: float, at: ModalPropagator, damping: float = 0.0
-) -> ModalPropagator:
-    """Derivative of `propagator` in z, exact for w -> 0 as well."""
-    # c'(x) = -s(x)/2 and dx/dz = t^2; with damping C has damping S/2 besides
-    c_slope, s_slope = -0.5 * time * at.reach, _reach_slope(z, time, at, damping)
-    lag = 0.5 * damping * s_slope
-    return ModalPropagator(c_slope + lag, s_slope, at.reach + z * s_slope, c_slope - lag)
-
-
-def propagator_slope_in_damping(
-    z: FloatArray, time: float, at: ModalPropagator, damping: float
-) -> ModalPropagator:
-    """Derivative of `propagator` in the damping."""
-    half = 0.5 * damping
-    core = at.cosine - half * at.reach  # e^(-damping t/2) c(x)
-    c_slope = -0.5 * time * core + 0.5 * half * time * at.reach
-    s_slope = -0.5 * time * at.reach - half * _reach_slope(z, time, at, damping)
-    lag = 0.5 * at.reach + half * s_slope
-    return ModalPropagator(c_slope + lag, s_slope, z * s_slope, c_slope - lag)
-
-
-def _reach_slope(z: FloatArray, time: float, at: ModalPropagator, damping: float) -> FloatArray:
-    """dS/dz = ``e^(-damping t/2) t^3 (c - s)/(2 x)``."""
-    y = z - 0.25 * damping * damping
-    x = y * time * time
-    series = np.polyval(_SERIES[::-1], np.clip(x, -SMALL, SMALL))
-    near = abs(x) <= SMALL
-    core = at.cosine - 0.5 * damping * at.reach
-    far = (time * core - at.reach) / (2.0 * np.where(near, 1.0, y))
-    decay = math.exp(-0.5 * damping * time)
-    return np.where(near, -0.5 * decay * time**3 * series, far)
 
 
 def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array, Array]:

@@ -31,7 +31,6 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Basis, stiffness_of
 from contbreather.lattice.forcing import Forcing, Harmonics
-from contbreather.lattice.modal_flow import Driven, driven_modes
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
@@ -355,19 +354,24 @@ class ModalResponse(Response):
     # ------------------------------------------------------------------------ to the drive
 
     @cached_property
-    def driven(self) -> Driven:
+    def driven(self) -> Any:
+        from contbreather.lattice.modal_flow import driven_modes  # a breather needs none
+
         return driven_modes(self.lattice, self.drive, self.gamma, self.spring, self.damping)
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven.along(sites, times)
+        moved: FloatArray = self.driven.along(sites, times)
+        return moved
 
     def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven.slope(name, sites, times)
+        moved: FloatArray = self.driven.slope(name, sites, times)
+        return moved
 
     # ------------------------------------------------------------------------ at rest
 
     def harmonics(self, site: int) -> Harmonics:
-        return self.driven.harmonics(site)
+        series: Harmonics = self.driven.harmonics(site)
+        return series
 
     def profile(self, sites: Any) -> FloatArray:
         sites = np.asarray(sites) % self.lattice.sites

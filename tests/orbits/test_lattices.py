@@ -18,8 +18,6 @@ from contbreather.lattice.modal_flow import (
     driven_modes,
     free_multipliers,
     propagator,
-    propagator_slope,
-    propagator_slope_in_damping,
 )
 from contbreather.orbits.clearance import highest_neighbour
 from contbreather.orbits.constructors import asymmetric
@@ -618,10 +616,10 @@ def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-6, 0.3, 2.0, 5.0])
-def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
+def test_flights_are_exact_where_modes_drift_turn_and_creep(
     damping: float,
 ) -> None:
-    """Against thirty digits, on both sides of where a series takes over."""
+    """Against thirty digits."""
     t = 1.7
 
     def exact(z: Any, d: Any) -> list[Any]:
@@ -635,18 +633,11 @@ def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
     z = x / t**2 + 0.25 * damping**2
     z = z[z >= 0.0]
     fly = propagator(z, t, damping)
-    slopes = propagator_slope(z, t, fly, damping), propagator_slope_in_damping(z, t, fly, damping)
     with mp.workdps(40):
-        h = mp.mpf(10) ** -12
         for i, one in enumerate(map(mp.mpf, z.tolist())):
-            d = mp.mpf(damping)
-            up, down = exact(one + h, d), exact(one - h, d)
-            more, less = exact(one, d + h), exact(one, d - h)
-            by_z = [mp.re(u - v) / (2 * h) for u, v in zip(up, down, strict=True)]
-            by_d = [mp.re(u - v) / (2 * h) for u, v in zip(more, less, strict=True)]
-            for own, wanted in zip((fly, *slopes), (exact(one, d), by_z, by_d), strict=True):
-                got, scale = [float(column[i]) for column in own], 1.0 + 0.1 * float(abs(one))
-                assert got == pytest.approx([float(mp.re(w)) for w in wanted], abs=2e-14 * scale)
+            got, scale = [float(column[i]) for column in fly], 1.0 + 0.1 * float(abs(one))
+            wanted = [float(mp.re(w)) for w in exact(one, mp.mpf(damping))]
+            assert got == pytest.approx(wanted, abs=2e-14 * scale)
     one, other = free_multipliers(z, damping, t)
     matrix = np.array([[fly.cosine, fly.reach], [-fly.pull, fly.swing]]).transpose(2, 0, 1)
     assert one + other == pytest.approx(np.trace(matrix, axis1=1, axis2=2), abs=1e-13)
