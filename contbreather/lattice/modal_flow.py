@@ -92,7 +92,7 @@ def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array,
 # --- the answer to the drive --------------------------------------------------------------------
 
 
-class Spectrum(NamedTuple):
+class DrivenSpectrum(NamedTuple):
     """Complex amplitudes: one column a harmonic m, one row a site (one row where all are alike).
 
     ``f_n(t) = Re sum of c_nm exp(i m t)``.
@@ -163,21 +163,21 @@ class Driven:
             return self._slope(name).along(sites, times)[:3]
         return np.zeros((3, times.size))
 
-    def _slope(self, name: str) -> Spectrum:
+    def _slope(self, name: str) -> DrivenSpectrum:
         if name in self.forcing.params:
             m, F = _force(self.forcing.slope_harmonics(name))
-            return Spectrum(m, self._filtered(m, F))
+            return DrivenSpectrum(m, self._filtered(m, F))
         m, F = _force(self.forcing.harmonics)
         lam = self._modes[0][:, None]
         rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
         rise = rises[name]
         # d(F/gap) = -F/gap^2 d(gap), gap = z - m^2 + i m damping
-        return Spectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
+        return DrivenSpectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
 
     @cached_property
-    def _spectrum(self) -> Spectrum:
+    def _spectrum(self) -> DrivenSpectrum:
         m, F = _force(self.forcing.harmonics)
-        return Spectrum(m, self._filtered(m, F))
+        return DrivenSpectrum(m, self._filtered(m, F))
 
     def _filtered(self, m: FloatArray, F: Array, factor: Any = 1.0) -> Array:
         _, shapes, share = self._modes
