@@ -11,7 +11,7 @@ def _simulation() -> None:
 
 
 def _orbits() -> None:  # their equations, events and zones
-    from contbreather.orbits import green_function, orbit_events, zone_diagram  # noqa: F401
+    from contbreather.orbits import by_impacts, orbit_events, zone_diagram  # noqa: F401
 
 
 later(_simulation)

@@ -100,7 +100,6 @@ SWITCH --at NS >> --at NS: there is none.* It has VI1, LP1, PF1, GR1
 SWITCH --at PF --at PD >> asymmetric breather.* It has EP1, GR1
 SWITCH --at LP >> LP1.*no other branch is known to leave points of kind LP
 SWITCH --window 0.5 0.9 --at EP >> EP1.* is where a branch ends
-switch --free a --gamma 0 --k 0.8 --sites 20 >> do not feel each other .* take sites=1
 DIAGRAM --depth 1.2 >> 1\.2 is not a whole number
 DIAGRAM --depth -1 >> depth = -1: a whole number, at least 0
 DIAGRAM --most 0 >> most = 0: a whole number, at least 1

@@ -88,7 +88,7 @@ def test_arms_as_a_table_are_told_apart(run: Run) -> None:
 def test_on_a_ring_the_same_arms_are_shot(run: Run) -> None:
     status, out, _ = run(f"{SWITCH} --sites 20 --window 0.7 0.9")
     assert status == DONE
-    assert "shooting, ring of 20, period 2 pi, impacts 0+ 0- in a" in out
+    assert "orbit with impacts, ring of 20, period 2 pi, impacts 0+ 0- in a" in out
     assert "stable on the ring of 20 (threshold 1.005)" in out
     assert out.count("0.877386621674") == 2
 

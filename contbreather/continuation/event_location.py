@@ -86,7 +86,8 @@ def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Poi
         yield special(samples, point, low, high)
     if not jumps:  # one that may jump has changes left beside its jump
         for low, high in samples.changes():
-            if left <= low and high <= right:
+            # one that is as it was has its zero, to rounding, outside
+            if left <= low and high <= right and (low, high) != (left, right):
                 yield from _in_bracket(samples, low, high)
 
 

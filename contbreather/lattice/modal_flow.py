@@ -11,7 +11,7 @@ entire functions of x, so that drifting (z = 0) and overdamped modes need no cas
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -28,11 +28,8 @@ FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
 MOST = 5_000  # modes, two rows each: 10^8 numbers
-SMALL = 0.25  # |x| below which differences of c and s go by their series
 # a driven mode this close to a harmonic answers it beyond all bounds
 RESONANT = 1e-12
-# (s - c)/x by powers of x
-_SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
 
 
 def check_modes(lattice: Finite, modes: int) -> None:
@@ -86,40 +83,6 @@ def propagators(z: Vector, damping: float, times: Vector, out: Cube) -> None:
 PROPAGATORS = Kernel(propagators)
 
 
-def propagator_slope(
-    z: FloatArray, time: float, at: ModalPropagator, damping: float = 0.0
-) -> ModalPropagator:
-    """Derivative of `propagator` in z, exact for w -> 0 as well."""
-    # c'(x) = -s(x)/2 and dx/dz = t^2; with damping C has damping S/2 besides
-    c_slope, s_slope = -0.5 * time * at.reach, _reach_slope(z, time, at, damping)
-    lag = 0.5 * damping * s_slope
-    return ModalPropagator(c_slope + lag, s_slope, at.reach + z * s_slope, c_slope - lag)
-
-
-def propagator_slope_in_damping(
-    z: FloatArray, time: float, at: ModalPropagator, damping: float
-) -> ModalPropagator:
-    """Derivative of `propagator` in the damping."""
-    half = 0.5 * damping
-    core = at.cosine - half * at.reach  # e^(-damping t/2) c(x)
-    c_slope = -0.5 * time * core + 0.5 * half * time * at.reach
-    s_slope = -0.5 * time * at.reach - half * _reach_slope(z, time, at, damping)
-    lag = 0.5 * at.reach + half * s_slope
-    return ModalPropagator(c_slope + lag, s_slope, z * s_slope, c_slope - lag)
-
-
-def _reach_slope(z: FloatArray, time: float, at: ModalPropagator, damping: float) -> FloatArray:
-    """dS/dz = ``e^(-damping t/2) t^3 (c - s)/(2 x)``."""
-    y = z - 0.25 * damping * damping
-    x = y * time * time
-    series = np.polyval(_SERIES[::-1], np.clip(x, -SMALL, SMALL))
-    near = abs(x) <= SMALL
-    core = at.cosine - 0.5 * damping * at.reach
-    far = (time * core - at.reach) / (2.0 * np.where(near, 1.0, y))
-    decay = math.exp(-0.5 * damping * time)
-    return np.where(near, -0.5 * decay * time**3 * series, far)
-
-
 def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array, Array]:
     """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
     w = np.sqrt(z - 0.25 * damping * damping + 0j)
@@ -129,7 +92,7 @@ def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array,
 # --- the answer to the drive --------------------------------------------------------------------
 
 
-class Spectrum(NamedTuple):
+class DrivenSpectrum(NamedTuple):
     """Complex amplitudes: one column a harmonic m, one row a site (one row where all are alike).
 
     ``f_n(t) = Re sum of c_nm exp(i m t)``.
@@ -138,12 +101,11 @@ class Spectrum(NamedTuple):
     m: FloatArray
     table: Array
 
-    def at(self, site: int, t: float) -> tuple[float, float, float]:
-        """Value and first two derivatives of one site."""
-        m = self.m
-        wave = self.table[0 if len(self.table) == 1 else site] * np.exp(1j * m * t)
-        bent = m * m * wave.real
-        return float(wave.real.sum()), -float((m * wave.imag).sum()), -float(bent.sum())
+    def along(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Value and three derivatives of each site at its time, shape (4, times)."""
+        rows = self.table[np.array(sites) if len(self.table) > 1 else np.zeros(times.size, int)]
+        wave, turn = rows * np.exp(1j * np.multiply.outer(times, self.m)), 1j * self.m
+        return np.array([(wave * turn**order).real.sum(axis=-1) for order in range(4)])
 
     def everywhere(self, t: Any, order: int) -> FloatArray:
         """The order-th derivative for all rows, shape ``(*t.shape, rows)``."""
@@ -166,11 +128,12 @@ class Driven:
         """Whether every site follows ``f``, with ``f'' = F``: nothing holds or brakes it."""
         return self.lattice.uniform and self.spring == 0.0 and self.damping == 0.0
 
-    def at(self, site: int, t: float) -> tuple[float, float, float]:
-        """Displacement, velocity and acceleration of one site."""
+    def along(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Displacement and three derivatives of each site at its time, shape (4, times)."""
         if self.alike:
-            return self.forcing.motion(t)
-        return self._spectrum.at(site, t)
+            f = self.forcing
+            return np.array([f.f(times), f.df(times), f.d2f(times), f.d3f(times)])
+        return self._spectrum.along(sites, times)
 
     def harmonics(self, site: int) -> Harmonics:
         """The motion of one site as a series (m, A, B), ``A cos mt + B sin mt``."""
@@ -188,32 +151,33 @@ class Driven:
             return np.asarray((f.f, f.df, f.d2f)[order](np.asarray(t, dtype=float)))[..., None]
         return self._spectrum.everywhere(t, order)
 
-    def slope(self, name: str, site: int, t: float) -> tuple[float, float]:
-        """Derivatives of displacement and velocity in gamma, spring, damping or a parameter of
-        the forcing; 0 in all others."""
+    def slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Derivatives of displacement, velocity and acceleration in gamma, spring, damping or a
+        parameter of the forcing, shape (3, times); 0 in all others."""
         drive = name in self.forcing.params
         if drive and self.alike:
-            return self.forcing.f_param(name, t, 0), self.forcing.f_param(name, t, 1)
+            f = self.forcing.f_param
+            return np.array([[f(name, t, order) for t in times.tolist()] for order in range(3)])
         # in gamma: where all sites move alike no bond between them is stretched
         if drive or name in ("spring", "damping") or (name == "gamma" and not self.lattice.uniform):
-            return self._slope(name).at(site, t)[:2]
-        return 0.0, 0.0
+            return self._slope(name).along(sites, times)[:3]
+        return np.zeros((3, times.size))
 
-    def _slope(self, name: str) -> Spectrum:
+    def _slope(self, name: str) -> DrivenSpectrum:
         if name in self.forcing.params:
             m, F = _force(self.forcing.slope_harmonics(name))
-            return Spectrum(m, self._filtered(m, F))
+            return DrivenSpectrum(m, self._filtered(m, F))
         m, F = _force(self.forcing.harmonics)
         lam = self._modes[0][:, None]
         rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
         rise = rises[name]
         # d(F/gap) = -F/gap^2 d(gap), gap = z - m^2 + i m damping
-        return Spectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
+        return DrivenSpectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
 
     @cached_property
-    def _spectrum(self) -> Spectrum:
+    def _spectrum(self) -> DrivenSpectrum:
         m, F = _force(self.forcing.harmonics)
-        return Spectrum(m, self._filtered(m, F))
+        return DrivenSpectrum(m, self._filtered(m, F))
 
     def _filtered(self, m: FloatArray, F: Array, factor: Any = 1.0) -> Array:
         _, shapes, share = self._modes

@@ -27,8 +27,8 @@ order 18, and what is beyond lives in the harmonics 1 and 2 alone (of the third 
 the limits w -> 0 and gamma -> 0 are exact, impacts included.
 
 Where ``2 sqrt(gamma) >= 1/n`` a harmonic j/n of the orbit lies in the band. The infinite chain
-radiates it: no localised orbit of that period exists. A ring has modes of its own, which are then
-summed one by one.
+radiates it: no localised orbit of that period exists. A ring has modes of its own, see
+`contbreather.lattice.response`.
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ SLACK = (
     1e-15  # and one that the roundings of a time, of the impact and of what is between them hide
 )
 EVEN_POWERS = 16  # of y: pi^32/32! < 1e-19
-LOW = 0.5  # modes of a resonant ring below this, in units of 1/n, go by the polynomial
-APART = 1e-9  # a mode this close to a harmonic is in resonance with it
 
 # what the answers are made of, or their slopes: `first_harmonic` and `powers` of a lattice
 _PARTS = {
@@ -68,19 +66,20 @@ _QUARTERS = 0.25 ** (_ORDERS + 1.0)
 
 @fixed
 class Responses(NamedTuple):
-    """Functions of the time y from the middle between two impacts, in units of n:
+    """Functions of the time y from the middle between two impacts, in units of n, and of the time
+    s since the first of them:
 
-        ``P(y^2) + A cos y + B cos 2y + sum over i of C_i cos(W_i y) + D_i y sin(W_i y)``
+        ``P(y^2) + A cos y + B cos 2y + sum over i of Re C_i exp(l_i s)``
 
     after 2 pi n, or, of an orbit whose impacts recur with the other sign after half a period,
-    ``y P(y^2) + A sin y``.
+    ``y P(y^2) + A sin y`` and waves.
     """
 
     which: Table  # row of the table for each site and impact
     table: Matrix  # coefficients of P, that of the highest power first, then A and B
-    waves: Vector  # W
-    even: Matrix  # C, a row for each of the table
-    odd: Matrix  # D
+    rates: Matrix  # l, real and imaginary part
+    real: Matrix  # of C, a row for each of the table
+    imaginary: Matrix
     largest: Vector  # no less than all values of each row
     turns: float  # n
     half: bool  # impacts recur after half a period
@@ -97,14 +96,29 @@ class Responses(NamedTuple):
 
 
 @inlined
+def sections_since(responses: Responses, since: float) -> int:
+    """How often an impact has recurred; just after it, it has."""
+    width = math.pi if responses.half else 2.0 * math.pi
+    s = since / responses.turns
+    return math.floor((s + LATE + SLACK * abs(s)) / width)
+
+
+@inlined
 def response_since(
     responses: Responses, row: int, since: float
 ) -> tuple[float, float, float, float]:
     """Value and three derivatives at a time since an impact, those just after it."""
+    return response_in(responses, row, since, sections_since(responses, since))
+
+
+@inlined
+def response_in(
+    responses: Responses, row: int, since: float, past: int
+) -> tuple[float, float, float, float]:
+    """The same as it goes on from the section after so many others."""
     table, n = responses.table, responses.turns
     width = math.pi if responses.half else 2.0 * math.pi
     s = since / n
-    past = math.floor((s + LATE + SLACK * abs(s)) / width)
     y = s - width * past - 0.5 * width
     z, powers = y * y, table.shape[1] - 2
     P = dP = curvature = jerk = 0.0  # a polynomial in z; derivatives over 1, 2 and 6
@@ -115,26 +129,31 @@ def response_since(
         P = P * z + table[row, i]
     A, B, c, s = table[row, powers], table[row, powers + 1], math.cos(y), math.sin(y)
     if responses.half:
-        flip = -1.0 if past % 2 != 0 else 1.0
-        h, dh, d2h = (
-            y * P + A * s,
-            P + 2.0 * z * dP + A * c,
-            y * (6.0 * dP + 8.0 * z * curvature) - A * s,
-        )
+        h, dh = y * P + A * s, P + 2.0 * z * dP + A * c
+        d2h = y * (6.0 * dP + 8.0 * z * curvature) - A * s
         d3h = 6.0 * dP + 48.0 * z * (curvature + z * jerk) - A * c
-        return flip * h, flip * dh, flip * d2h, flip * d3h
-    c2, s2 = 2.0 * c * c - 1.0, 2.0 * c * s
-    h, dh = P + A * c + B * c2, 2.0 * y * dP - A * s - 2.0 * B * s2
-    d2h = 2.0 * dP + 8.0 * z * curvature - A * c - 4.0 * B * c2
-    d3h = 24.0 * y * curvature + 48.0 * z * y * jerk + A * s + 8.0 * B * s2
-    for i in range(responses.waves.size):
-        W, C, D = responses.waves[i], responses.even[row, i], responses.odd[row, i]
-        c, s = math.cos(W * y), math.sin(W * y)
-        h += C * c + D * y * s
-        dh += (D - C * W) * s + D * y * W * c
-        d2h += (2.0 * D - C * W) * W * c - D * y * W * W * s
-        d3h += (C * W - 3.0 * D) * W * W * s - D * y * W * W * W * c
-    return h, dh / n, d2h / (n * n), d3h / (n * n * n)
+    else:
+        c2, s2 = 2.0 * c * c - 1.0, 2.0 * c * s
+        h, dh = P + A * c + B * c2, 2.0 * y * dP - A * s - 2.0 * B * s2
+        d2h = 2.0 * dP + 8.0 * z * curvature - A * c - 4.0 * B * c2
+        d3h = 24.0 * y * curvature + 48.0 * z * y * jerk + A * s + 8.0 * B * s2
+    dh, d2h, d3h = dh / n, d2h / (n * n), d3h / (n * n * n)
+    s = since - n * width * past
+    for i in range(responses.rates.shape[0]):
+        a, b = responses.rates[i, 0], responses.rates[i, 1]
+        grown = math.exp(a * s) if a != 0.0 else 1.0
+        c, d = grown * math.cos(b * s), grown * math.sin(b * s)
+        C, D = responses.real[row, i], responses.imaginary[row, i]
+        u, v = C * c - D * d, C * d + D * c
+        h += u
+        u, v = a * u - b * v, a * v + b * u
+        dh += u
+        u, v = a * u - b * v, a * v + b * u
+        d2h += u
+        d3h += a * u - b * v
+    if responses.half and past % 2 != 0:
+        return -h, -dh, -d2h, -d3h
+    return h, dh, d2h, d3h
 
 
 def responses_at(responses: Responses, since: Vector, rows: Counts, out: Matrix) -> None:
@@ -145,17 +164,17 @@ def responses_at(responses: Responses, since: Vector, rows: Counts, out: Matrix)
 
 
 def interactions(responses: Responses, times: Vector, out: Cube) -> None:
-    """Responses of impacts to each other: ``h_ij`` and three derivatives at ``t_i - t_j``.
-
-    On the diagonal the first derivative is left out: its jump is in the reset law.
-    """
+    """Responses of impacts of one section to each other: ``h_ij`` and three derivatives at
+    ``t_i - t_j``, as they go on where the last one comes after the first of the next section."""
+    half = (0.5 if responses.half else 1.0) * math.pi * responses.turns  # of a section
     for i in range(times.size):
-        for j in range(i + 1):
-            h, dh, d2h, d3h = response_since(responses, responses.which[i, j], times[i] - times[j])
-            if i == j:
-                dh = d3h = 0.0
+        for j in range(times.size):
+            row, since = responses.which[i, j], times[i] - times[j]
+            past = sections_since(responses, since)
+            if abs(since) < 3.0 * half:
+                past = min(max(past, -1), 0)
+            h, dh, d2h, d3h = response_in(responses, row, since, past)
             out[0, i, j], out[1, i, j], out[2, i, j], out[3, i, j] = h, dh, d2h, d3h
-            out[0, j, i], out[1, j, i], out[2, j, i], out[3, j, i] = h, -dh, d2h, -d3h
 
 
 RESPONSES, INTERACTIONS = Kernel(responses_at), Kernel(interactions)
@@ -205,8 +224,7 @@ def periodic_green(
     Raises
     ------
     BadInput
-        In resonance: on the infinite chain where a harmonic 1/n lies in the band,
-        ``gamma >= 1/(4 n^2)``; on a ring where one of its modes is a harmonic.
+        Where a harmonic 1/n lies in the band of the infinite chain, ``gamma >= 1/(4 n^2)``.
 
     Examples
     --------
@@ -221,10 +239,6 @@ def periodic_green(
     distances, places = np.unique(apart, return_inverse=True)
     which = places.reshape(len(sites), len(hits))
     scaled = check_coupling(lattice, gamma, periods)
-    if scaled >= 0.25:
-        table, waves, even, odd = _mode_by_mode(lattice, gamma, distances, periods, by)
-        largest = np.full(len(table), math.inf)
-        return Responses(which, table, waves, even, odd, largest, float(periods), False)
     first_harmonic, powers = (getattr(lattice, name) for name in _PARTS[by])
     # <cos/(4 - w^2)> is a quarter of <cos/(1 - w^2)> at a quarter of the coupling; a slope is that
     # of a function of n^2 gamma
@@ -267,17 +281,17 @@ def weights_per_impulse() -> FloatArray:
 
 
 def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -> Responses:
-    none = np.empty((len(table), 0))
+    none, rates = np.empty((len(table), 0)), np.empty((0, 2))
     # harmonics beyond the second are too small for a maximum to hide between the places of a basis
     largest = 1.01 * abs(table @ _basis(table.shape[1], half)).max(axis=1)
-    return Responses(which, table, none[0], none, none, largest, float(periods), half)
+    return Responses(which, table, rates, none, none, largest, float(periods), half)
 
 
 @lru_cache(maxsize=2)
 def _basis(size: int, half: bool) -> FloatArray:
     """Share of each coefficient of a table in a response over half the time between impacts."""
-    which, none = np.empty((0, 0), dtype=int), np.empty((size, 0))
-    each = Responses(which, np.eye(size), none[0], none, none, none[0], 1.0, half)
+    which, none, rates = np.empty((0, 0), dtype=int), np.empty((size, 0)), np.empty((0, 2))
+    each = Responses(which, np.eye(size), rates, none, none, none[0], 1.0, half)
     times = np.linspace(0.0, 0.5 * math.pi if half else math.pi, 65)
     return each.at(times, np.arange(size)[:, None])[0]
 
@@ -348,45 +362,3 @@ def sinc(y: float) -> tuple[float, float]:
         return value, slope
     value = math.sin(y) / y
     return value, (math.cos(y) - value) / y
-
-
-# --- a ring with modes beyond its first harmonic --------------------------------------------
-
-
-def _mode_by_mode(
-    lattice: UniformLattice, gamma: float, distances: Any, periods: int, by: str
-) -> tuple[FloatArray, ...]:
-    """Table, waves and their coefficients, or the derivatives of these in gamma, of a ring whose
-    band reaches over a harmonic."""
-    theta, weight, w = lattice.nodes(gamma)
-    W = periods * w  # in units of n
-    amplitudes = periods * weight * np.cos(np.multiply.outer(distances, theta))
-    off = np.abs(W - np.round(W))
-    # W = 0, a mean, is no harmonic: its static push is balanced by the offsets
-    clash = np.flatnonzero((off < APART) & (W > 0.5))
-    if clash.size:
-        raise BadInput(
-            f"on {lattice} at gamma = {gamma:.9g} the mode of frequency {w[clash[0]]:.9g} is in "
-            f"resonance with an orbit of {periods} forcing periods: change gamma or the ring."
-        )
-    low = LOW > W
-    x, a = W[low] ** 2, amplitudes[:, low]
-    powers = x[:, None] ** _ORDERS
-    if by:
-        moments = a @ (powers * _ORDERS) / gamma
-        harmonics = [a @ (x / (j * j - x) ** 2) / gamma for j in (1, 2)]
-    else:
-        moments, harmonics = a @ powers, [a @ (1.0 / (j * j - x)) for j in (1, 2)]
-    table = _rows(moments, *harmonics)
-    high, a = W[~low], amplitudes[:, ~low]
-    sine, cosine = np.sin(math.pi * high), np.cos(math.pi * high)  # of the whole period
-    even = a / (2.0 * high * sine)  # g_w = cos(W y)/(2 W sin(W pi))
-    # the static part 1/(w^2 T), with T = 2 pi in units of n
-    odd, static = np.zeros_like(even), a / (2.0 * math.pi * high * high)
-    if by:
-        speed = high / (2.0 * gamma)  # dW/dgamma
-        # d(log even)/dW = -1/W - pi cot(pi W), and d(cos W y)/dW = -y sin(W y) is the part odd
-        odd, static = -even * speed, -2.0 * static / high * speed
-        even = -even * (1.0 / high + math.pi * cosine / sine) * speed
-    table[:, EVEN_POWERS - 1] -= static.sum(axis=1)
-    return table, high, np.ascontiguousarray(even), np.ascontiguousarray(odd)

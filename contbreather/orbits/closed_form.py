@@ -9,7 +9,7 @@ Fourier series of (9) or (12) is summed anywhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -31,6 +31,7 @@ from contbreather.lattice.conditions import (
 from contbreather.lattice.finite import Finite, Lattice
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
+from contbreather.lattice.response import UniformResponse
 from contbreather.orbits.clearance import LIMIT
 from contbreather.orbits.closure import (
     ClosureTerms,
@@ -42,10 +43,9 @@ from contbreather.orbits.closure import (
     sprung,
     terms_at,
 )
-from contbreather.orbits.orbit import Orbit, orbit_of
-from contbreather.orbits.representation import Impacts, Offsets, Representation
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ChainMotion
+from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
@@ -108,7 +108,7 @@ class ClosedForm:
 
     @classmethod
     def through(
-        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
     ) -> ClosedForm:
         # (4): the impact on the wall +1 takes away the momentum 2p
         p, phi = -0.5 * float(impulses[0]), float(times[0])
@@ -178,9 +178,13 @@ class ClosedForm:
         return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
     @property
-    def motion(self) -> ChainMotion:
+    def response(self) -> UniformResponse:
         """Eq. (12) in closed form."""
-        return ChainMotion(self, self.forcing, self.lattice)
+        return UniformResponse(self.lattice, self.forcing, self.gamma, 0.0, 0.0, (0,), 1, -1)
+
+    @property
+    def motion(self) -> SiteMotion:
+        return SiteMotion(self)
 
     @cached_property
     def map(self) -> HalfMap | RingHalfMap:
@@ -209,17 +213,13 @@ class ClosedForm:
 
         return asymmetric_problem(Orbit(self).unfolded())
 
-    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
-        times, impulses = [hit.time for hit in impacts], [hit.impulse for hit in impacts]
-        return orbit_of(self.conditions, section, times, impulses, offsets).representation
-
     def problem(self, threshold: float) -> Problem:
         from contbreather.orbits.closed_problem import symmetric_problem
 
         return symmetric_problem(Orbit(self), threshold)
 
-    def guess(self) -> Problem:
-        return Orbit(self).problem
+    def guess(self, threshold: float) -> Problem:
+        return self.problem(threshold)
 
     def on(self, lattice: Any) -> Orbit | None:
         """The root of (11) nearest to this one."""
@@ -227,7 +227,7 @@ class ClosedForm:
             return None
         on = self.conditions
         if on.spring:  # from the infinite chain, to a ring
-            from contbreather.orbits.exact_modes import symmetric_orbits
+            from contbreather.orbits.by_impacts import symmetric_orbits
 
             breathers = symmetric_orbits(0, replace(on, lattice=lattice))
         else:
@@ -366,15 +366,14 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
-    drive = forcing_of(forcing)
+    drive, stiff = forcing_of(forcing), 0.0 if spring is None else real(spring)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
-    held_ring = isinstance(lattice, Ring) and (more or spring is not None)
+    held_ring = isinstance(lattice, Ring) and (more or stiff)
     if isinstance(lattice, Lattice) or held_ring:
         at = Walls.given(walls)
-        spring = 0.0 if spring is None else spring
-        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
-        from contbreather.orbits.exact_modes import symmetric_orbits
+        on = Conditions(a, gamma, k, damping, stiff, drive, at, lattice).checked()
+        from contbreather.orbits.by_impacts import symmetric_orbits
 
         return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
@@ -385,6 +384,6 @@ def symmetric_roots(
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
             "finite lattice."
         )
-    if spring is not None and chain.sites is None:
-        drive = spring_response(drive, InfiniteChain(spring).spring)
+    if stiff and chain.sites is None:
+        drive = spring_response(drive, InfiniteChain(stiff).spring)
     return closed_forms(a, gamma, k, drive, chain)

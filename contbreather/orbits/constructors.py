@@ -23,15 +23,15 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
+from contbreather.orbits.by_impacts import ByImpacts, impact_problem
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
-from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
-from contbreather.orbits.section import Section, check_possible, checked_impacts
+from contbreather.orbits.section import Section, checked_impacts
 from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
@@ -222,8 +222,7 @@ def shooting(
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
     sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
     flight = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
-    check_possible(flight.section, flight.conditions)
-    problem = flight.problem(threshold)
+    problem = impact_problem(Orbit(flight), threshold)
     try:
         solved, convergence = problem.solve()
     except NotConverged as error:
@@ -275,7 +274,7 @@ def _guess(
     turns: int,
     sign: int | None,
     t: float,
-) -> ExactModes:
+) -> ByImpacts:
     """A first guess from any kind of seed."""
     if isinstance(seed, Problem):
         seed = orbit_at(seed)

@@ -1,8 +1,8 @@
-"""From whatever is known of an orbit to a first guess at its impacts: times and a state.
+"""From whatever is known of an orbit to a first guess at its impacts: times and impulses.
 
 A seed is an orbit, a state, or impact times alone. A state is simulated over a section; where only
-times are known, the state is the one that suits them best, which is a linear problem
-(`ExactModes.from_times`).
+times are known, impulses and offsets are those that suit them best, which is a linear problem
+(`ByImpacts.closest`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from contbreather.checks import state_rows
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite
-from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import (
     Impact,
@@ -45,7 +44,7 @@ def from_state(
     *,
     turns: int = 1,
     sign: int = 1,
-) -> ExactModes:
+) -> ByImpacts:
     """A state of the lattice, simulated over one section: its impacts in order."""
     # dear to import
     from contbreather.simulation.integrator import RunStop
@@ -86,7 +85,7 @@ def from_state(
     times = np.array([hit.time for hit in chosen])
     # the first impact within half a period of 0
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
-    return ExactModes.through(on, section, times, [hit.impulse for hit in chosen], ())
+    return ByImpacts.closest(on, section, times, [hit.impulse for hit in chosen])
 
 
 def _again(contact: Impact, earlier: Impact, length: float) -> bool:
@@ -118,7 +117,7 @@ def _start(
     )
 
 
-def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> ExactModes:
+def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> ByImpacts:
     """From impact times alone, ``{"t1": ..., "t2": ...}``."""
     names = [f"t{j + 1}" for j in range(section.count)]
     unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
@@ -133,40 +132,25 @@ def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> 
         t = np.array([math.nan])
     if not np.isfinite(t).all():
         raise BadInput(f"impact times {dict(times)}: finite numbers were expected.")
-    return ExactModes.from_times(on, section, t)
+    return ByImpacts.closest(on, section, t)
 
 
 def from_orbit(
     orbit: Orbit, on: Conditions, sequence: Sequence[Any] | None, sign: int | None
-) -> ExactModes:
+) -> ByImpacts:
     """An orbit, however it was found, under conditions of a finite lattice; opened up, or shot as
-    half of a symmetric one, if asked for.
-
-    Exact modes are taken as they are. Of other orbits the impacts are known, and on a ring the
-    state between them is that of the ring's own orbit.
-    """
+    half of a symmetric one, if asked for."""
     if sign == -1 and not orbit.symmetric:
         raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
     if sign == 1:
         orbit = orbit.unfolded()
-    if sequence is not None and not isinstance(orbit.representation, ExactModes):
-        return _otherwise(orbit, on, sequence)
     if sequence is not None:
-        wanted = Section(checked_impacts(sequence)).placed(orbit.lattice).impacts
-        if wanted != orbit.section.impacts:
-            raise BadInput(
-                f"this orbit has the impacts {orbit.section.impacts}, not {wanted}; give a state "
-                "or times for another sequence."
-            )
-    if isinstance(orbit.representation, ExactModes):
-        if orbit.lattice == on.lattice:
-            return replace(orbit.representation, conditions=on)
-        if isinstance(on.lattice, Ring) and isinstance(orbit.lattice, Ring) and orbit.section.local:
-            return replace(orbit.representation.resized(on.lattice), conditions=on)
-    return ExactModes.from_times(on, orbit.section.on(on.lattice), orbit.times)
+        return _otherwise(orbit, on, sequence)
+    section = orbit.section.on(on.lattice)
+    return ByImpacts.closest(on, section, orbit.times, orbit.impulses)
 
 
-def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactModes:
+def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ByImpacts:
     """Begin a seed with another impact; or put the same times at other sites."""
     section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
     m = orbit.section.count
@@ -181,4 +165,4 @@ def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactMo
     ]
     course = former.course(impacts, 3)
     first = _beginning(course, section.impacts) or 0
-    return ExactModes.from_times(on, section, [impact.time for impact in course[first : first + m]])
+    return ByImpacts.closest(on, section, [impact.time for impact in course[first : first + m]])

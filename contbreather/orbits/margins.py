@@ -62,9 +62,9 @@ def since_start(motion: Motion, p: int, points: int) -> float:
 
 @inlined
 def has_one_answer(motion: Motion) -> bool:
-    """Whether sites answer one impact a section, at its start: on the grid they do alike for all
-    amplitudes, momenta and phases."""
-    return bool(motion.responses.which.shape[1] == 1)
+    """Whether sites that follow the forcing alike answer one impact a section, at its start: on the
+    grid they do alike for all amplitudes, momenta and phases."""
+    return bool(motion.responses.which.shape[1] == 1 and motion.forced.cosines.shape[0] == 1)
 
 
 def sample_forced(motion: Motion, points: int, work: Matrix) -> None:
@@ -82,6 +82,12 @@ def sample_path(
     motion: Motion, site: int, points: int, row: int, work: Matrix, answers: Matrix
 ) -> None:
     """The path of a site; only of one that answers one impact at the STEEP times, too."""
+    if site >= motion.busy and motion.profiles.size > 0:
+        for p in range(STEEP, STEEP + points + 2):
+            step = p - STEEP - 1
+            flip = motion.sign if (step // points) % 2 != 0 else 1.0
+            work[row, p] = flip * motion.profiles[site - motion.busy, step % points]
+        return
     if has_one_answer(motion):
         if math.isnan(answers[site, 0]):
             of = motion.responses.which[site, 0]
@@ -93,19 +99,12 @@ def sample_path(
             work[row, p] = offset + work[FORCED, p] + J * answers[site, p]
         return
     for p in range(STEEP, STEEP + points + 2):
-        if motion.modes.z.size > 0:
-            step = p - STEEP - 1
-            flip = motion.sign if (step // points) % 2 != 0 else 1.0
-            work[row, p] = flip * motion.modes.profiles[site - motion.busy, step % points]
-        else:
-            t = motion.start + since_start(motion, p, points)
-            work[row, p] = site_state(motion, site, t)[0]
+        t = motion.start + since_start(motion, p, points)
+        work[row, p] = site_state(motion, site, t)[0]
 
 
 def largest_displacement(motion: Motion, site: int) -> float:
     """No less than the largest displacement of a site."""
-    if motion.modes.z.size > 0:
-        return math.inf
     total = abs(motion.places[site, OFFSET]) + motion.a * motion.forced.peak
     for j in range(motion.responses.which.shape[1]):
         largest = motion.responses.largest[motion.responses.which[site, j]]
@@ -417,7 +416,7 @@ def margins_along(
             motion.impacts[IMPULSE, j] = impulses[i, j]
         varied = Motion(
             a[i], motion.k, times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
-            motion.responses, motion.modes, motion.impacts, motion.flights, motion.busy,
+            motion.responses, motion.profiles, motion.impacts, motion.flights, motion.busy,
             motion.places,
         )  # fmt: skip
         margins(varied, near, lowest[i], touching, time, work, answers)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch, Points, Stop
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.equilibria import fold
+from contbreather.continuation.equilibria import branch_point, fold
 from contbreather.continuation.point import Point
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
@@ -28,20 +28,18 @@ from contbreather.lattice.finite import Finite, finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
+from contbreather.orbits.by_impacts import ByImpacts, symmetric_orbits
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
 from contbreather.orbits.grazing import CATCHING, GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_events import branching
-from contbreather.orbits.section import Section
+from contbreather.orbits.orbit_events import from_arms
+from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
 
 ROOTS = ("upper", "lower")
-# Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
-LOOSE = 1e-4
 TOGETHER = 9  # digits to which times are compared: impacts at once are listed by their sites
 
 
@@ -241,24 +239,24 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     """The branch from the limit up to the coupling asked for; None if it does not begin."""
     section, times = _section(singles)
     section = section.placed(on.lattice)
-    loose = not section.symmetric and on.spring == 0.0 and on.lattice.sites > 1
-    first = min(LOOSE, on.gamma) if loose else 0.0
     try:
-        seed = ExactModes.from_times(replace(on, gamma=first), section, times)
-        start, _ = seed.guess().solve(tolerance=1e-11)
+        seed = ByImpacts.closest(replace(on, gamma=0.0), section, times)
+        start, _ = seed.guess(THRESHOLD).solve(tolerance=1e-11)
     except NotConverged:
         return None
     orbit = orbit_at(start)
-    if abs(orbit.times - seed.t).max() > 0.1:  # not the orbit that was chosen
+    if abs(orbit.times - times).max() > 0.1:  # not the orbit that was chosen
         return None
-    if (margin := orbit.admissibility()).margin < 0.0:
+    # its idle sites as they rest next to no coupling at all
+    weak = replace(orbit.representation, conditions=replace(orbit.conditions, gamma=WEAK))
+    if (margin := Orbit(weak).admissibility()).margin < 0.0:
         raise Inadmissible(f"without coupling already {margin.reason}", orbit=orbit)
-    if on.gamma <= first:
+    if on.gamma <= 0.0:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again, and behind a branch point where it meets its image
-    ends = (replace(fold(), ends="branch"), replace(branching(), count=None), GRAZING, CATCHING)
-    return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
+    ends = (replace(fold(), ends="branch"), from_arms(branch_point()), GRAZING, CATCHING)
+    return trace(start, "gamma", within={"gamma": (0.0, on.gamma)}, towards="up", events=ends)
 
 
 # --- all of them --------------------------------------------------------------------------------

@@ -1,17 +1,17 @@
 """One periodic orbit with impacts, whichever way its motion between them is evaluated.
 
 What an orbit is, its impacts and the conditions it moves under (`ImpactSequence`), and what it
-answers are said once. How a flight is evaluated is its `Representation`, a value handed in: the
-closed form of one symmetric impact, the periodic Green's function of chain and ring, the exact
-modes of any finite lattice.
+answers are said once. How a flight is evaluated is its representation, a value handed in: the
+closed form of one symmetric impact, or impacts and the response of the lattice.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
 from contbreather.orbits.impact_sequence import ImpactSequence
-from contbreather.orbits.representation import suitable
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
@@ -47,7 +46,7 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     Attributes
     ----------
-    representation : Representation
+    representation : ClosedForm or ByImpacts
         How its flights are evaluated.
     conditions : Conditions
         a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
@@ -68,7 +67,7 @@ class Orbit(ImpactSequence, HtmlRepr):
     (0.680056001966, -2.519293143359)
     """
 
-    representation: Any  # with what it knows besides: p and b of a closed form, modes, ...
+    representation: Any  # `ClosedForm` or `ByImpacts`, with what they know besides
 
     # --------------------------------------------------------------------------------- motion
 
@@ -166,7 +165,9 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     def solved(self) -> Orbit:
         """The orbit that Newton's method finds from this one as a guess."""
-        return _settled(self.representation.guess())
+        from contbreather.stability.verdict import THRESHOLD
+
+        return _settled(self.representation.guess(THRESHOLD))
 
     def _on_ring(self, sites: int | None) -> Orbit:
         if sites is None:
@@ -305,10 +306,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def _again(self, longer: Section) -> Orbit:
         """One section and the next as one."""
-        impacts = self.section.course(self.impacts, 2)
-        representation = self.representation.rewritten(longer, impacts, self.offsets)
-        assert representation is not None  # every representation can be repeated
-        return Orbit(representation)
+        _, _, times, impulses = zip(*self.section.course(self.impacts, 2), strict=True)
+        return orbit_of(self.conditions, longer, times, impulses, self.offsets)
 
     def table(self) -> Sheet:
         """Its parameters, and what there is of p, phi, times, impulses."""
@@ -346,6 +345,20 @@ def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
     if sites.dtype.kind not in "iu":
         raise BadInput(f"n = {n!r}: sites are whole numbers.")
     return sites.astype(np.int64)
+
+
+# the closed form costs less than the equations, which suit any finite lattice
+_KINDS = "closed_form.ClosedForm", "by_impacts.ByImpacts"
+
+
+def suitable(on: Conditions, section: Section) -> Iterator[Any]:
+    """Representations that suit an orbit, the cheapest first: each is fetched when those before do
+    not, and none knows the others."""
+    for path in _KINDS:
+        module, _, name = path.partition(".")
+        kind = getattr(import_module(f"contbreather.orbits.{module}"), name)
+        if kind.suits(on, section):
+            yield kind
 
 
 def orbit_of(

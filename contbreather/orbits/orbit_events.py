@@ -27,9 +27,6 @@ import numpy as np
 
 from contbreather.checks import brief, flag
 from contbreather.continuation.branch import Points
-from contbreather.continuation.branch_points import bordered_matrix
-from contbreather.continuation.defining_systems import Singular
-from contbreather.continuation.equilibria import branch_point
 from contbreather.continuation.point import (
     DefiningSystem,
     Event,
@@ -152,25 +149,6 @@ def _examine_real(mu: float, point: Point) -> Examined:
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
     return bends(point)
-
-
-def branching() -> Event:
-    """BP: another curve of solutions of the shooting equations crosses; as the engine's own, but
-    with a determinant for its test, which large rings can afford."""
-    test = Singular(bordered_matrix, _branching_test)
-    return from_arms(replace(branch_point(), test=test, count=_beyond_closing))
-
-
-def _branching_test(point: Point) -> float:
-    if point.tangent is None:
-        return math.nan
-    orbit = point.solution
-    whole = np.vstack([point.curve.jacobian(point.z), point.curve.metric * point.tangent])
-    return float(orbit.map.in_units_of_flight(whole, orbit.section.sign))
-
-
-def _beyond_closing(point: Point) -> float:
-    return _beyond(point.solution.section.sign, point)
 
 
 def from_arms(event: Event) -> Event:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Points
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import RELATIVE, differences
 from contbreather.continuation.point import DefiningSystem, Implied, Point, UnstableDimension
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
@@ -23,16 +22,15 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
 from contbreather.orbits.closure import ClosureTerms, saltation_of
 from contbreather.orbits.impact_sequence import VANISHED
-from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.representation import Representation, suitable
-from contbreather.orbits.section import AT_ONCE, Section
+from contbreather.orbits.orbit import Orbit, orbit_at, suitable
+from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.one_impact import HalfMap
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
-At = Callable[[FloatArray, Params], Representation]
+At = Callable[[FloatArray, Params], Any]
 Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
@@ -98,17 +96,18 @@ class OrbitProblem(Problem):
         orbit = orbit_at(self)
         on, section = orbit.conditions, orbit.section
         wanted = [name for name in names if name in on.params]
+        if not wanted:
+            return self
         for kind in suitable(on, section):
-            if wanted and kind is not type(orbit.representation):
-                motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
-                return motion.problem(self.threshold)
-        if wanted:
-            raise BadInput(
-                f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and "
-                "springs only where, in equal flights, one site hits its walls in turn; take a "
-                "finite lattice, a ring of 100 sites for instance."
-            )
-        return self
+            motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
+            problem = motion.guess(self.threshold)
+            if problem.params.keys() >= {*wanted}:
+                return problem
+        raise BadInput(
+            f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and springs "
+            "only where, in equal flights, one site hits its walls in turn; take a finite "
+            "lattice, a ring of 100 sites for instance."
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,7 +121,7 @@ class OrbitProblemByEquations(OrbitProblem):
         return derivative
 
 
-def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
+def read_by(kind: str, of: Callable[..., Any]) -> Callable[[Make], Make]:
     """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
     parameters are a representation by `of`, and that is a problem."""
 
@@ -134,7 +133,7 @@ def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Ma
 
 
 def _from_dict(
-    of: Callable[..., Representation],
+    of: Callable[..., Any],
     problem: Callable[..., Problem],
     *,
     conditions: Conditions,
@@ -254,13 +253,9 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
 # --- a multiplier on a circle ---------------------------------------------------------------------
 
 # The defining system of PF, PD and NS. The map of an orbit says where it has a multiplier
-# (`contbreather.stability.modal_map.Map`). How that changes along its unknowns is known in closed
-# form to one representation; the others fly a perturbation beside the orbit.
+# (`contbreather.stability.modal_map.Map`), its representation how that changes along its unknowns.
 
-Equations = Callable[[Curve, FloatArray, FloatArray], FloatArray]
-Slopes = Callable[[Equations, Curve, FloatArray, FloatArray], FloatArray]
-
-STEP = 1e-4  # of unknowns of the order of one, and of parameters
+Slopes = Callable[[Any, Curve, FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -278,66 +273,16 @@ class OnCircle:
     nu: float | None = None
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
-        """With ``slopes(conditions, curve, z, extra)``, the derivative along a curve."""
+        """With ``slopes(of, curve, z, extra)``, the derivative along a curve."""
         extra = {} if nu is None else {"nu": nu}
-        return DefiningSystem(extra, self.conditions, partial(self._derivative, slopes), **more)
-
-    def _derivative(
-        self, slopes: Slopes, curve: Curve, z: FloatArray, extra: FloatArray
-    ) -> FloatArray:
-        return slopes(self.beside(curve, z, extra), curve, z, extra)
+        return DefiningSystem(extra, self.conditions, partial(slopes, self), **more)
 
     def conditions(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         map = Point(curve, z).solution.map
         return self.real_parts(map.on_circle(self.angle(extra), self.radius))
-
-    def beside(self, curve: Curve, z: FloatArray, extra: FloatArray) -> Equations:
-        """Linearise them next to a place: cheaper, and exact to first order where they vanish."""
-        value = Point(curve, z).solution.map.beside(self.angle(extra), self.radius)
-        return lambda curve, z, extra: self.real_parts(
-            value(Point(curve, z).solution.map, self.angle(extra))
-        )
 
     def angle(self, extra: FloatArray) -> float:
         return float(extra[0]) if self.nu is None else self.nu
 
     def real_parts(self, value: complex) -> FloatArray:
         return np.array([value.real, value.imag] if self.nu is None else [value.real])
-
-
-def by_differences(
-    conditions: Equations,
-    curve: Curve,
-    z: FloatArray,
-    extra: FloatArray,
-    columns: Sequence[int] | None = None,
-    step: float = STEP,
-) -> FloatArray:
-    """To one side where a parameter is at the end of its domain: curves set out from gamma = 0. The
-    first unknowns are the times of impacts, which stay in their order: where sites that are
-    coupled change it there is a kink. Of impacts at once it is the mean of both sides."""
-
-    def near(variables: FloatArray) -> FloatArray:
-        return conditions(curve, variables[: z.size], variables[z.size :])
-
-    variables, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
-    orbit = Point(curve, z).solution
-    finer = np.full(variables.size, RELATIVE / step)  # what `differences` divides its own step by
-    finer[: orbit.times.size] = RELATIVE / min(step, _in_order(orbit))
-    return differences(
-        near, variables, columns, scales=scales, finer=finer, one_sided=True, kinks=_at_once(orbit)
-    )
-
-
-def _at_once(orbit: Any) -> NDArray[np.intp]:
-    """Impacts at the same time as another of the section, by index."""
-    late = abs(orbit.times[:, None] - orbit.times) < AT_ONCE
-    return np.flatnonzero(late.sum(axis=1) > 1)
-
-
-def _in_order(orbit: Any) -> float:
-    """A relative step of times that keeps impacts in their order, but for those at once."""
-    times = np.sort(orbit.times)
-    # two steps, which is as far as five points go, are then half the shortest gap at most
-    gaps = np.diff(times, append=times[0] + orbit.section.length)
-    return float(gaps[gaps > AT_ONCE].min() / (4.0 * max(1.0, abs(times).max())))

@@ -269,17 +269,10 @@ def check_walls(section: Section, on: Conditions) -> None:
 
 
 def check_possible(section: Section, on: Conditions) -> None:
-    """`BadInput` where nothing brings the sites back: then no one state belongs to an orbit."""
-    lattice = on.lattice
+    """`BadInput` where a wall is not there, waves leave, or nothing brings the sites back."""
     check_walls(section, on)
-    if lattice.highest_gamma <= on.gamma:
+    if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
-    loose = not section.symmetric and lattice.sites is not None and lattice.sites > 1
-    if loose and max(on.gamma, on.spring) < WEAK:
-        raise BadInput(
-            f"gamma = {on.gamma!r} on the {lattice.describe()}: sites that do not feel each other "
-            "may rest anywhere, so there is no one orbit; take sites=1, or a spring."
-        )
     check_both_walls(section, on)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Lattice
-from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit import Orbit, suitable
 from contbreather.orbits.section import Impact, Section
 
 SAME = 1e-7  # descriptions whose equations are off by less are right
@@ -143,12 +143,13 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
     for section in _parts(orbit):
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
             continue
-        impacts = _first_of(orbit, section)
-        representation = (
-            orbit.representation.rewritten(section, impacts, orbit.offsets) if impacts else None
-        )
-        if representation is not None and representation.error < SAME:
-            return Orbit(representation)
+        kind, impacts = next(suitable(orbit.conditions, section), None), _first_of(orbit, section)
+        if kind is None or not impacts:
+            continue
+        _, _, times, impulses = zip(*impacts, strict=True)
+        motion = kind.through(orbit.conditions, section, times, impulses, orbit.offsets)
+        if motion.error < SAME:
+            return Orbit(motion)
     return None
 
 

@@ -16,9 +16,10 @@ from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import CodimensionTwo, Point
 from contbreather.continuation.settings import windows
 from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice.response import Resonance
+from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
-from contbreather.orbits.exact_modes import ExactModes, Resonance
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import NEEDED, window_of
@@ -200,7 +201,7 @@ class Zones(Columns, HtmlRepr):
         orbit: Orbit = branch[0].solution
         on = orbit.conditions
         model: dict[str, Any] = {"forcing": on.forcing, "lattice": on.lattice}
-        if isinstance(orbit.representation, ExactModes):
+        if isinstance(orbit.representation, ByImpacts):
             (site, _), *_ = orbit.section.impacts
             model |= {"site": site, "damping": on.damping, "spring": on.spring, "walls": on.walls}
         return model

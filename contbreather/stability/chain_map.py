@@ -66,7 +66,7 @@ from contbreather.stability.bordered import (
     Impacts,
     PairSeries,
 )
-from contbreather.stability.modal_map import ring_map
+from contbreather.stability.modal_map import section_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     MOST,
@@ -341,7 +341,8 @@ class OrbitMap:
         """Multipliers that Newton's method on F reaches from those of a ring, the largest first,
         outside the circle, or as far in as Im kappa is a rim."""
         ring = Ring(sites + 2 * int(self._sites[0].max()))
-        mu = ring_map(ring, self.gamma, self.k, self.kicks, self.period, spring=self.spring).coupled
+        held = self.gamma, self.spring, 0.0
+        mu = section_map(ring, held, self.k, self.kicks, self.period).coupled
         # most of a ring's band is on the circle, to within rounding
         kappa = np.log(mu[(abs(mu) > 1.0 + 1e-9) & (mu.imag >= 0.0)]) / (2j * math.pi)
         deep, (near, _, off) = kappa.imag < -DEEP, self._near

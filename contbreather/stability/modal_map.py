@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.chain import Ring
 from contbreather.lattice.modal_flow import (
     ModalPropagator,
     check_modes,
@@ -278,46 +277,48 @@ def _smallest_singular(map: ModalMap, mu: complex) -> tuple[complex, Array, Arra
     return phase * sizes[-1], phase * left[:, -1].conj(), right[-1].conj()
 
 
-@lru_cache(maxsize=64)
-def ring_map(
-    ring: Ring,
-    gamma: float,
+def section_map(
+    lattice: Any,
+    held: tuple[float, float, float],
     k: float,
     kicks: tuple[Saltation, ...],
-    period: float = 2.0 * math.pi,
+    length: float = 2.0 * math.pi,
+    sign: int = 1,
     of: type[ModalMap] = ModalMap,
-    spring: float = 0.0,
 ) -> ModalMap:
-    """The map of a ring over a section of an orbit, from within a flight that is not short: next
-    to an impact, others at the same time would move from one end of the section to the other.
+    """The map of a finite lattice, held by gamma, spring and damping, over a section of an orbit,
+    from within a flight that is not short: next to an impact, others at the same time would move
+    from one end of the section to the other.
 
     Examples
     --------
     The multipliers of m impacts multiply to ``k^(2m)``:
 
     >>> kicks = Saltation(0, 0.0, 0.3), Saltation(0, 2.0, 0.5)
-    >>> mu = ring_map(Ring(9), 0.1, 0.8, kicks).multipliers()
+    >>> from contbreather.lattice import Ring
+    >>> mu = section_map(Ring(9), (0.1, 0.0, 0.0), 0.8, kicks).multipliers()
     >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
     (18, 0.4096)
     """
-    basis = ring.basis(tuple(sorted({kick.site for kick in kicks})))
-    z, unseen = spring + gamma * basis.lam, spring + gamma * basis.unseen
+    gamma, spring, damping = held
+    basis = lattice.basis(tuple(sorted({kick.site for kick in kicks})))
+    z, unseen = gamma * basis.lam + spring, gamma * basis.unseen + spring
     times = [kick.time for kick in kicks]
-    free = np.diff([*times, times[0] + period])
+    free = np.diff([*times, times[0] + length])
     last = int(np.argmax(free > _SHORT * free.max()))  # before it
     kicks = (
         *kicks[last + 1 :],
-        *(kick._replace(time=kick.time + period) for kick in kicks[: last + 1]),
+        *(kick._replace(time=kick.time + length) for kick in kicks[: last + 1]),
     )
     start = times[last] + 0.5 * float(free[last])
-    times = [start, *(kick.time for kick in kicks), start + period]
-    turns = tuple(propagator(z, later - time) for time, later in pairwise(times))
+    times = [start, *(kick.time for kick in kicks), start + length]
+    turns = tuple(propagator(z, later - time, damping) for time, later in pairwise(times))
     shapes = basis.at(np.array([kick.site for kick in kicks]))
     blows = tuple(
-        ModalSaltation(shape, shape, saltation(k, kick.b))
+        ModalSaltation(shape, lattice.masses[kick.site] * shape, saltation(k, kick.b))
         for shape, kick in zip(shapes, kicks, strict=True)
     )
-    return of(ring, gamma, 0.0, z, unseen, turns, blows, period)
+    return of(lattice, gamma, damping, z, unseen, turns, blows, length, sign)
 
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------

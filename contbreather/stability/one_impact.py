@@ -48,7 +48,7 @@ from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOW
 from contbreather.stability.chain_map import RINGS, OrbitMap
-from contbreather.stability.modal_map import EPS, ModalMap, ring_map
+from contbreather.stability.modal_map import EPS, ModalMap, section_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import Count, as_counted, highest
 
@@ -458,4 +458,5 @@ def half_map(gamma: float, k: float, b: float, lattice: Any = InfiniteChain()) -
     """The map QS of a symmetric breather over half its period, on the infinite chain or a ring."""
     if lattice.sites is None:
         return HalfMap(gamma, k, b, lattice)
-    return ring_map(lattice, gamma, k, (Saltation(0, 0.0, b),), math.pi, RingHalfMap)
+    kick, held = Saltation(0, 0.0, b), (gamma, 0.0, 0.0)
+    return section_map(lattice, held, k, (kick,), math.pi, -1, RingHalfMap)

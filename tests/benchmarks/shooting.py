@@ -93,7 +93,6 @@ def rows() -> list[Row]:
         branch_row(100, 5.0),
         branch_row(400, 60.0),
         arm_row(),
-        cascade_row(),
     ]
 
 
@@ -107,39 +106,15 @@ def compiled() -> None:
 def branch_row(sites: int, aim: float) -> Row:
     """A branch of symmetric breathers of a ring by shooting, with all events; aim in ms a point."""
     import contbreather as cb
-    from contbreather.orbits.exact_modes import _flown
+    from contbreather.orbits.orbit_equations import _place
 
     start = cb.shooting(cb.symmetric(a=0.7, gamma=GAMMA, k=K), sites=sites)
 
     def walk() -> Any:
-        _flown.cache_clear()
+        _place.cache_clear()
         return cb.trace(start, "a", within={"a": (0.5, 0.95)})
 
     return walked(f"shooting branch with events, N = {sites}", walk, 1e-3 * aim)
-
-
-def cascade_row() -> Row:
-    """The diagram of the single oscillator to its third doubling, by both roads."""
-    import contbreather as cb
-
-    start = cb.symmetric(a=0.6, gamma=0.0, k=K)
-    within = {"a": (0.5, 0.9905)}
-
-    def grow(start: Any) -> Any:
-        return cb.diagram(start, "a", within=within, depth=5)
-
-    grow(start)
-    green = best_of(lambda: grow(start), clock=time.process_time)
-    shot = cb.shooting(start, sites=1)
-    modes = best_of(lambda: grow(shot), clock=time.process_time)
-    return Row(
-        what="diagram of the single oscillator to three doublings, by the Green's function",
-        figure=span(green),
-        compares_with=f"the same by shooting: {span(modes)}",
-        ratio=modes / green,
-        aim="no slower than by shooting",
-        met=green <= modes,
-    )
 
 
 def arm_row(points: int = 200) -> Row:
@@ -172,13 +147,13 @@ def arm_row(points: int = 200) -> Row:
 
 def shooting_row(sites: int) -> Row:
     from contbreather.orbits.constructors import shooting
-    from contbreather.orbits.exact_modes import _flown
     from contbreather.orbits.orbit import orbit_at
+    from contbreather.orbits.orbit_equations import _place
 
     seed = guess(sites)
 
     def ours() -> Any:
-        _flown.cache_clear()  # every run flies all its sections itself
+        _place.cache_clear()
         orbit = orbit_at(shooting(seed, a=WANTED))
         return orbit, orbit.multipliers()
 

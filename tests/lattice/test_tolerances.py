@@ -14,8 +14,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
-from contbreather.lattice.periodic_green import periodic_green
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Samples, Symbolic
 from contbreather.orbits import smallest_amplitude
 
 GRID = 2 * np.pi * np.arange(64) / 64
@@ -133,23 +132,6 @@ def test_slopes_of_a_formula_in_its_letters_are_resolved_too() -> None:
     )
     up, down = own.at(e=e + h), own.at(e=e - h)
     assert own.f_param("e", t) == pytest.approx((up.f(t) - down.f(t)) / (2 * h), rel=1e-6)
-
-
-# --- the periodic Green's function ----------------------------------------------------------------
-
-
-def test_a_mode_next_to_a_harmonic_is_summed_and_one_on_it_refused() -> None:
-    """On a ring of 8 the shortest wave has w = 2 sqrt(gamma), here next to 1/2."""
-    near = 0.0625 * (1 + 4e-7)  # 2 w - 1 = 2e-7
-    W = 4 * math.sqrt(near)
-    s = 1.3
-    own = math.cos(W / 2 * (2 * math.pi - s)) / (W * math.sin(W * math.pi))
-    assert periodic_green(Ring(8), near, (0,), periods=2).at(s)[0] == pytest.approx(
-        own / 8, rel=1e-5
-    )
-    for close in (0.0, 4e-10):
-        with pytest.raises(BadInput, match="is in resonance with an orbit of 2 forcing periods"):
-            periodic_green(Ring(8), 0.0625 * (1 + close), (0,), periods=2)
 
 
 # --- the closure ----------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ import pytest
 import contbreather as cb
 from contbreather.continuation import Problem
 from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.by_impacts import impact_problem
 from contbreather.orbits.constructors import asymmetric, shooting
-from contbreather.orbits.green_function import impact_problem
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
 
@@ -36,11 +36,11 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
     ),
     "shot": (
         lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
-        {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"},
+        {"t1", "t2", "J1", "p", "c", "asymmetry", "condition"},
     ),
     "shot, open": (
         unfolded_arm,
-        {"t1", "t2", "p", "p1", "p2", "q", "r", "c", "asymmetry", "condition"},
+        {"t1", "t2", "J1", "J2", "p", "p1", "p2", "c", "asymmetry", "condition"},
     ),
 }
 

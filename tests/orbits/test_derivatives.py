@@ -20,10 +20,10 @@ from contbreather.continuation.boundary import codim_two as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
 from contbreather.orbits import neighbour_peak, pitchfork
+from contbreather.orbits.by_impacts import impact_problem
 from contbreather.orbits.closed_problem import Closure
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.grazing import other_contacts
-from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_of
 from contbreather.orbits.section import Section
 from tests.stability.by_hand import slope

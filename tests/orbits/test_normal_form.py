@@ -17,8 +17,8 @@ from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import pitchfork, symmetric
 from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.constructors import started_on_arm
-from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.multibreathers import multibreather
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
@@ -130,8 +130,8 @@ def test_where_the_multiplier_only_touches_1_there_is_none():
 def by_modes(point):
     """The pitchfork of a ring by its modes, put together from the impacts of its closed form."""
     b, section = point.solution, point.solution.section
-    orbit = Orbit(ExactModes.through(b.conditions, section, b.times, b.impulses, ())).solved()
-    assert isinstance(orbit.representation, ExactModes)
+    orbit = Orbit(ByImpacts.through(b.conditions, section, b.times, b.impulses, ())).solved()
+    assert isinstance(orbit.representation, ByImpacts)
     return orbit
 
 

@@ -35,11 +35,6 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
     (BREATHER, {}, "lives on the infinite chain: say on which ring, sites=N"),
     (BREATHER, {"sites": 5, "lattice": Ring(6)}, r"sites = 5 and the ring of 6: give one of the"),
     ("whole", {"symmetric": True}, "was not shot as a symmetric one"),
-    (
-        "whole",
-        {"sequence": ((0, -1), (0, 1))},
-        r"this orbit has the impacts \(\(0, 1\), \(0, -1\)\), not \(\(0, -1\), \(0, 1\)\)",
-    ),
     ({"t1": 0.1}, {"sites": 4}, "needs sites=... and sequence"),
     ({"t1": 0.1}, {"sequence": ONE}, "needs sites=... and sequence"),
     (
@@ -125,7 +120,6 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             ({"t1": 1j}, {}, "impact times .*1j.* finite numbers"),
             ({}, {"a": math.nan}, "a = nan: the amplitude"),
             ({}, {"a": -0.8}, "a = -0.8: the amplitude"),
-            ({}, {"gamma": 0.0}, "take sites=1"),
             ({}, {"gamma": 0.3}, r"gamma = 0\.3"),
             ({}, {"k": 1.2}, r"k = 1\.2"),
         )

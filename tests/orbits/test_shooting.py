@@ -6,6 +6,7 @@ import functools
 import itertools
 import math
 from dataclasses import replace
+from functools import partial
 
 import mpmath as mp
 import networkx
@@ -21,16 +22,16 @@ from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
 from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.by_impacts import ByImpacts, resonant_of
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
-from contbreather.orbits.exact_modes import ExactModes, ShootingEquations
 from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
-from contbreather.orbits.shooting_equations import SectionTrajectory
 from contbreather.stability.modal_map import ModalMap
 from tests.stability.by_hand import slope
 
-from .by_hand import in_phase, two_impacts
+from .by_hand import derivatives, in_phase, two_impacts
 from .field import Field
 
 RING = 20
@@ -85,136 +86,138 @@ def tilted() -> Orbit:
     return orbit_at(problem)
 
 
-class Itinerary:
-    """A section on a lattice."""
-
-    def __init__(self, lattice, *args, **more) -> None:
-        self.lattice, self.sites, self.section = lattice, lattice.sites, Section(*args, **more)
-        self.basis = lattice.basis(self.section.hit)
-
-
-def section_of(itinerary: Itinerary, x: np.ndarray, on=None, **params: float) -> ExactModes:
-    """A section from arbitrary unknowns."""
-    on = Conditions(a=0.7, gamma=0.11, k=0.8) if on is None else on
-    on = replace(on, lattice=itinerary.lattice)
-    return ShootingEquations(itinerary.section, on).flight(x, {**on.params, **params})
-
-
 SPRINGS = networkx.Graph([(0, 1, {"weight": 1.5}), (1, 2), (2, 3), (3, 1), (3, 4)])
 ODD = cb.Lattice.from_graph(SPRINGS, masses=[1, 2, 0.5, 1, 3], drive=[1, 0, 2, -1, 0.5])
 TWO = cb.Fourier({1: -1.0, 3: 0.4}, {1: 0.2})
+PLAIN = Conditions(a=0.7, gamma=0.11, k=0.8)
 DAMPED = Conditions(a=0.7, gamma=0.11, k=0.8, damping=0.3, spring=0.07)
 HEAVY = Conditions(a=0.7, gamma=0.2, k=0.6, damping=1.1, spring=0.3025, forcing=TWO)  # critical
+STIFF = Conditions(a=0.7, gamma=0.11, k=0.8, spring=0.9)  # modes next to the drive
 
 
 ITINERARIES = [
-    Itinerary(cb.Ring(1), ((0, 1), (0, -1)), 2),
-    Itinerary(cb.Ring(5), ((0, 1),), sign=-1),
-    Itinerary(cb.Ring(6), ((0, 1), (0, -1))),
-    Itinerary(cb.Ring(7), ((0, 1), (2, 1), (0, -1), (0, 1))),
-    Itinerary(cb.Ring(5), ((0, 1), (3, -1)), 3, sign=-1),
-    Itinerary(cb.OpenChain(4), ((0, 1), (0, -1))),
-    Itinerary(ODD, ((3, 1), (1, 1), (3, -1))),
-    Itinerary(cb.Grid(3, 3), ((4, 1),), sign=-1),
+    (cb.Ring(1), Section(((0, 1), (0, -1)), 2)),
+    (cb.Ring(5), Section(((0, 1),), sign=-1)),
+    (cb.Ring(6), Section(((0, 1), (0, -1)))),
+    (cb.Ring(7), Section(((0, 1), (2, 1), (0, -1), (0, 1)))),
+    (cb.Ring(5), Section(((0, 1), (3, -1)), 3, sign=-1)),
+    (cb.OpenChain(4), Section(((0, 1), (0, -1)))),
+    (ODD, Section(((3, 1), (1, 1), (3, -1)))),
+    (cb.Grid(3, 3), Section(((4, 1),), sign=-1)),
 ]
-NAMES = [f"{one.lattice.describe()}, {one.section.describe()}" for one in ITINERARIES]
+NAMES = [f"{lattice.describe()}, {section.describe()}" for lattice, section in ITINERARIES]
 
 
-def unknowns(itinerary: Itinerary, seed: int = 1) -> np.ndarray:
+def equations_on(lattice, section: Section, on: Conditions) -> tuple[OrbitEquations, Conditions]:
+    on = replace(on, lattice=lattice)
+    resonant = resonant_of(on, section)
+    return OrbitEquations(section, on.forcing, lattice, on.walls, resonant), on
+
+
+def unknowns(equations: OrbitEquations, on: Conditions, seed: int = 1) -> np.ndarray:
+    """Any times and impulses that leave the lattice where it is, with offsets and amplitudes that
+    suit them; the site is wherever that brings it."""
     rng = np.random.default_rng(seed)
-    times = rng.uniform(0, 0.9 * itinerary.section.length, itinerary.section.count)
-    return np.concatenate([times, rng.normal(size=2 * itinerary.basis.lam.size)])
+    m = equations.section.count
+    x = rng.normal(size=equations.size)
+    x[:m] = rng.uniform(0, 0.9 * equations.section.length, m)
+    masses = equations.masses[:, 0]
+    if equations.offsets and not on.spring:
+        x[m : 2 * m] -= masses @ x[m : 2 * m] / masses.sum()
+    rest = slice(2 * m, None)
+    matrix = equations.jacobian(x, on.params)[rest, rest]
+    x[rest] -= np.linalg.lstsq(matrix, equations.residual(x, on.params)[rest])[0]
+    return x
 
 
 # --- flights ------------------------------------------------------------------------------------
 
 
-everywhere = pytest.mark.parametrize("itinerary", ITINERARIES, ids=NAMES)
+everywhere = pytest.mark.parametrize(("lattice", "section"), ITINERARIES, ids=NAMES)
 under_all = pytest.mark.parametrize(
     "on",
-    [
-        Conditions(a=0.7, gamma=0.11, k=0.8),
-        Conditions(a=0.7, gamma=0.11, k=0.8, forcing=TWO),
-        DAMPED,
-        HEAVY,
-    ],
-    ids=["harmonic", "two harmonics", "damped", "critically damped"],
+    [PLAIN, replace(PLAIN, forcing=TWO), DAMPED, HEAVY, STIFF],
+    ids=["plain", "two harmonics", "damped", "critically damped", "stiff"],
 )
 
 
 @everywhere
 @under_all
-def test_section_is_what_matrix_exponentials_and_resets_give(itinerary: Itinerary, on) -> None:
-    section = section_of(itinerary, unknowns(itinerary), on)
-    brute = BruteForce(itinerary.lattice, on)
-    to_sites = itinerary.basis.to_sites
-    t = float(section.t[0])
-    start = np.concatenate([to_sites(section.q), to_sites(section.r)]) + brute.driven(t)
-    x, gaps = start, np.empty(itinerary.section.count)
-    for j in np.argsort(section.t):
-        site, wall = itinerary.section.impacts[j]
-        x, t = brute.fly(x, t, section.t[j] - t), section.t[j]
-        gaps[j] = x[site] - wall
-        x[itinerary.sites + site] *= -on.k
-    end = section.t[0] + itinerary.section.length
-    x = brute.fly(x, t, end - t) - brute.driven(end)
-    free = start - brute.driven(float(section.t[0]))
-    halves = np.split(x - itinerary.section.sign * free, 2)
-    closing = np.concatenate([itinerary.basis.from_sites(half) for half in halves])
-    assert section.residual() == pytest.approx(np.concatenate([gaps, closing]), abs=1e-11)
+def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, on) -> None:
+    equations, on = equations_on(lattice, section, on)
+    x = unknowns(equations, on)
+    orbit = Orbit(ByImpacts.of(on, section, x, on.params))
+    brute, sites = BruteForce(lattice, on), np.arange(lattice.sites)
+    start = float(orbit.times.min()) - 0.1
+    now, t = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)]), start
+    beyond, resets = np.empty((2, section.count))
+    for j in np.argsort(orbit.times):
+        site, wall = section.impacts[j]
+        now, t = brute.fly(now, t, orbit.times[j] - t), float(orbit.times[j])
+        speed = now[lattice.sites + site] + 0.5 * orbit.impulses[j]
+        beyond[j] = now[site] - wall
+        resets[j] = speed + 0.5 * (1 - on.k) / (1 + on.k) * orbit.impulses[j]
+        now[lattice.sites + site] += orbit.impulses[j]
+        there = orbit.motion.states(sites, t)
+        assert now == pytest.approx(np.concatenate(there[:2]), abs=1e-10)
+    end = start + section.length
+    closed = brute.fly(now, t, end - t)
+    first = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)])
+    assert closed == pytest.approx(section.sign * first, abs=1e-10)
+    left = equations.residual(x, on.params)
+    assert left[: 2 * section.count] == pytest.approx(np.append(beyond, resets), abs=1e-10)
+    for site in {0, lattice.sites - 1}:
+        for when in (0.4, -1.3, 40.0):
+            one, row = orbit.motion.at(site, when), orbit.motion.states([site], when)
+            assert one == pytest.approx(row[:, 0].tolist(), abs=1e-11)
 
 
 @everywhere
 @under_all
-def test_jacobian_and_sensitivities_are_the_derivatives(itinerary: Itinerary, on) -> None:
-    x, here = unknowns(itinerary), on.params
-    names = tuple(n for n, value in here.items() if value or n not in ("damping", "spring"))
-
-    def residual(x: np.ndarray, **moved: float) -> np.ndarray:
-        return section_of(itinerary, x, on, **moved).residual()
-
-    columns = [slope(lambda h, e=e: residual(x + h * e), 1e-4) for e in np.eye(x.size)]
-    columns += [slope(lambda h, n=n: residual(x, **{n: here[n] + h}), 1e-4) for n in names]
-    found, wanted = section_of(itinerary, x, on).jacobian(names), np.array(columns).T
-    assert found[:, : x.size] == pytest.approx(wanted[:, : x.size], abs=2e-9)
-    assert found[:, x.size :] == pytest.approx(wanted[:, x.size :], abs=2e-9, rel=1e-9)
+def test_jacobian_and_sensitivities_are_the_derivatives(lattice, section, on) -> None:
+    equations, on = equations_on(lattice, section, on)
+    for name, found, wanted in derivatives(equations, unknowns(equations, on), on.params, 4e-5):
+        assert np.abs(found - wanted).max() < 2e-8 * (1.0 + np.abs(wanted).max()), name
 
 
-@pytest.mark.parametrize("itinerary", ITINERARIES[::3], ids=NAMES[::3])
-def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> None:
-    x, names = unknowns(itinerary), ("gamma", "a", "k", "damping", "spring")
-    here = DAMPED.params
-    for site, time in ((0, x[0] + 0.4), (itinerary.sites - 1, x[0] - 1.3), (0, x[0] + 40.0)):
-        rows = section_of(itinerary, x, DAMPED).slopes_at(site, time, names)
+@pytest.mark.parametrize(("lattice", "section"), ITINERARIES[::3], ids=NAMES[::3])
+def test_slopes_of_a_watched_site_are_the_derivatives(lattice, section) -> None:
+    equations, on = equations_on(lattice, section, DAMPED)
+    x, names = unknowns(equations, on), ("gamma", "a", "k", "damping", "spring")
 
-        def motion(x: np.ndarray, time=time, site=site, **params: float) -> np.ndarray:
-            return np.array(section_of(itinerary, x, DAMPED, **params).motion.states(site, time))
+    def states(x: np.ndarray, at: tuple[int, float], **params: float) -> np.ndarray:
+        orbit = Orbit(ByImpacts.of(on, section, x, {**on.params, **params}))
+        return np.array(orbit.motion.at(*at))[:2]
 
-        columns = [slope(lambda h, e=e: motion(x + h * e), 1e-5) for e in np.eye(x.size)]
-        columns += [slope(lambda h, n=n: motion(x, **{n: here[n] + h}), 1e-5) for n in names]
-        assert rows == pytest.approx(np.array(columns).T[:2], abs=1e-6)
+    for at in ((0, 0.4), (lattice.sites - 1, -1.3), (0, 40.0)):
+        slopes = Orbit(ByImpacts.of(on, section, x, on.params)).motion.slopes(*at, names)
+        rows = np.column_stack([slopes[name] for name in (*equations.named(x), *names, "t")])
+        columns = [slope(lambda h, e=e, at=at: states(x + h * e, at), 1e-4) for e in np.eye(x.size)]
+        for name in names:
+            moved = partial(lambda n, at, h: states(x, at, **{n: on.params[n] + h}), name, at)
+            columns.append(slope(moved, 1e-4))
+        columns.append(slope(lambda h, at=at: states(x, (at[0], at[1] + h)), 1e-4))
+        assert rows == pytest.approx(np.array(columns).T, abs=1e-6)
 
 
-def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation() -> None:
-    itinerary = Itinerary(cb.Ring(400), ((0, 1), (0, -1)))
-    x = unknowns(itinerary)
-    for gamma in (1e-8, 1e-4, 0.04):
-        section = section_of(itinerary, x, gamma=gamma)
-        h = min(0.5 * gamma, 1e-5)
-        low, high = (section_of(itinerary, x, gamma=gamma + s).residual() for s in (-h, h))
-        near = (high - low) / (2 * h)
-        assert section.jacobian(("gamma",))[:, -1] == pytest.approx(near, rel=1e-5, abs=1e-5)
+@pytest.mark.parametrize("gamma", [1e-8, 1e-4, 0.04])
+def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation(gamma: float) -> None:
+    equations, on = equations_on(cb.OpenChain(60), ITINERARIES[5][1], replace(PLAIN, gamma=gamma))
+    x, step = unknowns(equations, on), 0.25 * min(0.5 * gamma, 1e-5)
+    near = slope(lambda h: equations.residual(x, {**on.params, "gamma": gamma + h}), step)
+    found = equations.sensitivity(x, on.params, "gamma")
+    assert found == pytest.approx(near, rel=1e-5, abs=1e-5)
 
 
 def test_impacts_of_two_sites_may_overtake_each_other_smoothly() -> None:
     """Times t2 just before and just after t1: the other order, the same equations."""
-    section = in_phase().representation
-    before, after = (replace(section, t=section.t + np.array([0.0, s])) for s in (-1e-7, 1e-7))
-    assert [one.which for one in before.arrivals] == [1, 0]
-    assert [one.which for one in after.arrivals] == [0, 1]
-    slope = (after.residual() - before.residual()) / 2e-7
-    assert slope == pytest.approx(section.jacobian()[:, 1], abs=1e-7)
-    assert before.jacobian() == pytest.approx(after.jacobian(), abs=1e-5)
+    orbit = in_phase()
+    equations, params, x = orbit.representation.equations, orbit.conditions.params, orbit.problem.x
+    off = 1e-7 * np.eye(x.size)[1]
+    change = (equations.residual(x + off, params) - equations.residual(x - off, params)) / 2e-7
+    assert change == pytest.approx(equations.jacobian(x, params)[:, 1], abs=1e-7)
+    sides = [equations.jacobian(x + side, params) for side in (-off, off)]
+    assert sides[0] == pytest.approx(sides[1], abs=1e-5)
 
 
 # --- against the closed form --------------------------------------------------------------------
@@ -228,18 +231,19 @@ def test_every_site_sits_off_centre_by_the_same_offset() -> None:
     total = np.zeros(RING)
     for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
         half = 0.5 * (end - start)
-        total += half * weights @ orbit.motion.displacements(0.5 * (start + end) + half * nodes)
+        at = 0.5 * (start + end) + half * nodes
+        total += half * weights @ orbit.displacement(np.arange(RING), at[:, None])
     assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
 
 
 def test_newton_converges_quadratically() -> None:
-    exact = tilted().representation.x
-    itinerary = Itinerary(cb.Ring(RING), tilted().section.impacts)
+    orbit = tilted()
+    equations, exact = orbit.representation.equations, orbit.representation.x
     x = exact + 0.03 * np.cos(np.arange(exact.size))
     errors = []
-    for _ in range(5):
-        here = section_of(itinerary, x, a=0.82, **AT)
-        x = x - np.linalg.solve(here.jacobian(), here.residual())
+    for _ in range(6):
+        residual = equations.residual(x, orbit.conditions.params)
+        x = x - np.linalg.solve(equations.jacobian(x, orbit.conditions.params), residual)
         errors.append(float(abs(x - exact).max()))
     assert errors[0] > 1e-4
     for before, after in itertools.pairwise(errors):
@@ -247,21 +251,11 @@ def test_newton_converges_quadratically() -> None:
     assert errors[-1] < 1e-13
 
 
-def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
-    """1 is a double eigenvalue of the free flight, yet the shooting equations are regular."""
+def test_a_ring_pushed_off_centre_is_brought_back_by_its_impacts() -> None:
     orbit = tilted()
-    one, lone = np.zeros(11), orbit.representation
-    one[0] = 1.0
-    # any section without kicks: use its flows alone
-    free = replace(lone, conditions=replace(lone.conditions, k=0.0))
-    for leg in free.legs:
-        one = leg.propagator(one, np.zeros(11))[0]
-    assert one[0] == 1.0
     assert orbit.representation.condition < 1e4
-    x = lone.x.copy()
-    x[2] += 0.5  # a push off centre: the impacts bring the ring back to its own offset
-    problem = orbit.problem.at(q=x[2:13])
-    assert orbit_at(problem.solve()[0]).c == pytest.approx(orbit.c, abs=1e-12)
+    pushed = orbit.problem.at(c=orbit.c + 0.5)
+    assert orbit_at(pushed.solve()[0]).c == pytest.approx(orbit.c, abs=1e-12)
 
 
 def test_condition_stays_bounded_with_the_size_of_the_ring() -> None:
@@ -271,42 +265,30 @@ def test_condition_stays_bounded_with_the_size_of_the_ring() -> None:
         ).representation.condition
         for n in (20, 100, 400)
     ]
-    assert found[-1] < 1e6
-    assert found[0] < found[1] < found[2]  # waves around the ring come ever closer to closing
+    assert max(found) < 100.0
 
 
-def test_mode_in_resonance_with_the_period_is_reported_and_no_hindrance() -> None:
+def test_a_mode_in_resonance_with_the_period_is_no_hindrance() -> None:
     """At gamma = 1/16 the top mode of the ring turns twice in 8 pi: once in 4 pi."""
     breather = cb.symmetric(0.6, 1 / 16, 0.8)
     state = breather.state(RING, 0.3)
-    orbit = orbit_at(shooting(state, a=0.6, gamma=1 / 16, k=0.8, t=0.3, period=4 * math.pi))
-    assert orbit.representation.resonance is not None
-    assert (orbit.representation.resonance.mode, orbit.representation.resonance.gap) == (
-        RING // 2,
-        pytest.approx(0, abs=1e-14),
-    )
-    assert orbit.representation.resonance.frequency == pytest.approx(0.5)
+    start = shooting(state, a=0.6, gamma=1 / 16, k=0.8, t=0.3, period=4 * math.pi)
+    orbit = orbit_at(start)
     assert orbit.residual < 1e-13
     assert 10 < orbit.representation.condition < 1e6
-    assert orbit_at(shooting(breather, sites=1)).representation.resonance is None
+    branch = cb.trace(start, "gamma", within={"gamma": (0.05, 0.075)}, events=[])
+    assert [branch["gamma"][0], branch["gamma"][-1]] == [0.05, 0.075]
+    for point in branch:
+        known = cb.symmetric(0.6, point["gamma"], 0.8, lattice=cb.Ring(RING))
+        assert point["p"] == pytest.approx(known.p, abs=1e-10)
 
 
-# --- stability ----------------------------------------------------------------------------------
-
-
-def test_newton_matrix_is_singular_with_the_monodromy_matrix() -> None:
-    """Eliminating the times from the Jacobian leaves M - 1 up to known factors."""
-
-    def ratio(orbit: Orbit) -> float:
-        flight = orbit.representation
-        M = flight.map.matrix
-        left = np.linalg.det(flight.jacobian())
-        right = np.linalg.det(M - orbit.section.sign * np.eye(len(M)))
-        # each impact trades its time for the crossing of its wall
-        return left / (right * np.prod([one.velocity for one in flight.arrivals]))
-
-    for orbit in (tilted(), in_phase(), orbit_at(shooting(tilted(), sites=1, gamma=0.0))):
-        assert abs(ratio(orbit)) == pytest.approx(1.0, rel=1e-9)
+def test_whole_periods_reach_the_limit_without_coupling() -> None:
+    start = shooting(tilted(), sites=8, damping=0.01)
+    branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)}, towards="down", events=[])
+    single = orbit_at(shooting(branch[-1].solution, sites=1))
+    assert branch[-1]["gamma"] == 0.0
+    assert single.times == pytest.approx(branch[-1].solution.times, abs=1e-10)
 
 
 # --- events and what leaves them ----------------------------------------------------------------
@@ -342,7 +324,8 @@ def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
     assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
     lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
     assert len(lone) == 1
-    assert lone[0].problem.label.startswith("shooting, ring of 1, period 4 pi")
+    assert "period 4 pi" in lone[0].problem.label
+    assert "ring of 1" in lone[0].problem.label
     orbit = lone[0][-1].solution
     assert (orbit.a, orbit.period) == (0.95, 4 * math.pi)
     assert abs(orbit.times[2] - orbit.times[0] - 2 * math.pi) > 1e-2
@@ -663,7 +646,7 @@ def test_seed_that_does_not_converge_is_refused_with_its_residual() -> None:
 
 
 def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> None:
-    seed = {"t1": 0.0, "t2": 1.0}
+    seed = {"t1": 0.6, "t2": 5.0}
     with pytest.raises(cb.NotConverged, match="out of order") as refused:
         shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.82})
     last = refused.value.last
@@ -722,17 +705,14 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
         in_phase().representation.problem(0.5)
 
 
-def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(counted) -> None:
+def test_a_branch_of_a_large_ring_takes_no_eigenproblem(counted) -> None:
     start = cb.shooting(cb.symmetric(a=0.7, gamma=0.04, k=0.8), sites=100)
-    jacobian, residual = (counted(SectionTrajectory, name) for name in ("jacobian", "residual"))
-    outermost, eigvals = counted(ModalMap, "outermost"), counted(np.linalg, "eigvals")
+    outermost = counted(ModalMap, "outermost")
     branch = cb.trace(start, "a", within={"a": (0.5, 0.95)}, towards="both")
     assert [point.label for point in branch.special] == ["EP1", "PF1", "GR1"]
     assert branch.first("PF")["a"] == pytest.approx(0.7776324259, abs=1e-9)
-    assert eigvals["calls"] == 0
+    assert not any("coupled" in vars(point.solution.map) for point in branch)
     assert outermost["calls"] < 1.3 * len(branch)
-    assert jacobian["calls"] < 4 * len(branch)
-    assert residual["calls"] < 6 * len(branch)
 
 
 @pytest.mark.parametrize("to", [0.0, 1e-12, 1e-7])

@@ -15,11 +15,10 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import _is_impact, _is_mirrored
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.section import Section, check_both_walls, check_possible
+from contbreather.orbits.section import Section, check_both_walls
 from contbreather.orbits.symmetries import simpler_than
 
 B = cb.symmetric(0.7, 0.04, 0.8)
-TWO = Section(((0, 1), (0, -1)))
 
 
 def late(orbit: Orbit, by: float, harder: float = 0.0) -> Orbit:
@@ -52,12 +51,7 @@ def test_contacts_that_are_impacts_and_crests_that_are_mirrored() -> None:
     assert [_is_mirrored(late(whole, by), 1, t) for by in (0.0, 1e-12, 1e-6)] == [1, 1, 0]
 
 
-def test_sites_feel_each_other_from_a_coupling_on() -> None:
-    for name in ("gamma", "spring"):
-        on = {"a": 0.5, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(3)}
-        check_possible(TWO, Conditions(**{**on, name: 1e-5}))
-        with pytest.raises(cb.BadInput, match="do not feel each other"):
-            check_possible(TWO, Conditions(**{**on, name: 1e-7}))
+def test_a_spring_brings_sites_back_from_a_strength_on() -> None:
     one = Section(((0, 1),))
     check_both_walls(one, Conditions(0.5, 0.1, 0.8, spring=1e-5))
     with pytest.raises(cb.BadInput, match="only: every impact"):

@@ -12,6 +12,19 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.modal_map import ModalMap, section_map
+from contbreather.stability.saltation import Saltation
+
+
+def ring_map(
+    ring: Ring,
+    gamma: float,
+    k: float,
+    kicks: tuple[Saltation, ...],
+    period: float = 2.0 * math.pi,
+) -> ModalMap:
+    """The map of a ring without losses over a whole period."""
+    return section_map(ring, (gamma, 0.0, 0.0), k, kicks, period)
 
 
 def b_of(a: float, gamma: float, k: float) -> float:

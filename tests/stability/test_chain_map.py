@@ -12,12 +12,11 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import ns_points
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.modal_map import ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import as_counted
 from tests.campaigns.band_ends import by_modes
-from tests.stability.by_hand import apart, flight, impact, pitchfork_b
+from tests.stability.by_hand import apart, flight, impact, pitchfork_b, ring_map
 from tests.stability.half import D, determinant, unstable_count, unstable_multipliers
 
 

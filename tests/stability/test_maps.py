@@ -10,11 +10,12 @@ import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.modal_flow import propagator
-from contbreather.stability.modal_map import ModalMap, ModalSaltation, ring_map
+from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.one_impact import HalfMap, half_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import outermost
+from tests.stability.by_hand import ring_map
 
 
 def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float = 0.0) -> ModalMap:

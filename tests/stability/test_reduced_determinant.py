@@ -11,9 +11,10 @@ from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
-from contbreather.stability.modal_map import ModalMap, ReducedDeterminant, ring_map
+from contbreather.stability.modal_map import ModalMap, ReducedDeterminant
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import REAL, beyond, outermost
+from tests.stability.by_hand import ring_map
 
 ONE = (Saltation(0, 0.0, 0.3),)
 ARM = (Saltation(0, 0.0, 0.5), Saltation(0, 2.9, 0.2))

@@ -12,13 +12,12 @@ from contbreather import stability
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.modal_map import ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
+from tests.stability.by_hand import ring_map
 from tests.stability.half import D, dense_half_map, unstable_multipliers
 
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
-
 
 ORBIT = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 REFUSED = [

@@ -1,0 +1,482 @@
+"""Answers of a lattice to impulses that recur: all that the equations of an orbit ask of it.
+
+``h_nj(s)`` is the motion of site n at a time s after a unit impulse at the site of impact j, which
+comes again after each section T, with the sign e = +-1 of the section. A mode ``z = w^2`` answers
+
+    ``r(s) = [exp(l1 s)/(1 - e exp(l1 T)) - exp(l2 s)/(1 - e exp(l2 T))]/(l1 - l2)``,
+
+l1 and l2 the roots of ``l^2 + damping l + z = 0``. With e = +1 its mean 1/(z T) belongs to the
+offsets of the sites that are hit, and is taken out. What is left is analytic in z wherever no
+harmonic of the orbit is: it is its own mean over a circle around z, which is how modes are taken
+that drift (z -> 0), or are critically damped. Derivatives in z are such means, too, and that in the
+damping is the velocity of that in z. So each answer is a sum of waves ``Re A exp(l s)``.
+
+Where a mode has a harmonic of the orbit for its frequency, the impacts alone do not tell how
+strongly it moves: of such a mode that harmonic is taken out, too, and its amplitude is an unknown
+of the orbit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.finite import Basis, stiffness_of
+from contbreather.lattice.forcing import Forcing, Harmonics
+from contbreather.lattice.periodic_green import (
+    INTERACTIONS,
+    LATE,
+    RESPONSES,
+    SLACK,
+    Responses,
+    half_period_green,
+    periodic_green,
+)
+
+FloatArray = NDArray[np.float64]
+HELD = "gamma", "spring", "damping"  # what a response depends on besides the drive
+Array = NDArray[Any]
+Sites = tuple[int, ...]
+Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of the orbit
+
+RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
+CLOSE = 0.05  # of the distance to the next harmonic, z from 0 or from critical damping
+RADIUS = 0.1  # of that distance: 16 places on the circle are exact to 0.1^16
+PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
+
+
+class Resonance(BadInput):
+    """A mode of the lattice follows the impacts without bound."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """How a lattice answers to the drive and to recurring impulses at some of its sites.
+
+    Parameters
+    ----------
+    lattice : InfiniteChain, Ring or Lattice
+    drive : Forcing
+    gamma, spring, damping : float
+    hits : tuple of int
+        The site of each impact of a section.
+    turns, sign : int
+        Of the section.
+    resonant : sequence of (mode, frequency)
+        Modes whose amplitude at a harmonic of the orbit is an unknown.
+    """
+
+    lattice: Any
+    drive: Forcing
+    gamma: float
+    spring: float
+    damping: float
+    hits: Sites
+    turns: int
+    sign: int
+    resonant: Resonant = ()
+
+    @cached_property
+    def hit(self) -> Sites:
+        """The sites that are hit."""
+        return tuple(sorted({*self.hits}))
+
+    @cached_property
+    def length(self) -> float:
+        """Length of a section."""
+        return math.pi * self.turns * (2 if self.sign > 0 else 1)
+
+    # ------------------------------------------------------------------------ to impulses
+
+    def table(self, sites: Sites, by: str = "") -> Responses:
+        """Responses of sites to each impact, or their derivatives in gamma, spring or damping."""
+        raise NotImplementedError
+
+    def at(self, site: int, since: ArrayLike, by: str = "") -> FloatArray:
+        """Value and three derivatives of a site, times since each impact in the last axis."""
+        of, shape = self.table((site,), by), np.shape(since)
+        out = np.empty((4, math.prod(shape)))
+        RESPONSES(of, np.ravel(since), np.broadcast_to(of.which[0], shape).ravel(), out)
+        return out.reshape(4, *shape)
+
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
+        (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
+        out = np.empty((4, times.size, times.size))
+        INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
+        i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}
+        # u' jumps by 1 at an impulse, and the damping brakes it by that much
+        out[1, i, i] -= 0.5 * (not by)
+        out[2, i, i] += jump.get(by, 0.0)
+        return out
+
+    # ------------------------------------------------------------------------ to the drive
+
+    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m)."""
+        f = self.drive
+        return np.array([f.f(times), f.df(times), f.d2f(times), f.d3f(times)])
+
+    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """Derivatives of that in a parameter, without the third, (3, m)."""
+        if name in HELD and name not in self.drive.params:
+            return np.zeros((3, times.size))
+        f = self.drive.f_param
+        return np.array([[f(name, t, order) for t in times.tolist()] for order in range(3)])
+
+    def harmonics(self, site: int) -> Harmonics:
+        """The forced motion of a site as a series."""
+        return self.drive.harmonics
+
+    # ------------------------------------------------------------------------ at rest
+
+    def profile(self, sites: Any) -> FloatArray:
+        """Static displacement of sites for offsets of size 1, a column for each; without coupling
+        nothing holds idle sites to those that are hit, and they stay at 0."""
+        raise NotImplementedError
+
+    def profile_slope(self, name: str, site: int) -> FloatArray:
+        """Derivative of the profile in a parameter."""
+        return np.zeros(len(self.hit))
+
+    def links(self, by: str = "") -> FloatArray:
+        """Stiffness between the offsets, per mass, or its derivative."""
+        raise NotImplementedError
+
+    def varied(self, name: str) -> Response:
+        """The same as one that has derivatives in a parameter."""
+        return self
+
+
+@dataclass(frozen=True)
+class UniformResponse(Response):
+    """That of the infinite chain, and of rings without losses, in closed form."""
+
+    def varied(self, name: str) -> Response:
+        held = name in ("damping", "spring") and name not in self.drive.params
+        return ModalResponse(*(getattr(self, f.name) for f in fields(self))) if held else self
+
+    def table(self, sites: Sites, by: str = "") -> Responses:
+        if self.sign < 0:
+            apart = tuple(self.lattice.distance(n - self.hits[0]) for n in sites)
+            of = half_period_green(self.lattice, self.gamma, apart, by)
+            # to each impact of the one site alike
+            return of._replace(which=np.repeat(of.which, len(self.hits), axis=1))
+        return periodic_green(self.lattice, self.gamma, sites, self.hits, self.turns, by)
+
+    def profile(self, sites: Any) -> FloatArray:
+        n, hit, ring = np.asarray(sites, dtype=float), list(self.hit), self.lattice.sites
+        around = {"period": ring} if ring is not None and len(hit) > 1 else {}
+        straight = [np.interp(n % ring if ring else n, hit, e, **around) for e in np.eye(len(hit))]
+        held = 1.0 if self.gamma else np.isin(n, hit)
+        return np.stack([line * held for line in straight], axis=-1)
+
+    def links(self, by: str = "") -> FloatArray:
+        bonds = _bonds_between(self.lattice.sites, self.hit)
+        return bonds if by == "gamma" else self.gamma * bonds
+
+
+@lru_cache(maxsize=256)
+def _bonds_between(ring: int | None, hit: Sites) -> FloatArray:
+    """Stiffness between sites of a chain or a ring that are held: bonds in a row have 1/bonds."""
+    r = len(hit)
+    stiffness = np.zeros((r, r))
+    pairs = [(i, i + 1, hit[i + 1] - hit[i]) for i in range(r - 1)]
+    if ring is not None and r > 1:  # and on around the ring
+        pairs.append((r - 1, 0, ring - hit[-1] + hit[0]))
+    for i, j, bonds in pairs:
+        stiffness[[i, j, i, j], [i, j, j, i]] += np.array([1.0, 1.0, -1.0, -1.0]) / bonds
+    return stiffness
+
+
+# --- any finite lattice -----------------------------------------------------------------------
+
+
+class AnswerWaves(NamedTuple):
+    """Sums of ``Re A exp(l s)``, each of one mode, and a constant for every mode."""
+
+    rates: Array
+    sizes: Array
+    modes: NDArray[np.int64]
+    level: FloatArray
+
+
+def harmonics(turns: int, sign: int) -> tuple[float, float]:
+    """The lowest harmonic of an orbit besides 0, and the distance between two."""
+    return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
+
+
+@dataclass(frozen=True)
+class ModalResponse(Response):
+    """That of any finite lattice with masses, damping and springs, mode by mode."""
+
+    @cached_property
+    def basis(self) -> Basis:
+        basis: Basis = self.lattice.basis(self.hit)
+        return basis
+
+    @cached_property
+    def z(self) -> FloatArray:
+        """Squared frequencies of the modes."""
+        return np.asarray(self.gamma * self.basis.lam + self.spring)
+
+    @cached_property
+    def kicks(self) -> FloatArray:
+        """Kicks of the modes by an impulse at each site that is hit, (r, K)."""
+        hit = np.array(self.hit)
+        return np.asarray(self.basis.at(hit) * self.lattice.masses[hit][:, None])
+
+    # ------------------------------------------------------------------------ to impulses
+
+    @cached_property
+    def _apart(self) -> FloatArray:
+        """Distance in z of each mode from the harmonics of the orbit; that of 0 is taken out."""
+        first, step = harmonics(self.turns, self.sign)
+        order = np.maximum(0.0, np.round((np.sqrt(abs(self.z)) - first) / step))
+        near = first + step * (order + np.array([[-1.0], [0.0], [1.0]]))
+        near = np.where(near < 0.5 * first, math.inf, near)  # no harmonic there
+        for i, w in self.resonant:
+            near[abs(near[:, i] - w) < 0.25 * step, i] = math.inf
+        with np.errstate(invalid="ignore"):
+            gaps = abs(self.z - near * near + 1j * self.damping * near)
+        apart: FloatArray = np.nan_to_num(gaps, nan=math.inf).min(axis=0)
+        if not (apart > RESONANT).all():
+            w = math.sqrt(abs(float(self.z[apart.argmin()])))
+            raise Resonance(
+                f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
+                "resonance with the orbit: change gamma or spring, or give it damping."
+            )
+        return apart
+
+    @cached_property
+    def _answers(self) -> AnswerWaves:
+        apart, z = self._apart, self.z
+        off = abs(z - 0.25 * self.damping**2)
+        slow = off < CLOSE * apart
+        if self.sign > 0:
+            slow |= abs(z) < CLOSE * apart
+        slow[[i for i, _ in self.resonant]] = True
+        usual = np.flatnonzero(~slow)
+        rates, sizes, means = self._exponentials(z[usual].astype(complex))
+        level = np.zeros(z.size)
+        level[usual] = means.real
+        swings = z[usual] > 0.25 * self.damping**2  # both waves are one, and its conjugate
+        parts = [(rates[0][swings], 2.0 * sizes[0][swings], usual[swings])]
+        parts += [(rates[i][~swings], sizes[i][~swings], usual[~swings]) for i in (0, 1)]
+        return self._with_circles(parts, level, np.flatnonzero(slow), 0)
+
+    @cached_property
+    def _slopes(self) -> AnswerWaves:
+        """Derivatives in z."""
+        return self._with_circles([], np.zeros(self.z.size), np.arange(self.z.size), 1)
+
+    def _with_circles(
+        self, parts: list[Any], level: FloatArray, modes: Any, order: int
+    ) -> AnswerWaves:
+        if modes.size:
+            radius = RADIUS * self._apart[modes]
+            rates, sizes, means = self._exponentials(self.z[modes] + radius * PLACES[:, None])
+            weight = (PLACES[:, None] * radius) ** -order / 8.0  # with conjugates: real parts
+            level[modes] = (means * weight).real.sum(axis=0)
+            which = np.broadcast_to(modes, rates[0].shape).ravel()
+            parts += [(rates[i].ravel(), (sizes[i] * weight).ravel(), which) for i in (0, 1)]
+        for i, w in self.resonant:
+            radius = RADIUS * self._apart[i]
+            weight = (PLACES * radius) ** -order / 8.0
+            for turn in (1j * w, -1j * w):
+                gap = self.z[i] + radius * PLACES - w * w + turn * self.damping
+                size = (-weight / (self.length * gap)).sum(keepdims=True)
+                parts.append((np.array([turn]), size, np.array([i])))
+        rates, sizes, which = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return AnswerWaves(rates, sizes, which, level)
+
+    def _exponentials(self, z: Array) -> tuple[Array, Array, Array]:
+        """Rates and amplitudes of both waves of a mode, and what is taken out of its mean."""
+        T, half = self.length, 0.5 * self.damping
+        w = np.sqrt(z - half * half)
+        rates = np.array([1j * w - half, -1j * w - half])
+        sizes = np.array([[1.0], [-1.0]]).reshape(2, *[1] * z.ndim) / (2j * w)
+        if self.sign < 0:
+            return rates, sizes / (1.0 + np.exp(rates * T)), np.zeros_like(z)
+        return rates, sizes / -np.expm1(rates * T), -1.0 / (z * T)
+
+    def table(self, sites: Sites, by: str = "") -> Responses:
+        return _modal_table(self, sites, by)
+
+    def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
+        """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
+        from the times and impulses of a section, shape (3, times, K)."""
+        waves = self._answers
+        since = at[:, None] - times
+        laps = np.floor((since + LATE + SLACK * abs(since)) / self.length)
+        J = np.where(laps % 2 != 0, float(self.sign), 1.0) * impulses
+        kicks = self.kicks[[self.hit.index(n) for n in self.hits]]
+        turned = np.exp(np.multiply.outer(since - laps * self.length, waves.rates))
+        moved = (turned * J[..., None] * kicks[:, waves.modes]).sum(axis=1) * waves.sizes
+        out = np.zeros((3, waves.level.size, at.size))
+        for order in range(3):
+            np.add.at(out[order], waves.modes, (moved * waves.rates**order).real.T)
+        out[0] += ((J @ kicks) * waves.level).T
+        return out.swapaxes(1, 2)
+
+    # ------------------------------------------------------------------------ in resonance
+
+    def swing(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        """``e cos wt, e sin wt`` of each mode whose amplitude is an unknown, at sites and times,
+        and three derivatives, (4, n, 2 modes)."""
+        shapes = self.basis.at(np.array(sites))
+        out = np.empty((4, times.size, 2 * len(self.resonant)))
+        for j, (i, w) in enumerate(self.resonant):
+            wave = shapes[:, i] * np.exp(-1j * w * times)
+            for order in range(4):
+                turned = (-1j * w) ** order * wave
+                out[order, :, 2 * j], out[order, :, 2 * j + 1] = turned.real, -turned.imag
+        return out
+
+    def gaps(self, by: str = "") -> FloatArray:
+        """``T/2 (z - w^2 + i w damping)`` of each, as matrices of the amplitudes, or derivatives:
+        what impacts at times t drive them by is the sum of J exp(iwt)."""
+        out = np.zeros((2 * len(self.resonant),) * 2)
+        for j, (i, w) in enumerate(self.resonant):
+            near = {"gamma": self.basis.lam[i], "spring": 1.0, "": self.z[i] - w * w}.get(by, 0.0)
+            loss = {"damping": w, "": w * self.damping}.get(by, 0.0)
+            out[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] = [[near, loss], [-loss, near]]
+        return 0.5 * self.length * out
+
+    # ------------------------------------------------------------------------ to the drive
+
+    @cached_property
+    def driven(self) -> Any:
+        from contbreather.lattice.modal_flow import driven_modes  # a breather needs none
+
+        return driven_modes(self.lattice, self.drive, self.gamma, self.spring, self.damping)
+
+    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        moved: FloatArray = self.driven.along(sites, times)
+        return moved
+
+    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
+        moved: FloatArray = self.driven.slope(name, sites, times)
+        return moved
+
+    # ------------------------------------------------------------------------ at rest
+
+    def harmonics(self, site: int) -> Harmonics:
+        series: Harmonics = self.driven.harmonics(site)
+        return series
+
+    def profile(self, sites: Any) -> FloatArray:
+        sites = np.asarray(sites) % self.lattice.sites
+        if not self.gamma:
+            return np.asarray((sites[..., None] == np.array(self.hit)) * 1.0)
+        return _profile(self.lattice, self.hit, self.spring / self.gamma)[0][sites]
+
+    def profile_slope(self, name: str, site: int) -> FloatArray:
+        # it depends on spring/gamma alone
+        if not self.gamma or name not in ("gamma", "spring"):
+            return np.zeros(len(self.hit))
+        ratio = self.spring / self.gamma
+        change = 1.0 / self.gamma if name == "spring" else -ratio / self.gamma
+        return np.asarray(change * _profile(self.lattice, self.hit, ratio)[1][site])
+
+    def links(self, by: str = "") -> FloatArray:
+        # without coupling sites rest as they do next to none, unless springs hold them
+        loose = self.gamma or not self.spring
+        ratio = self.spring / self.gamma if self.gamma else 0.0
+        profile = (
+            _profile(self.lattice, self.hit, ratio)[0]
+            if loose
+            else self.profile(np.arange(len(self.lattice.masses)))
+        )
+        masses, pull = self.lattice.masses, np.zeros_like(profile)
+        # the energy at rest is least in all other sites: its slopes are direct ones
+        if by in ("", "gamma"):
+            pull = pull + (1.0 if by else self.gamma) * (stiffness_of(self.lattice) @ profile)
+        if by in ("", "spring"):
+            pull = pull + (1.0 if by else self.spring) * masses[:, None] * profile
+        return np.asarray(profile.T @ pull / masses[list(self.hit)][:, None])
+
+
+@lru_cache(maxsize=256)
+def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
+    waves = of._slopes if by else of._answers
+    sizes, level = waves.sizes, waves.level
+    if by == "damping":
+        sizes, level = sizes * waves.rates, 0.0 * level
+    kicks = of.kicks * of.basis.lam if by == "gamma" else of.kicks  # dz/dgamma
+    weights = (of.basis.at(np.array(sites))[:, None] * kicks).reshape(-1, level.size)
+    grown = weights[:, waves.modes] * sizes
+    r, own = len(of.hit), np.array([of.hit.index(n) for n in of.hits])
+    which = r * np.arange(len(sites))[:, None] + own
+    table = np.zeros((len(weights), 3))
+    table[:, 0] = weights @ level
+    rates = np.column_stack([waves.rates.real, waves.rates.imag])
+    parts = np.ascontiguousarray(grown.real), np.ascontiguousarray(grown.imag)
+    unbounded = np.full(len(weights), math.inf)
+    return Responses(which, table, rates, *parts, unbounded, float(of.turns), of.sign < 0)
+
+
+@lru_cache(maxsize=64)
+def _profile(lattice: Any, hit: Sites, ratio: float) -> tuple[FloatArray, FloatArray]:
+    """Where sites rest if one of those that are hit is held at 1 and the others at 0, a column for
+    each, with springs of so many times the coupling; and its derivative in that ratio."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    rest, masses = np.setdiff1d(np.arange(lattice.sites), hit), lattice.masses
+    profile = np.eye(lattice.sites)[:, list(hit)]
+    slope = np.zeros_like(profile)
+    if rest.size:
+        matrix = (stiffness_of(lattice) + ratio * sparse.diags_array(masses)).tocsc()
+        solve = splu(matrix[rest][:, rest].tocsc()).solve
+        profile[rest] = -solve(matrix[rest][:, list(hit)].toarray())
+        slope[rest] = -solve(masses[rest, None] * profile[rest])
+    return profile, slope
+
+
+# --- which it is --------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=256)
+def resonant_modes(
+    lattice: Any, hit: Sites, turns: int, sign: int, gamma: float, spring: float
+) -> Resonant:
+    """Modes of a finite lattice beyond half the lowest harmonic of an orbit, if its coupling can
+    bring them to one: their amplitudes are unknowns."""
+    if lattice.sites is None:
+        return ()
+    lam, (first, step) = lattice.basis(hit).lam, harmonics(turns, sign)
+    w = np.sqrt(gamma * lam + spring)
+    nearest = first + step * np.maximum(0.0, np.round((w - first) / step))
+    top = np.where(lam > 0.0, lattice.highest_gamma, 0.0) * lam
+    within = (top > nearest * nearest) | (spring > 0.0)
+    found = np.flatnonzero((w > 0.5 * first) & within)
+    return tuple((int(i), float(nearest[i])) for i in found)
+
+
+@lru_cache(maxsize=256)
+def answers_of(
+    lattice: Any,
+    drive: Forcing,
+    held: tuple[float, float, float],
+    hits: Sites,
+    turns: int,
+    sign: int,
+    resonant: Resonant = (),
+) -> UniformResponse | ModalResponse:
+    """The response of a lattice with these gamma, spring and damping: in closed form where it
+    can be."""
+    gamma, spring, damping = held
+    chain = isinstance(lattice, InfiniteChain | Ring) and not (damping or spring or resonant)
+    slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
+    local = sign > 0 or (turns == 1 and len({*hits}) == 1)
+    kind = UniformResponse if chain and (slow or lattice.sites is None) and local else ModalResponse
+    return kind(lattice, drive, *held, hits, turns, sign, resonant)

@@ -1,0 +1,608 @@
+"""Orbits of any lattice by their impacts: times, impulses and offsets, a representation.
+
+The lattice answers between them as its response says, see `contbreather.lattice.response`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation.boundary import codim_two
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.derivatives import RELATIVE, differences
+from contbreather.continuation.equilibria import branch_point, fold
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice.chain import Ring
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.forcing import Fourier
+from contbreather.lattice.periodic_green import check_coupling
+from contbreather.lattice.response import Resonant, resonant_modes
+from contbreather.orbits.asymmetric_breather import (
+    EQUAL,
+    LEAST,
+    asymmetric_problem,
+    pitchfork_of_arms,
+)
+from contbreather.orbits.closure import general_roots
+from contbreather.orbits.grazing import GrazingSite
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
+from contbreather.orbits.orbit_events import events_of, events_without_losses, from_arms
+from contbreather.orbits.orbit_problem import (
+    OnCircle,
+    OrbitProblemByEquations,
+    momentum,
+    of_whole_period,
+    read_by,
+    unstable_by,
+)
+from contbreather.orbits.section import (
+    AT_ONCE,
+    Impact,
+    Section,
+    check_order,
+    check_possible,
+)
+from contbreather.orbits.site_motion import SiteMotion, Terms
+from contbreather.parameters import NEEDED, NUMBERS, parameter
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ModalMap, section_map
+from contbreather.stability.saltation import Saltation
+from contbreather.stability.verdict import THRESHOLD
+
+FloatArray = NDArray[np.float64]
+Params = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class ByImpacts:
+    """The motion with any impacts, on any lattice: a solution of `OrbitEquations`.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        On the infinite chain without damping and springs.
+    section : Section
+    impacts : tuple of Impact
+        Those of one section; times count modulo the period.
+    offsets : tuple of float
+        Static displacement of each impacting site, from left to right; none of half an orbit.
+    resonant, amplitudes
+        Modes that may have a harmonic of the orbit for their frequency, and how they move.
+
+    Raises
+    ------
+    BadInput
+        Of the infinite chain, for impulses that push a site into its wall, or parameters out of
+        range.
+    """
+
+    conditions: Conditions
+    section: Section
+    impacts: tuple[Impact, ...]
+    offsets: tuple[float, ...]
+    resonant: Resonant = ()
+    amplitudes: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        on, _ = self.conditions, self.equations  # or a sentence why there are none
+        if not np.isfinite(self.x).all():
+            raise BadInput(
+                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are expected."
+            )
+        if on.lattice.sites is not None:
+            return
+        parameter("a", on.a)
+        restitution_ratio(on.k)
+        check_coupling(on.lattice, on.gamma, self.section.turns)
+        for i, impact in enumerate(self.impacts):
+            if impact.wall * impact.impulse >= 0.0:
+                raise BadInput(
+                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
+                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
+                    f"{-impact.wall:+d}."
+                )
+
+    @classmethod
+    def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
+        """Make the orbit of these times, impulses, offsets and amplitudes, on a curve that set out
+        from certain conditions."""
+        resonant = resonant_of(on, section)
+        equations = impact_equations(section, on.forcing, on.lattice, on.walls, resonant)
+        times, impulses, offsets, amplitudes = equations.split(np.asarray(x, dtype=float))
+        named = zip(section.impacts, times.tolist(), impulses.tolist(), strict=True)
+        impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
+        moving = tuple(amplitudes.tolist())
+        return cls(on.at(params), section, impacts, tuple(offsets.tolist()), resonant, moving)
+
+    @classmethod
+    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
+        """Make the orbit of ``p, t1, t2, c`` of two impacts."""
+        p, t1, t2, c = x
+        # (4): -2p on the wall +1, 2p on the wall -1
+        return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
+
+    @classmethod
+    def through(
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
+    ) -> ByImpacts:
+        if not section.count == len(times) == len(impulses):
+            raise BadInput(
+                f"{section.count} impacts, {len(times)} times, {len(impulses)} impulses: one time "
+                "and one impulse for each impact is expected."
+            )
+        size = 0 if section.symmetric else len(section.hit)
+        offsets = tuple(offsets) if size else ()
+        if size and on.lattice.sites is None:
+            offsets = offsets or (0.0,) * size
+        if offsets and len(offsets) != size:
+            raise BadInput(
+                f"{len(offsets)} offsets for {size} impacting sites {list(section.hit)}: one for "
+                "each is expected."
+            )
+        return cls.closest(on, section, times, impulses, offsets)
+
+    @classmethod
+    def closest(cls, on: Conditions, section: Section, *given: Any) -> ByImpacts:
+        """From times, impulses, offsets; what is not given is fitted to all equations, which are
+        linear in it."""
+        if on.lattice.sites is not None:
+            check_possible(section, on)
+        check_order(section, given[0])
+        equations = impact_equations(
+            section, on.forcing, on.lattice, on.walls, resonant_of(on, section)
+        )
+        known = np.concatenate([np.asarray(values, dtype=float) for values in given])
+        x = np.append(known, np.zeros(equations.size - known.size))
+        if x.size > known.size:
+            matrix = equations.jacobian(x, on.params)[:, known.size :]
+            x[known.size :] += np.linalg.lstsq(matrix, -equations.residual(x, on.params))[0]
+        return cls.of(on, section, x, on.params)
+
+    # ------------------------------------------------------------------------ what it solves
+
+    @cached_property
+    def equations(self) -> OrbitEquations:
+        """The equations it solves, as functions of all unknowns and parameters."""
+        on = self.conditions
+        return impact_equations(self.section, on.forcing, on.lattice, on.walls, self.resonant)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """All unknowns of `equations`."""
+        times, impulses = zip(*((hit.time, hit.impulse) for hit in self.impacts), strict=True)
+        return np.array([*times, *impulses, *self.offsets, *self.amplitudes], dtype=float)
+
+    @cached_property
+    def terms(self) -> Any:
+        """Responses and forced motion at the impacts."""
+        return self.equations.terms(self.x, self.conditions.params)
+
+    @property
+    def response(self) -> Any:
+        return self.equations.response(self.conditions.params)
+
+    @property
+    def error(self) -> float:
+        return float(np.abs(self.equations.residual(self.x, self.conditions.params)).max())
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the Newton matrix. It grows where a multiplier comes close to +1
+        (to -1, on half a symmetric orbit)."""
+        return float(np.linalg.cond(self.equations.jacobian(self.x, self.conditions.params)))
+
+    # ------------------------------------------------------------------------ motion
+
+    @property
+    def c(self) -> float:
+        if self.section.symmetric:
+            return 0.0
+        sites = self.conditions.lattice.sites
+        if sites is not None:
+            return float(self.response.profile(np.arange(sites)).mean(axis=0) @ self.offsets)
+        if len(self.offsets) > 1:
+            raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
+        return self.offsets[0]
+
+    @property
+    def chi(self) -> float:
+        """Of the impact of one site: where it is without its forced motion, per unit p."""
+        (impact,), at = self.impacts, self.terms
+        place = self.conditions.walls.position(impact.site, impact.wall)
+        return float(2.0 * (place - at.a * at.forced[0, 0]) / abs(impact.impulse))
+
+    @property
+    def family(self) -> str:
+        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`.
+
+        Examples
+        --------
+        >>> from contbreather.lattice import Ring
+        >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
+        >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
+        ['upper', 'lower']
+        """
+        chi, loss = _closure(self.terms.h, self.conditions.k)
+        _, slope, bend, _ = self.terms.forced[:, 0]
+        # the determinant of the closure, over -a
+        return "upper" if chi * bend + loss * slope >= 0.0 else "lower"
+
+    @cached_property
+    def accelerations(self) -> FloatArray:
+        return np.asarray(self.terms.f[2] + self.terms.h[2] @ self.terms.impulses)
+
+    @property
+    def motion(self) -> SiteMotion:
+        return SiteMotion(self)
+
+    # ------------------------------------------------------------------------ perturbations
+
+    @cached_property
+    def map(self) -> OrbitMap | ModalMap:
+        """The map of small perturbations over one section, of a finite lattice by its modes."""
+        orbit = Orbit(self)
+        return self.map_at(self.conditions, orbit.times, orbit.entries)
+
+    def map_at(self, on: Conditions, times: FloatArray, entries: FloatArray) -> OrbitMap | ModalMap:
+        """The map of other times and entries of its saltations."""
+        first, T = float(times[0]), self.section.length
+        # all within one section from the first one on
+        named = zip(self.equations.sites, times.tolist(), entries.tolist(), strict=True)
+        kicks = [Saltation(site, first + (time - first) % T, b) for site, time, b in named]
+        kicks.sort(key=lambda kick: kick.time)
+        if on.lattice.sites is None:
+            return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
+        held, sign = (on.gamma, on.spring, on.damping), self.section.sign
+        return section_map(on.lattice, held, on.k, tuple(kicks), T, sign)
+
+    def entry_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
+        """Derivatives of the entries b of the saltations by the names of unknowns, and of
+        parameters, in k and damping with b at its impact."""
+        at, on, c = self.terms, self.conditions, 1.0 + self.conditions.k
+        i, J, w = np.arange(at.times.size), at.impulses, self.accelerations
+        jerk = at.h[3].copy()
+        jerk[i, i] = 0.0
+        for n, other in _at_once(Orbit(self)):  # of coupled sites it jumps: the mean
+            sides = np.outer((-2.0, 2.0), np.full(i.size, AT_ONCE))
+            jerk[n, other] = self.response.at(self.equations.sites[n], sides)[3, :, other].mean()
+        # of the accelerations, w = a f'' + sum of h'' J; b = -(1 + k)^2 w/J + (1 + k) damping
+        by_time = -jerk * J
+        by_time[i, i] = at.f[3] + jerk @ J
+        by_impulse = at.h[2].copy()
+        by_impulse[i, i] -= w / J
+        slopes = {f"t{j + 1}": column for j, column in enumerate(by_time.T)}
+        slopes |= {f"J{j + 1}": column for j, column in enumerate(by_impulse.T)}
+        if self.resonant:
+            slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
+        for name in names:
+            slopes[name] = self.equations.moved(at, on.params, name)[2]
+        slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
+        if "k" in names:
+            slopes["k"] = on.damping - 2.0 * c * w / J
+        if "damping" in names:
+            slopes["damping"] = slopes["damping"] + c
+        return slopes
+
+    # --------------------------------------------------------------------- as a representation
+
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        plain = not (on.damping or on.spring) and on.walls == Walls() and section.sign > 0
+        return on.lattice.sites is not None or plain
+
+    def problem(self, threshold: float) -> Problem:
+        orbit, on = Orbit(self), self.conditions
+        plain = not (on.damping or on.spring or self.resonant) and on.walls == Walls()
+        arms = plain and (on.lattice.sites is None or isinstance(on.lattice, Ring))
+        if arms and self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
+            return asymmetric_problem(orbit, threshold)
+        return impact_problem(orbit, threshold)
+
+    def guess(self, threshold: float) -> Problem:
+        return impact_problem(Orbit(self), threshold)
+
+    def locus(
+        self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
+    ) -> DefiningSystem:
+        return of.locus(_circle_slopes, nu, **more)
+
+    def grazing_site(self, site: int) -> GrazingSite:
+        return _grazing_site(Orbit(self), site)
+
+    def speed_slope(self, j: int) -> Any:
+        """On the infinite chain an impulse of 0 pushes away from no wall."""
+        return None if self.conditions.lattice.sites is None else partial(_speed_slope, j)
+
+    def lifted(self) -> Problem:
+        orbit = Orbit(self)
+        longer = orbit.unfolded() if self.section.symmetric else orbit.doubled()
+        return longer.problem
+
+    def on(self, lattice: Any) -> None:
+        """Its impacts are as good a guess as any."""
+
+
+def resonant_of(on: Conditions, section: Section) -> Resonant:
+    """Modes whose amplitudes are unknowns of orbits under these conditions."""
+    held = float(on.gamma), float(on.spring)
+    return resonant_modes(on.lattice, section.hit, section.turns, section.sign, *held)
+
+
+# --- as a problem to trace ------------------------------------------------------------------------
+
+
+read_by("asymmetric breather", ByImpacts.arm)(asymmetric_problem)
+
+
+@read_by("orbit with impacts", ByImpacts.of)
+def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The equations of an orbit with any impacts, with the orbit as their start.
+
+    Columns: t1..tm, J1..Jm and, of a whole period, c (c1, c2, ... where several sites take
+    impacts); ``modes``, an array, where amplitudes of modes are unknowns; a, gamma, k and the
+    parameters of the forcing, on finite lattices damping and spring; ``unstable``, the number of
+    multipliers outside; half the momenta, ``p``, that of the first impact, and on finite lattices
+    ``p1, p2, ...`` of several, their mean offset ``c`` and the condition number ``condition``;
+    ``asymmetry`` where half a symmetric orbit does or may do. Every branch point of the equations
+    is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
+    """
+    motion, on, section = orbit.representation, orbit.conditions, orbit.section
+    if motion.resonant != resonant_of(on, section):
+        motion = ByImpacts.closest(on, section, orbit.times, orbit.impulses)
+    equations, endless = motion.equations, on.lattice.sites is None
+    kept = isinstance(on.lattice, Ring) and not (on.damping or on.spring)
+    events = (events_without_losses if kept or endless else events_of)(
+        section, on.lattice, threshold
+    )
+    params = {"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params}
+    return OrbitProblemByEquations.of(
+        "orbit with impacts",
+        partial(ByImpacts.of, on, section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=equations.named(motion.x),
+        params=params if endless else on.params,
+        jacobian=equations.jacobian,
+        equations=equations,
+        events=(fold(), from_arms(branch_point()), *events),
+        record=_columns(on, section, threshold),
+        domain=_domain(equations, on),
+        label="orbit with impacts"
+        + ("" if endless else f", {on.lattice.describe()}, {section.describe()}"),
+    )
+
+
+def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, Any]:
+    """Columns recorded besides the unknowns."""
+    columns: dict[str, Any] = {"p": partial(momentum, 0)}
+    endless = on.lattice.sites is None
+    if section.count > 1 and not endless:
+        columns |= {f"p{j + 1}": partial(momentum, j) for j in range(section.count)}
+    if not (section.symmetric or section.local or endless):
+        columns["c"] = attrgetter("solution.c")
+    if section.mirrored:
+        columns["asymmetry"] = attrgetter("solution.asymmetry")
+    columns["unstable"] = unstable_by(threshold)
+    if not endless:
+        columns["condition"] = attrgetter("solution.representation.condition")
+    if section.symmetric:
+        times = [f"t{j + 1}" for j in range(section.count)]
+        columns |= of_whole_period(section, times, on.params)
+    return columns
+
+
+def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float, float]]:
+    """Domain: parameters mean something, and each impulse pushes away from its wall."""
+    if on.lattice.sites is not None:
+        bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
+        return {**bounds, "gamma": (0.0, on.lattice.highest_gamma)}
+    domain = {name: NUMBERS[name].domain for name in NEEDED}
+    # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
+    domain["gamma"] = (0.0, domain["gamma"][1] / equations.section.turns**2)
+    for i, (_, wall) in enumerate(equations.section.impacts):
+        domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
+    return domain
+
+
+def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -> ByImpacts:
+    """From a file of shooting, whose first unknowns were the times."""
+    return ByImpacts.closest(on.at(params), section, x[: section.count])
+
+
+read_by("shooting", _by_times)(impact_problem)
+
+
+# --- a site that grazes, an impact that vanishes ------------------------------------------------
+
+
+def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
+    """A site with its share of the offsets as it is where the curve sets out: on a boundary that
+    runs into gamma = 0 it keeps to what holds for gamma > 0.
+
+    The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
+    begins: the margin of the mirrored maximum vanishes together with the asymmetry, and their ratio
+    does not. So that this end is known by one name, margins are those per asymmetry.
+    """
+    share = None if orbit.spring else orbit.representation.response.profile(site)
+    slopes, motion = partial(_motion_slopes, site, share), partial(_motion, site, share)
+    followed = GrazingSite(site, slopes, motion)
+    if orbit.section.symmetric:
+        return followed
+    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
+    if abs(asymmetry) <= EQUAL:
+        return replace(followed, meets={"PF": ()})
+    side = math.copysign(1.0, asymmetry)
+    pitchfork = codim_two("GR", pitchfork_of_arms())
+    end = replace(pitchfork, test=partial(_towards, side), ends="domain")
+    scale = partial(_while_asymmetric, side)
+    return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
+
+
+def _motion(site: int, share: FloatArray | None, orbit: Orbit, t: float) -> Terms:
+    motion = orbit.motion
+    u, v, w = motion.at(site, t)
+    if share is None or not orbit.offsets:
+        return u, v, w
+    return u + float(share @ orbit.offsets - motion.offset(site)), v, w
+
+
+def _motion_slopes(
+    site: int, share: FloatArray | None, curve: Curve, orbit: Orbit, t: float
+) -> FloatArray:
+    """Slopes of displacement and velocity, in the time at last."""
+    slopes = orbit.motion.slopes(site, t, curve.free, share)
+    return in_unknowns(orbit, slopes, (*curve.problem.start, *curve.free, "t"))
+
+
+def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
+    """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
+    if "p" in names:  # of two impacts J = -2p and 2p
+        signs = np.sign(orbit.impulses)
+        by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
+        slopes = {**slopes, "p": by_p}
+    still = np.zeros_like(slopes["t1"])
+    return np.column_stack([slopes.get(name, still) for name in names])
+
+
+def _towards(side: float, point: Point) -> float:
+    return side * point.solution.asymmetry
+
+
+def _while_asymmetric(side: float, point: Point) -> float:
+    asymmetry = _towards(side, point)
+    # closer to the pitchfork a margin per asymmetry is rounding over rounding
+    return asymmetry if asymmetry > EQUAL else math.nan
+
+
+def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    orbit = Point(curve, z).solution
+    row, c = np.zeros((1, z.size + extra.size)), 1.0 + orbit.k  # u' = -J/(1 + k)
+    row[0, curve.slots[f"J{j + 1}"]] = -1.0 / c
+    if "k" in curve.free:
+        row[0, curve.slots["k"]] = orbit.impulses[j] / c**2
+    return row
+
+
+# --- a multiplier on a circle ---------------------------------------------------------------------
+
+STEP = 1e-4  # of times and entries of the order of one, and of parameters
+OF_MAPS = "gamma", "k", "damping", "spring"
+
+
+def _circle_slopes(of: OnCircle, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    """Along a curve, through times and entries b of the saltations, which are all that a map knows
+    of an orbit: in these, and in parameters of the map, by differences next to a place.
+
+    To one side where a parameter is at the end of its domain: curves set out from gamma = 0. Times
+    of impacts stay in their order: where sites that are coupled change it there is a kink. Of
+    impacts at once it is the mean of both sides.
+    """
+    orbit = Point(curve, z).solution
+    flight, on, m = orbit.representation, orbit.conditions, orbit.times.size
+    names, end = [name for name in curve.free if name in OF_MAPS], len(orbit.times) * 2
+    value, step = orbit.map.beside(of.angle(extra), of.radius), STEP
+    if extra.size and orbit.lattice.sites is None:  # keep off the edge of the band, a root
+        map = orbit.map
+        steepness = 4.0 * map.periods**2 / map.edge  # of the edge, as nu, in gamma
+        room = 0.02 * abs(2.0 * map.edge - float(extra[0])) / (1.0 + steepness)
+        step = min(STEP, max(room, 1e-8))
+
+    def near(y: FloatArray) -> FloatArray:
+        params = dict(zip(names, y[end:].tolist(), strict=False))
+        map = flight.map_at(on.at(params), y[:m], y[m:end])
+        return of.real_parts(value(map, of.angle(y[end + len(names) :])))
+
+    here = np.concatenate([orbit.times, orbit.entries, [getattr(on, n) for n in names], extra])
+    scales = np.ones(here.size)
+    scales[end : end + len(names)] = [curve.scales[curve.slots[name]] for name in names]
+    finer = np.full(here.size, RELATIVE / step)  # what `differences` divides its own step by
+    finer[:m] = RELATIVE / min(step, _in_order(orbit))
+    by = differences(
+        near, here, scales=scales, finer=finer, one_sided=True, kinks=_at_once(orbit)[:, 0]
+    )
+    unknowns = (*curve.problem.start, *curve.free)
+    entries = in_unknowns(orbit, flight.entry_slopes(curve.free), unknowns)
+    out = np.hstack([by[:, m:end] @ entries, by[:, end + len(names) :]])
+    out[:, [curve.slots[f"t{j + 1}"] for j in range(m)]] += by[:, :m]
+    out[:, [curve.slots[name] for name in names]] += by[:, end : end + len(names)]
+    return out
+
+
+def _at_once(orbit: Orbit) -> NDArray[np.intp]:
+    """Pairs of impacts at the same time, by index."""
+    late = abs(orbit.times[:, None] - orbit.times) < AT_ONCE
+    return np.argwhere(late & ~np.eye(orbit.times.size, dtype=bool))
+
+
+def _in_order(orbit: Orbit) -> float:
+    """A relative step of times that keeps impacts in their order, but for those at once."""
+    times = np.sort(orbit.times)
+    # two steps, which is as far as five points go, are then half the shortest gap at most
+    gaps = np.diff(times, append=times[0] + orbit.section.length)
+    return float(gaps[gaps > AT_ONCE].min() / (4.0 * max(1.0, abs(times).max())))
+
+
+# --- one site that impacts, in closed form --------------------------------------------------------
+
+# A unit impulse that recurs with alternating sign leaves its site at h(0), with a velocity that has
+# the mean h' of both sides. So with J = -2p the closure (11) is what it is on the chain, f being
+# the forced motion of that site: p chi = 1 - a f(phi), p (q + 2 h') = a f'(phi), chi = -2 h(0).
+
+
+def _closure(h: FloatArray, k: float) -> tuple[float, float]:
+    """chi and q + 2 h' of the closure."""
+    return -2.0 * float(h[0, 0, 0]), restitution_ratio(k) + 2.0 * float(h[1, 0, 0])
+
+
+def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
+    """All symmetric orbits of one impacting site of a finite lattice, by descending p.
+
+    Raises
+    ------
+    BadInput
+        In resonance: a mode whose frequency is an odd whole number, without damping.
+    NoSolution
+        If the forcing is too weak for any.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> orbit = symmetric_orbits(0, Conditions(0.5, 0.12, 0.4, lattice=Ring(20)))[0]
+    >>> round(orbit.p, 9), round(orbit.phi, 9)
+    (0.680056002, -2.519293143)
+    """
+    section = Section(((site, 1),), sign=-1).placed(on.lattice)
+    (site, _) = section.impacts[0]
+    check_possible(section, on)
+    width = on.walls.position(site, 1)  # everything scales with it
+    response = impact_equations(section, on.forcing, on.lattice, on.walls).response(on.params)
+    chi, loss = _closure(response.interactions(np.zeros(1)), on.k)
+    series = response.harmonics(site)
+    moved = any(A or B for _, A, B in series)
+    cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
+    roots = []
+    if moved:
+        roots = general_roots(on.a / width, chi, loss, Fourier.from_response(cos, sin))
+    if not roots:
+        weak = "is too weak to bring it to its walls; take a larger a."
+        raise NoSolution(
+            f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
+            f"(gamma = {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the "
+            f"forcing {weak if moved else 'does not move it.'}"
+        )
+    return tuple(
+        Orbit(ByImpacts.closest(on, section, [phi], [-2.0 * p]))
+        for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
+    )

@@ -1,0 +1,268 @@
+"""The equations of any periodic orbit with impacts, on any lattice.
+
+Between impacts the lattice is linear. With impacts j = 1..m in a section T, which closes with the
+sign e, at sites n_j, times t_j, and with impulses J_j,
+
+    ``u_n(t) = a f_n(t) + c_n + sum over j of J_j h_nj(t - t_j)``,
+
+h the answer to impulses that recur (`contbreather.lattice.response`), with e = +1 without its
+static part, and c the static part: it balances the mean impulses N_s of the impacting sites. With
+one of them and no springs it is the same everywhere, and sum J = 0. The equations:
+
+    ``u_{n_j}(t_j) = wall_j``,  ``J_j = -(1 + k) u'_{n_j}(t_j-)``,  ``N_s = T (K c)_s``,
+
+K the stiffness of the lattice at rest between the impacting sites. Unknowns: t_1..t_m, J_1..J_m
+and, with e = +1, one offset for each impacting site; where a mode may have a harmonic of the orbit
+for its frequency, its amplitude too, and the equation that drives it. Symmetric, asymmetric,
+multi-site and period-n breathers, on every lattice, are all this; a lattice enters by its response
+alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.response import HELD, Resonant, answers_of
+from contbreather.orbits.closure import forcing_at
+from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
+
+FloatArray = NDArray[np.float64]
+Params = Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitEquations:
+    """The equations of the module's docstring for one sequence of impacts.
+
+    ``x = (t_1..t_m, J_1..J_m, c..., amplitudes...)``; ``params`` names a, gamma, k, damping and
+    spring where they are not 0, and those of the forcing.
+
+    Parameters
+    ----------
+    section : Section
+        The impacts of one section, in order.
+    forcing : Forcing
+    lattice : InfiniteChain, Ring or Lattice
+    at : Walls
+    resonant : sequence of (mode, frequency)
+        Modes whose amplitudes, cosine and sine, are unknowns.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.constructors import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
+    >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
+    >>> bool(abs(same.residual(x, {"a": 0.5, "gamma": 0.12, "k": 0.4})).max() < 1e-14)
+    True
+    """
+
+    section: Section
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Any = field(default_factory=InfiniteChain)
+    at: Walls = field(default_factory=Walls)
+    resonant: Resonant = ()
+
+    def __post_init__(self) -> None:
+        if self.lattice.sites is None:
+            check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
+
+    # ------------------------------------------------------------------------ unknowns
+
+    @cached_property
+    def offsets(self) -> int:
+        """Number of offsets: half a symmetric orbit has none."""
+        return 0 if self.section.symmetric else len(self.section.hit)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return 2 * self.section.count + self.offsets + 2 * len(self.resonant)
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Times, impulses, offsets, amplitudes of modes."""
+        m, end = self.section.count, 2 * self.section.count + self.offsets
+        return x[:m], x[m : 2 * m], x[2 * m : end], x[end:]
+
+    def named(self, x: FloatArray) -> dict[str, Any]:
+        """The unknowns by name."""
+        times, impulses, offsets, amplitudes = self.split(x)
+        values: dict[str, Any] = {f"t{i}": t for i, t in enumerate(times.tolist(), 1)}
+        values |= {f"J{i}": J for i, J in enumerate(impulses.tolist(), 1)}
+        local = self.section.local
+        values |= {"c" if local else f"c{i}": c for i, c in enumerate(offsets.tolist(), 1)}
+        return values | ({"modes": amplitudes} if amplitudes.size else {})
+
+    @cached_property
+    def sites(self) -> tuple[int, ...]:
+        return tuple(site for site, _ in self.section.impacts)
+
+    @cached_property
+    def walls(self) -> FloatArray:
+        return np.array([self.at.position(*impact) for impact in self.section.impacts])
+
+    @cached_property
+    def own(self) -> NDArray[np.int64]:
+        """Index of the site of each impact among those that are hit."""
+        return np.array([self.section.hit.index(site) for site in self.sites])
+
+    def response(self, params: Params) -> Any:
+        """Response of the lattice at these parameters."""
+        held = tuple(float(params.get(name, 0.0)) for name in HELD)
+        section, drive = self.section, forcing_at(self.forcing, params)
+        return answers_of(
+            self.lattice, drive, held, self.sites, section.turns, section.sign, self.resonant
+        )
+
+    # ------------------------------------------------------------------------ equations
+
+    def residual(self, x: FloatArray, params: Params) -> FloatArray:
+        """All equations: walls, reset laws, balance of mean impulses, modes in resonance."""
+        at = self.terms(x, params)
+        k, response = float(params["k"]), at.response
+        resets = at.f[1] + at.h[1] @ at.impulses + 0.5 * restitution_ratio(k) * at.impulses
+        parts = [self._beyond_walls(at), resets]  # the mean velocity at an impact is -q J/2
+        if self.offsets:
+            pull = self.section.period * (response.links() @ at.offsets)
+            parts.append(np.bincount(self.own, at.impulses) - pull)
+        if self.resonant:
+            # impulses drive a mode by the sum of J m e exp(iwt)
+            driven = at.impulses @ (self.masses * response.swing(self.sites, at.times)[0])
+            parts.append(driven - response.gaps() @ at.amplitudes)
+        return np.concatenate(parts)
+
+    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
+        """Derivatives with respect to x."""
+        at = self.terms(x, params)
+        h, f, impulses, response = at.h, at.f, at.impulses, at.response
+        m, r, i = self.section.count, self.offsets, np.arange(self.section.count)
+        out = np.zeros((x.size, x.size))
+        walls, resets, balance = slice(0, m), slice(m, 2 * m), slice(2 * m, 2 * m + r)
+        bent = h[2].copy()
+        bent.flat[:: m + 1] = 0.0  # an impact does not move against itself
+        # h_ij is a function of t_i - t_j: a later t_j takes it back
+        out[walls, walls] = -h[1] * impulses
+        out[resets, walls] = -bent * impulses
+        out[i, i] += f[1] + h[1] @ impulses  # the site itself moves on
+        out[m + i, i] += f[2] + bent @ impulses
+        out[walls, resets], out[resets, resets] = h[0], h[1]  # both are linear in J
+        out[m + i, m + i] += 0.5 * restitution_ratio(float(params["k"]))
+        if r:
+            out[i, 2 * m + self.own] = 1.0  # u moves with the offset of its site
+            out[2 * m + self.own, m + i] = 1.0  # mean impulses add up
+            out[balance, balance] = -self.section.period * response.links()
+        if self.resonant:
+            swing, modes = response.swing(self.sites, at.times), slice(2 * m + r, None)
+            out[walls, modes], out[resets, modes] = swing[:2]
+            out[modes, walls] = (self.masses * swing[1] * impulses[:, None]).T
+            out[modes, resets] = (self.masses * swing[0]).T
+            out[modes, modes] = -response.gaps()
+        if self.section.repeats:
+            beyond = self._beyond_walls(at)
+            out[walls] = told_apart_slopes(self.section, at.times, beyond, out[walls])
+        return out
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``."""
+        at, k = self.terms(x, params), float(params["k"])
+        balance, driven = np.zeros(self.offsets), np.zeros(2 * len(self.resonant))
+        moved = self.moved(at, params, name)[:2]
+        if name == "k":
+            moved[1] -= at.impulses / (1.0 + k) ** 2  # d(q/2)/dk
+        if name in HELD:
+            if self.offsets and name != "damping":
+                links = at.response.varied(name).links(name)
+                balance = -self.section.period * (links @ at.offsets)
+            if self.resonant:
+                driven = -at.response.gaps(name) @ at.amplitudes
+        walls = told_apart(self.section, at.times, moved[0])
+        return np.concatenate([walls, moved[1], balance, driven])
+
+    def terms(self, x: FloatArray, params: Params) -> Any:
+        """All that the equations are made of, at one place."""
+        x = np.asarray(x, dtype=float)
+        return _place(self, x.tobytes(), tuple(params.items()))
+
+    def moved(self, at: Any, params: Params, name: str) -> FloatArray:
+        """Derivative of displacement, velocity and acceleration at each impact in a parameter, the
+        unknowns as they are."""
+        if name == "a":
+            return np.array(at.forced[:3])
+        if name == "k":
+            return np.zeros((3, self.section.count))
+        a, response = float(params["a"]), at.response.varied(name)
+        out = a * response.forced_slope(name, self.sites, at.times)
+        if name in HELD:
+            out = out + response.interactions(at.times, name)[:3] @ at.impulses
+        return np.asarray(out)
+
+    @cached_property
+    def masses(self) -> FloatArray:
+        """Mass of the site of each impact, in a column."""
+        return np.asarray(self.lattice.masses[list(self.sites)][:, None])
+
+    def _beyond_walls(self, at: Any) -> FloatArray:
+        """How far sites are beyond their walls at their impacts."""
+        times, impulses = at.times, at.impulses
+
+        def speed(i: int, j: int, since: FloatArray) -> FloatArray:
+            then, sites = times[i] + since, (self.sites[i],) * since.size
+            h = at.response.at(self.sites[i], then[:, None] - times)
+            late = times[j] < times[i]
+            free = h[1] @ impulses + (impulses[i] - impulses[j] if late else 0.0)
+            if self.resonant:
+                free = free + at.response.swing(sites, then)[1] @ at.amplitudes
+            return np.asarray(at.a * at.response.forced(sites, then)[1] + free)
+
+        walls = at.f[0] + at.h[0] @ impulses - self.walls
+        if self.offsets:
+            walls = walls + at.offsets[self.own]
+        return told_apart(self.section, times, walls, speed)
+
+
+class _Place:
+    """Responses and forced motion at the impacts, at one set of unknowns and parameters."""
+
+    def __init__(self, of: OrbitEquations, x: FloatArray, params: Params) -> None:
+        self.a, k = float(params["a"]), float(params["k"])
+        restitution_ratio(k)
+        if not (math.isfinite(self.a) and np.isfinite(x).all()):
+            raise BadInput(f"a = {self.a}, x = {x}: the orbit needs finite numbers.")
+        self.times, self.impulses, self.offsets, self.amplitudes = of.split(x)
+        self.response = of.response(params)
+        self.h = self.response.interactions(self.times)
+        for i, j in of.section.repeats:
+            # as if impacts of one site at one wall kept their order: smooth where they become one
+            if (late := self.times[j] - self.times[i]) < 0.0:
+                # the branches of h at an impact differ by <sin(w t)/w> = t + O(t^3)
+                self.h[:2, j, i] += late, 1.0
+                self.h[:2, i, j] += late, -1.0
+        self.forced = self.response.forced(of.sites, self.times)
+        self.f = self.a * self.forced  # with modes in resonance
+        if of.resonant:
+            self.f = self.f + self.response.swing(of.sites, self.times) @ self.amplitudes
+
+
+@lru_cache(maxsize=16)
+def _place(of: OrbitEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> _Place:
+    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+    return _Place(of, np.frombuffer(unknowns), dict(params))
+
+
+@lru_cache(maxsize=256)
+def impact_equations(
+    section: Section, forcing: Forcing, lattice: Any, walls: Walls, resonant: Resonant = ()
+) -> OrbitEquations:
+    """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
+    return OrbitEquations(section, forcing, lattice, walls, resonant)
