@@ -29,8 +29,6 @@ Array = NDArray[Any]
 
 MOST = 5_000  # modes, two rows each: 10^8 numbers
 SMALL = 0.25  # |x| below which differences of c and s go by their series
-# a driven mode this close to a harmonic answers it beyond all bounds
-RESONANT = 1e-12
 # (s - c)/x by powers of x
 _SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
 
@@ -231,7 +229,8 @@ class Driven:
         """``z - m^2 + i m damping`` of each mode and harmonic."""
         z = self.gamma * self._modes[0] + self.spring
         gap = z[:, None] - m * m + 1j * m * self.damping
-        low = (abs(gap) <= RESONANT * m * m) & (F != 0.0)
+        # so close to a harmonic a driven mode answers it beyond all bounds
+        low = (abs(gap) <= 1e-12 * m * m) & (F != 0.0)
         if low.any():
             raise BadInput(
                 f"the drive is in resonance: at gamma = {self.gamma:.9g}, spring = "

@@ -53,8 +53,6 @@ SLACK = (
     1e-15  # and one that the roundings of a time, of the impact and of what is between them hide
 )
 EVEN_POWERS = 16  # of y: pi^32/32! < 1e-19
-LOW = 0.5  # modes of a resonant ring below this, in units of 1/n, go by the polynomial
-APART = 1e-9  # a mode this close to a harmonic is in resonance with it
 
 # what the answers are made of, or their slopes: `first_harmonic` and `powers` of a lattice
 _PARTS = {
@@ -362,14 +360,15 @@ def _mode_by_mode(
     W = periods * w  # in units of n
     amplitudes = periods * weight * np.cos(np.multiply.outer(distances, theta))
     off = np.abs(W - np.round(W))
-    # W = 0, a mean, is no harmonic: its static push is balanced by the offsets
-    clash = np.flatnonzero((off < APART) & (W > 0.5))
+    # so close to a harmonic its answer is beyond all bounds; W = 0, a mean, is no harmonic: its
+    # static push is balanced by the offsets
+    clash = np.flatnonzero((off < 1e-9) & (W > 0.5))
     if clash.size:
         raise BadInput(
             f"on {lattice} at gamma = {gamma:.9g} the mode of frequency {w[clash[0]]:.9g} is in "
             f"resonance with an orbit of {periods} forcing periods: change gamma or the ring."
         )
-    low = LOW > W
+    low = W < 0.5  # these go by the polynomial
     x, a = W[low] ** 2, amplitudes[:, low]
     powers = x[:, None] ** _ORDERS
     if by:
