@@ -10,14 +10,12 @@ import os
 import signal
 import sys
 
-INTERRUPTED = 130
-
 
 def _leave(number: int, frame: object) -> None:
     try:
         os.write(2, b"contbreather: interrupted\n")
     finally:
-        os._exit(INTERRUPTED)
+        os._exit(130)  # 128 + SIGINT, as shells have it
 
 
 def main() -> int:

@@ -15,7 +15,6 @@ from .errors import BadInput
 
 MOST = 2**53  # what a double still counts one by one
 MANY = 100_000  # values of a parameter, and combinations of values: with zones a day of work
-_LONG = 200  # characters of a value in a sentence
 
 
 def brief(value: object) -> str:
@@ -30,7 +29,8 @@ def brief(value: object) -> str:
         text = repr(value)
     except ValueError:  # Python does not write out integers of more than 4300 digits
         text = f"about {'-' * (value < 0)}2**{value.bit_length()}"  # type: ignore
-    return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(text)} characters)"
+    # more than 200 characters are no part of a sentence
+    return text if len(text) <= 200 else f"{text[:200]}... ({len(text)} characters)"
 
 
 def real(value: object) -> float:

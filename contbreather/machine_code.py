@@ -37,7 +37,6 @@ NEVER = (
     "NRT_MemInfo_call_dtor",
 )
 
-_FORMAT = 8  # of what is kept, and of how it is compiled
 _ONE_AT_A_TIME = threading.RLock()  # the loader does not like company of other threads
 _loaded: dict[str, int] = {}  # by file: the address
 
@@ -89,7 +88,8 @@ def file_name(function: Function, takes: str) -> str:
     """Name of the object file of a function: for which processor, and of what text as it is in
     memory, with all else its code depends on."""
     contents = [_content(part) for part in called(function)]
-    text = _hashed((_FORMAT, contents, takes))
+    # 8: count on when something else is kept, or it is compiled otherwise
+    text = _hashed((8, contents, takes))
     return f"{function.__name__}-{_hashed(processor())}-{text}.o"
 
 

@@ -15,7 +15,6 @@ from .checks import flag
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1  # seconds between two drawings
-SELDOM = 20.0  # between two lines of a log
 ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody looks on, into a log
 
 
@@ -132,7 +131,7 @@ class _Progress:
                 return
             if self.line is None:
                 self.line = self._begun()
-            pause = SELDOM if isinstance(self.line, _Log) else INTERVAL
+            pause = 20.0 if isinstance(self.line, _Log) else INTERVAL  # seconds; a log is kept
             self.after = time.monotonic() + pause
             self.line.show(*self.latest)
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 Cell = str | complex | None
 DIGITS = 12  # where there is room
-FEWEST = 4
 NOTHING = "\N{EN DASH}"
 
 
@@ -170,9 +169,9 @@ class Sheet:
         if width is None or _width(kept, digits) <= width:
             return kept, digits
         kept = [column for column in kept if not column.spare]
-        while digits > FEWEST and _width(kept, digits) > width:
+        while digits > 4 and _width(kept, digits) > width:
             digits -= 1
-        # words as wide as that are not helped by fewer digits
+        # fewer than four tell too little; words as wide as that are not helped by fewer digits
         return kept, digits if _width(kept, digits) < _width(kept, DIGITS) else DIGITS
 
 

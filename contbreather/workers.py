@@ -34,7 +34,6 @@ from .errors import (
 )
 from .progress import Bar
 
-LARGEST = 8  # items that are sent together
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 UNSENT = "this cannot be sent to another process: {}. With executor=1 it stays in this one"
@@ -73,7 +72,7 @@ def each(
     executor: Executor | int | None = None,
     progress: bool | None = None,
     unit: str,
-    together: int = LARGEST,
+    together: int = 8,
     ended: Callable[[Any, Any], object] | None = None,
 ) -> Iterator[Any]:
     """Apply a function to each of many items, in their order, as they come.

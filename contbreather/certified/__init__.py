@@ -20,14 +20,12 @@ from contbreather.errors import BadInput
 
 __all__ = ["Certificate", "Covering", "Interval", "Tile", "certify"]
 
-WITHIN = 1e-8
-
 
 @overload
 def certify(what: Branch, *, within: float = ...) -> Covering: ...
 @overload
 def certify(what: Any, *, within: float = ...) -> Certificate: ...
-def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
+def certify(what: Any, *, within: float = 1e-8) -> Certificate | Covering:
     """Prove what was computed of symmetric breathers of the infinite chain, rounding included.
 
     Parameters

@@ -34,7 +34,6 @@ from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
 
 J = 40  # powers of w^2 kept: 9^-41 < 2^-129
 POWERS = 18  # odd powers of the time from mid flight kept in a motion
-REACH = 1.6  # no less than any such time, pi/2
 
 
 def _odd(s: int) -> Ball:
@@ -150,7 +149,8 @@ def free_flight_enclosure(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Bal
         arb(
             0,
             (3**r * arb(9) ** -(J + 1) / arb.pi()).upper()
-            + (2 * size * arb(REACH) ** (first - r) / factorial(first - r)).upper(),
+            # no time from mid flight is beyond pi/2 < 1.6
+            + (2 * size * arb(1.6) ** (first - r) / factorial(first - r)).upper(),
         )
         for r in range(3)
     ]

@@ -26,8 +26,6 @@ Ball = arb
 Jet = arb_series
 Value = Any  # a ball or a jet
 
-BITS = 128  # of every midpoint: the truncated series of `averages` are as good
-
 
 class Interval(NamedTuple):
     """Numbers from `low` to `high`, both of them floats rounded outwards."""
@@ -53,7 +51,7 @@ class Interval(NamedTuple):
 @contextmanager
 def working() -> Iterator[None]:
     """Set the precision that the bounds of this package are made for."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(128):  # bits of a midpoint: the cut series of `averages` are as good
         yield
 
 

@@ -22,9 +22,6 @@ from contbreather.certified.averages import force_response, turned
 from contbreather.certified.balls import Ball, subintervals
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
-PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
-DEEPEST = 26  # halvings: the last ones settle a distance of 1e-15 from a wall
-OVERLAP = 1e-13  # of neighbouring balls of times: none is lost to the rounding of their middles
 FARTHEST = 400  # sites looked at one by one
 
 
@@ -97,9 +94,11 @@ def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
     which it is not settled; and where it does not."""
 
     def at(low: float, high: float) -> bool | None:
-        return settled(HALF * (1.0 - low - high), HALF * (high - low) + OVERLAP)
+        # balls overlap: no time is lost to the rounding of their middles
+        return settled(HALF * (1.0 - low - high), HALF * (high - low) + 1e-13)
 
-    for low, high, answer in subintervals(pieces, DEEPEST, at):
+    # 26 halvings: the last ones settle a distance of 1e-15 from a wall
+    for low, high, answer in subintervals(pieces, 26, at):
         if not answer:
             return answer, HALF * (1.0 - low - high)
     return True, 0.0
@@ -147,7 +146,7 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
     if not values["p"] > 0:
         return Proven(None, "that the impact has p > 0 is not proved")
     drive = far_field(values)
-    pieces = PIECES * drive.highest
+    pieces = 12 * drive.highest  # to half a period of the highest harmonic, before any is halved
     holds, when = inside(motion_enclosure(values, 0), pieces)
     if holds is not True:
         return _verdict(holds, "site 0 between its impacts", when)

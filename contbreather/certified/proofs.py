@@ -47,7 +47,6 @@ from contbreather.parameters import NUMBERS
 
 UNKNOWNS = ("p", "phi")
 DEFINING = {"LP": fold_condition, "PF": pitchfork_condition}
-FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be the only one
 
 
 def parameters(orbit: Any) -> dict[str, float]:
@@ -98,7 +97,7 @@ def zero_near(equations: Equations, point: Sequence[float], within: float) -> li
 
 def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
     """Half the width of a box around a zero in which there is no other."""
-    middle, radius = [float(x.mid()) for x in zero], FARTHEST
+    middle, radius = [float(x.mid()) for x in zero], 0.3  # the widest box tried
     while radius > 1e-15:
         box = [arb(x, radius) for x in middle]
         if all(x.contains_interior(y) for x, y in zip(box, zero, strict=True)) and krawczyk(
@@ -158,11 +157,7 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
 
 # --- a branch, tile by tile -----------------------------------------------------------------------
 
-NARROW = 1e-9  # where breathers or their clearance are not proved, tiles are halved down to this
-COUNTED = 1e-5  # and where only the number of multipliers is not proved
 OVERLAP = 1e-12  # by which tiles reach beyond the points that they share
-MOST = 400  # tiles between two points of a branch
-TURNING = 0.03  # of a unit tangent: with less, the curve turns over in the parameter
 DOMAIN = {name: (NUMBERS[name].low, NUMBERS[name].high) for name in ("gamma", "k")}
 
 Place = tuple[float, ...]  # p, phi, parameter
@@ -221,7 +216,8 @@ class BranchSheet:
         """The one to cut along: that in which the curve is steepest at both ends. At an end of the
         branch the parameter, which is exact there, unless the curve turns over in it."""
         least = [min(pair) for pair in zip(*map(self.tangent, ends), strict=True)]
-        return 2 if outer and least[2] > TURNING else least.index(max(least))
+        # with less of the unit tangent it turns over
+        return 2 if outer and least[2] > 0.03 else least.index(max(least))
 
 
 @dataclass(frozen=True)
@@ -245,8 +241,9 @@ class ProvenPiece:
     def done(self) -> bool:
         """Proved, or not worth halving."""
         if self.admissible is None:
-            return self.width <= NARROW
-        return not self.admissible or self.unstable is not None or self.width <= COUNTED
+            return self.width <= 1e-9  # that there are breathers, or clear ones, is not proved
+        # 1e-5 where only the number of multipliers is not
+        return not self.admissible or self.unstable is not None or self.width <= 1e-5
 
 
 def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> ProvenPiece:
@@ -297,9 +294,9 @@ def _cover(
     sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bool]
 ) -> list[ProvenPiece]:
     """Pieces from one point to the other: the widest that is not done is halved, until all are or
-    there are too many."""
+    there are 400."""
     pieces = [(_proved(sheet, ends, outer), outer)]
-    while len(pieces) < MOST and (left := [i for i, (p, _) in enumerate(pieces) if not p.done]):
+    while len(pieces) < 400 and (left := [i for i, (p, _) in enumerate(pieces) if not p.done]):
         i = max(left, key=lambda i: pieces[i][0].width)
         piece, outer = pieces[i]
         middle = sheet.on_curve(piece.along, _halfway(*piece.ends))

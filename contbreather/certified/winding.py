@@ -61,8 +61,6 @@ from contbreather.certified.balls import (
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
-FIRST = 16  # balls to each of band and gap before any is halved
-DEEPEST = 26  # halvings
 
 
 class ProvenCount(NamedTuple):
@@ -175,7 +173,8 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
     circle = Circle.of(gamma, k, b)
     rectangles: list[Rectangle] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
-        for _, _, rectangle in subintervals(FIRST, DEEPEST, partial(_off_zero, curve)):
+        # 16 balls before any is halved, 26 halvings: the last ones settle 1e-9 of an arc
+        for _, _, rectangle in subintervals(16, 26, partial(_off_zero, curve)):
             if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)

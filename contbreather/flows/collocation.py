@@ -24,8 +24,6 @@ from .flow import Flow, Params, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
-_SHRINKS = 0.05  # by so much a step, or the inverse is made anew
-_WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
 @dataclass(frozen=True)
@@ -217,8 +215,9 @@ class TrajectorySegment:
 
     @property
     def _unit(self) -> Array:
-        # Gauss's rule on each interval; where sum(pace @ weights) = _WHOLE the mean share is 1
-        return self.scheme.weights * ((self.knots.size - 1) / _WHOLE)
+        # Gauss's rule on each interval; where sum(pace @ weights) = 1.5, an orbit's share in motion
+        # and time together where that in time is 1, the mean share is 1
+        return self.scheme.weights * ((self.knots.size - 1) / 1.5)
 
     def path(self, sizes: Array) -> float:
         """Solve for the unit of the path for which all shares add up to their number."""
@@ -320,9 +319,10 @@ def _newton(
         # and nearly at its size it may stop shrinking
         if min(size, ahead) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
             return k
-        # one from elsewhere is good once it has made a correction shrink
-        good = good or size <= _SHRINKS * before < np.inf
-        if not (fresh or size <= _SHRINKS * before):
+        # one from elsewhere is good once it has made a correction shrink, to a twentieth at least
+        shrunk = size <= 0.05 * before
+        good = good or (shrunk and before < np.inf)
+        if not (fresh or shrunk):
             inverse = None
         before = size
     worst = int(abs(step).max(axis=(1, 2)).argmax())

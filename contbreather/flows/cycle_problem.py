@@ -30,8 +30,8 @@ from .guards import bottom
 from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
-COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
-UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
+# of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
+UNRESOLVED = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """Reason why the mesh does not resolve the orbit; empty if it does."""
         off = abs(self.trivial - 1)
-        if off <= COARSE:
+        if off <= 1e-4:  # so far off 1 it may be of a resolved orbit
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
         # orbits of less than 1e-8 of the size at the start are rounding

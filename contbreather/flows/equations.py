@@ -26,7 +26,6 @@ from .layout import Layout, Places
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
-_RECENT = 16  # solutions that are kept, to begin from the nearest
 
 
 class Linear(NamedTuple):
@@ -126,7 +125,7 @@ class FlowEquations:
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
                 t += plain.duration
             place = SolvedPlace(x.copy(), dict(p), tuple(flights), error)
-            if len(self._latest) == _RECENT:
+            if len(self._latest) == 16:  # are kept, to begin from the nearest
                 del self._latest[next(iter(self._latest))]
         self._latest[key] = place
         return place

@@ -26,7 +26,6 @@ from .flow import Flow, Function, Params, check_function, place, rows_of, slopes
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
-_STEP = 0.01  # relative to the state: 1e-16 of truncation, 1e-14 of rounding
 _PLUS, _MINUS, _TO_PLUS, _TO_MINUS = range(4)
 
 
@@ -110,7 +109,8 @@ class Filippov:
     def _along(self, field: NDArray[Any], t: Any, x: NDArray[Any], p: Params) -> Any:
         """dh/dt + grad h . field."""
         size, speed = np.maximum(1.0, abs(x.real).max(axis=0)), abs(field.real).max(axis=0)
-        step = _STEP * size / np.maximum(speed, size)  # x moves by _STEP of its size at most
+        # x moves by 0.01 of its size at most: 1e-16 of truncation, 1e-14 of rounding
+        step = 0.01 * size / np.maximum(speed, size)
         total = 0.0
         for k, weight in _STENCIL:
             ahead = self.h(t + k * step, x + k * step * field, p)

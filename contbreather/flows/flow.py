@@ -29,7 +29,6 @@ _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten di
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
-_SAME = 1e-9  # relative; sums over all states at once round differently
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +335,8 @@ def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calli
     with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("error")
         together, alone = _rows(function(t, x, p), how, x), np.stack(singly, axis=-1)
-        if np.allclose(together, alone, rtol=_SAME, atol=0, equal_nan=True):
+        # sums over all states at once round differently
+        if np.allclose(together, alone, rtol=1e-9, atol=0, equal_nan=True):
             return how
     _LOG.debug("%s takes one state at a time, which is slower", _name(function))
     return replace(how, at_once=False)
@@ -377,7 +377,7 @@ def slopes(
     z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
     # states and the time are measured by their spread, parameters by their size, or by 1
     spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
-    least = _SAME * size
+    least = 1e-9 * size  # what varies by less is constant
     least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
     spread[n + 1 :] = size[n + 1 :]
     scales = np.where(spread > least, spread, 1.0)

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from ..continuation.newton import Array
 from ..continuation.sparse import Matrix
 
-_DENSE = 400  # unknowns up to which a dense derivative is the faster one
-
 Places = NDArray[np.intp]
 
 
@@ -68,7 +66,7 @@ class Layout:
             rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
             self._cells[named] = rows * width + columns % width
         cells = self._cells[named]
-        if self.size <= _DENSE:
+        if self.size <= 400:  # unknowns: up to there a dense derivative is the faster one
             entries = np.bincount(cells, values, self.size * width)
             return entries.reshape(self.size, width)[:, :-1]
         from scipy.sparse import csc_array

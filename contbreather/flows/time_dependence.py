@@ -13,7 +13,6 @@ from ..errors import BadInput
 from .flow import Clock, Flow, Function, Params, at_state, check_function, offset, slopes, values
 
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
-_TIMES = 16  # at which functions are compared
 
 
 def refuse_false_period(
@@ -45,8 +44,9 @@ def _repeats(
 ) -> bool:
     """Compare f(t + T) with f(t); half of a symmetric orbit has half of the period, after which f
     is its mirror image."""
-    t = later * (_GOLDEN * np.arange(_TIMES) % 1)
-    x = np.take(x, np.arange(_TIMES) * x.shape[1] // _TIMES, axis=1)
+    i = np.arange(16)  # times at which functions are compared
+    t = later * (_GOLDEN * i % 1)
+    x = np.take(x, i * x.shape[1] // i.size, axis=1)
     x = x + offset(x)[:, None]  # at the origin x cos t vanishes
     now = values(function, t, x, p)
     if _same(now, values(function, t + later, x, p), least):

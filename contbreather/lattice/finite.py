@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 ALIKE = 1e-9  # eigenvalues closer than this, relative to the largest, are one eigenspace
-LARGE = 0.999  # of the largest entry: as large, but for rounding
 MOST = 10_000  # sites of a lattice whose modes are those of a dense matrix
 UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 
@@ -288,7 +287,8 @@ def _upright(shapes: FloatArray, hit: list[int]) -> FloatArray:
     """With the sign that makes them largest upwards at a site that is hit: orbits in files are told
     by their modes, whatever sign another machine gives these."""
     there = shapes[hit]
-    top = (abs(there) > LARGE * abs(there).max(axis=0)).argmax(axis=0)
+    # the first of those that are as large, but for rounding
+    top = (abs(there) > 0.999 * abs(there).max(axis=0)).argmax(axis=0)
     return np.asarray(shapes * np.sign(there[top, np.arange(top.size)]))
 
 

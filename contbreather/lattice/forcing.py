@@ -26,7 +26,6 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LARGEST = 1e100  # coefficient; sums of their squares stay finite
-LONG = 12  # from so many harmonics on machine code beats Python, even for one time
 
 Harmonics = tuple[tuple[int, float, float], ...]  # (m, A, B): A cos(m t) + B sin(m t)
 
@@ -99,7 +98,8 @@ class TrigonometricSeries:
     def motion(self, t: Any) -> Any:
         """Value and derivatives, at one time or many."""
         one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
-        if one and len(self.harmonics) < LONG:
+        # of more harmonics machine code beats Python, even for one time
+        if one and len(self.harmonics) < 12:
             return series_motion(self.harmonics, t)
         times = np.array(t, dtype=float)
         out = np.empty((4, times.size))

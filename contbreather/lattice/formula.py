@@ -37,10 +37,8 @@ if TYPE_CHECKING:
 
 HARMONIC: str = CHOICES["forcing"].default
 RESERVED = (*NAMES, "p", "phi", "t")  # names that already mean something
-LONGEST = 20_000  # characters
-LARGEST_POWER = 99
+LARGEST_POWER = 99  # of t or a function: beyond, nothing a forcing is made of
 FINEST = 8192  # samples of a period
-MOST_WORK = 2e8  # operations on samples, of which a sample takes (1 + parameters) times its nodes
 STEP = 1e-204  # in a parameter: no difference is taken; its root is above any slope that is let in
 PROBES = np.sqrt(np.array([0.3, 1.7, 5.3, 11.0, 17.9, 31.1]))  # times that are on no grid
 
@@ -84,18 +82,18 @@ class Formula(NamedTuple):
     text: str
     letters: frozenset[str]  # names that need a value
     terms: tuple[Value, ...]
-    work: int
+    work: int  # operations on a sample: (1 + parameters) times the nodes
 
     def check_work(self, size: int) -> None:
-        # a thousand samples take as long as it takes to begin
-        if (size + 1000) * self.work > MOST_WORK:
+        # some seconds; a thousand samples take as long as it takes to begin
+        if (size + 1000) * self.work > 2e8:
             raise _too_large(self.text)
 
 
 @lru_cache(maxsize=64)
 def _read(text: str) -> Formula:
     try:
-        if len(text) > LONGEST:
+        if len(text) > 20_000:  # characters, as deep as Python may read it
             raise MemoryError
         # for a physicist ^ is a power, for Python something else that binds less than +
         tree = ast.parse(text.strip().replace("^", "**"), mode="eval").body

@@ -14,8 +14,6 @@ from contbreather.checks import number
 Array = NDArray[Any]
 Restitution = Callable[[float], float]  # of a speed
 
-NEARBY = 1e-4  # of a velocity: differences of order 4 over so much of it are right to 1e-12
-
 
 @dataclass(frozen=True)
 class ImpactLaw:
@@ -54,7 +52,7 @@ class ImpactLaw:
         """The derivative of `after`."""
         if self.by_speed is None:
             return -self.k
-        h = NEARBY * abs(v)
+        h = 1e-4 * abs(v)  # differences of order 4 over so much are right to 1e-12
         near, far = (self.after(v + step) - self.after(v - step) for step in (h, 2.0 * h))
         return (8.0 * near - far) / (12.0 * h) if h else -self.at(0.0)
 

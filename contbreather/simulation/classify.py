@@ -24,21 +24,13 @@ Array = NDArray[Any]
 Finding = tuple["Kind", str]
 Ran = SimulationRun | SmoothRun
 
-LEAST = 100  # periods that must be seen before anything can be said
 LONGEST = 64  # periods after which a motion may close to count as periodic or locked
 CLOSED = 1e-9  # how well it must close
 NEARBY = 1e-3  # so close to returning that Newton's method is asked
-RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of a torus
-STEADY = 1e-4  # how well they agree on its size
-RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
 POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
 BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather, and
 # on rigid ones, under noise, for each site that hits regularly
-REGULAR = 0.4  # part of the periods in which a site hits regularly: every second one is enough
-TOGETHER = 0.1  # part of the forced motion by which sites that noise kicks may be away from it
 LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
-LOST = 400  # periods over which it is averaged of a motion with impacts all over the lattice
-SEEN = 200  # periods over which an exponent is averaged there
 
 
 class Kind(enum.Enum):
@@ -146,7 +138,7 @@ def classify(
     if isinstance(state, SimulationRun | SmoothRun):
         raise BadInput(f"a state was expected, got {state!r}: judge(run) says what it came to.")
     start, conditions = start_of(state, m, t0, **on)
-    length = whole("periods", periods, LEAST)
+    length = whole("periods", periods, 100)  # fewer say nothing
     run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:
         run = completed(let_go(run.final, conditions, periods=length, t0=t0))
@@ -226,13 +218,15 @@ def _kicked(run: SimulationRun, evidence: dict[str, float]) -> Finding:
     the energy."""
     late, sites = run.since(run.periods // 2), run.sites
     hits = np.unique(late.impacts[["site", "period"]])
-    regular = int(np.sum(np.bincount(hits["site"]) > REGULAR * late.periods))
+    # a site that hits in every second period, but for some, is one that hits regularly
+    regular = int(np.sum(np.bincount(hits["site"]) > 0.4 * late.periods))
     ratio = f"participation ratio {evidence['participation']:.1f}"
     words = f"{regular} of {sites} sites hit their walls regularly, {ratio}"
     if evidence["participation"] <= BROAD * regular and regular <= max(2, sites // 4):
         return Kind.NOISY, words
     common = max(np.abs(forced(run.conditions, late.times, order)).max() for order in (0, 1))
-    if not regular and evidence["aside"] < TOGETHER * common:
+    # noise may kick sites away from the forced motion by this part of it
+    if not regular and evidence["aside"] < 0.1 * common:
         reason = f"no site hits regularly; each within {evidence['aside']:.2g} of the forced motion"
         return Kind.SYNCHRONISED, reason
     return Kind.DELOCALISED, words
@@ -348,9 +342,9 @@ def _open(
     # directions that shrink slowly take as long to find as the motion to settle
     count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
     if isinstance(run, SmoothRun):
-        count, length, settle = 1, SEEN, SEEN // 4
+        count, length, settle = 1, 200, 50  # periods, of which each takes long
     elif lost:
-        count, length, settle = 1, min(length, LOST), LOST // 4
+        count, length, settle = 1, min(length, 400), 100
     turn, t0 = rotation(*run.strobe), float(run.times[0])
     found = exponents(_last(run), run.conditions, length, count, settle=settle, t0=t0)
     # an exponent that is zero, as far as can be told
@@ -387,12 +381,14 @@ def chaos_or_torus(
     if not beside and exponent > max(5.0 * error, POSITIVE):
         return Kind.CHAOTIC, words, evidence
     turns = f"rotation number {turn.number:.10f} ({turn.error:.0e})"
-    steady = turn.error <= RESOLVED and turn.hole >= 1e-3 and turn.drift <= STEADY
+    # of a torus two halves of a run agree so well on the rotation number, and on the size
+    steady = turn.error <= 1e-6 and turn.hole >= 1e-3 and turn.drift <= 1e-4
     if not steady:
         turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
-    # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
+    # bands visited in turn, of chaos or a long period, have a rational number, but for the rounding
+    # of a long mean: no sign of a torus
     q = np.arange(1, LONGEST + 1)
-    rational = (np.abs(turn.number - np.round(turn.number * q) / q) < RATIONAL).any()
+    rational = (np.abs(turn.number - np.round(turn.number * q) / q) < 1e-7).any()
     zero = bool(small[0]) and error <= (neutral if rational else POSITIVE)
     if not (zero and steady):
         return Kind.UNDECIDED, f"{turns}, {words}", evidence

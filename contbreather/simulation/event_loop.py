@@ -37,9 +37,6 @@ from contbreather.simulation.taylor import (
     state_at,
 )
 
-TOGETHER = 1e-12  # impacts closer than this happen at the same time
-FAST = 1e9  # a velocity beyond all reason
-
 DONE, FULL, CHATTER, ASTRAY, WILD, ASKS = 0, 1, 2, 3, 4, 5
 HIT, BEGINS_REST, ENDS_REST = 0, 1, 2
 
@@ -108,7 +105,8 @@ def apply_events(
     motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
-        if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
+        # impacts closer than 1e-12 happen at the same time
+        if work.when[n] < 0.0 or work.when[n] > dt + 1e-12:
             continue
         if work.at_rest[n] != 0:  # the wall lets go; nothing jumps
             wall = int(work.at_rest[n])
@@ -278,9 +276,9 @@ def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float)
             continue
         u[n] = work.v[n] + motion
         v[n] = work.w[n] + velocity
-        # a NaN is not between; 1 is far beyond what rounding does
+        # a NaN is not between; 1 is far beyond what rounding does, 1e9 beyond any velocity
         between = on.walls[0, n] - 1.0 < u[n] < on.walls[1, n] + 1.0
-        sound = sound and abs(v[n]) < FAST and between
+        sound = sound and abs(v[n]) < 1e9 and between
     return sound
 
 

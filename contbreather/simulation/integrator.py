@@ -55,8 +55,6 @@ WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wa
 IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
 REST = np.dtype([*WHERE, ("begins", "?")])
 EVENTS = ("impacts", "rests")  # tables of what happens between rigid walls
-CHUNK = 2**21  # numbers a chunk may hold: 16 MB
-MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
 
 
 class RunStop(enum.Enum):
@@ -144,7 +142,7 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
 def periods_at_once(sites: int, sample: Sample | None) -> int:
     """The most periods that one chunk may have."""
     dense = sample.per_period * len(sample.sites) if sample else 0
-    return max(1, CHUNK // (2 * sites + 2 * dense))
+    return max(1, 2**21 // (2 * sites + 2 * dense))  # numbers: 16 MB
 
 
 def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
@@ -183,12 +181,10 @@ def in_chunks(
             yield chunk
             if chunk.stop is not None:
                 return
-            # towards half a `MOMENT`, never shorter, as machines are slow for a while
-            longer = 0.5 * MOMENT / (time.perf_counter() - began)
+            # towards a tenth of a second, as an interruption waits for a chunk; never shorter, as
+            # machines are slow for a while
+            longer = 0.1 / (time.perf_counter() - began)
             count = min(int(count * min(max(longer, 1.0), 8.0)), integrator.most_periods)
-
-
-MOST = 150_000  # impacts of one site in one period: some seconds
 
 
 # --- what the kernels take ------------------------------------------------------------------------
@@ -283,7 +279,8 @@ class EventDriven:
     log: EventLog = field(init=False)
 
     def __post_init__(self) -> None:
-        self.parameters = on = parameters_of(self.conditions)._replace(most=MOST)
+        # impacts of one site in one period: some seconds
+        self.parameters = on = parameters_of(self.conditions)._replace(most=150_000)
         self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
         kinds = ("i8", "i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
         self.log = EventLog(*(np.zeros(256, kind) for kind in kinds))
@@ -372,8 +369,6 @@ def event_tables(log: EventLog, t0: float) -> tuple[NDArray[np.void], NDArray[np
 
 # --- white noise on every site: u'' = ... + noise xi(t) -------------------------------------------
 
-KICKS = 16  # in a step of the series: 64 in a period, more where modes are fast
-
 
 @dataclass
 class Noisy(EventDriven):
@@ -398,7 +393,8 @@ class Noisy(EventDriven):
     def _period(self, period: int, span: float) -> Chunk:
         """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
         start, t0 = State(*(x.copy() for x in self.state)), self.t0
-        count = math.ceil(KICKS * span / self.parameters.step)
+        # 16 kicks in a step of the series: 64 in a period, more where modes are fast
+        count = math.ceil(16 * span / self.parameters.step)
         dt = span / count
         size = self.noise * math.sqrt(dt)
         kicks = size * np.random.default_rng([self.seed, period]).normal(size=(count, start.u.size))

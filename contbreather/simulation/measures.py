@@ -46,8 +46,6 @@ from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
-NOISE = 1e-26  # energies below this, relative to the largest, are rounding: of amplitudes, 1e-13
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Localisation(HtmlRepr):
@@ -99,7 +97,8 @@ class Localisation(HtmlRepr):
         ]
         folded, distance = np.nanmean(shells, axis=0), np.arange(count)
         # the far side of a ring feels both ends of its motion: the outer part is left out
-        use = (distance <= max(2, (2 * (count - 1)) // 3)) & (folded > NOISE * folded.max())
+        # and energies that are rounding, of amplitudes 1e-13
+        use = (distance <= max(2, (2 * (count - 1)) // 3)) & (folded > 1e-26 * folded.max())
         if np.count_nonzero(use) < 2:
             return 0.0
         # energies go as the square of amplitudes
@@ -196,8 +195,6 @@ def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array
 
 # --- rotation numbers -----------------------------------------------------------------------------
 
-STILL = 1e-14  # of its largest state: a section that extends no further is a point
-
 
 def weighted_mean(values: Array) -> Array:
     """Birkhoff average along the first axis with the weight ``exp(-1/(x (1 - x)))``.
@@ -275,7 +272,8 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
     if len(x) < 20:
         raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
-    still = STILL * max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
+    # a section that extends no further than rounding of its largest state is a point
+    still = 1e-14 * max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
     spread = [(plane, plane.std(axis=0)) for plane in _planes(x, y)]
     whitened = [plane / widths for plane, widths in spread if np.all(widths > still)]
     if not whitened:

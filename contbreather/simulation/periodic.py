@@ -50,8 +50,6 @@ from contbreather.tables import Cell, HtmlRepr, Sheet, yes_or_no
 Array = NDArray[Any]
 Params = Mapping[str, float]
 
-OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
-INTEGRATED = 1e-7  # and by more than the integration's error
 DOMAIN = {name: (entry.low, entry.high) for name, entry in {**NUMBERS, **SMOOTH}.items()} | {
     "m": (1.0, 2000.0),
 }
@@ -171,8 +169,9 @@ class PeriodicMotion(HtmlRepr):
     @property
     def unstable(self) -> int:
         """Multipliers outside the unit circle by more than rounding."""
-        rough = isinstance(self.conditions, SmoothConditions)
-        return int((np.abs(self.multipliers) > 1.0 + (INTEGRATED if rough else OUTSIDE)).sum())
+        # on smooth walls by more than the error of the integration
+        slack = 1e-7 if isinstance(self.conditions, SmoothConditions) else 1e-9
+        return int((np.abs(self.multipliers) > 1.0 + slack).sum())
 
     @property
     def growth(self) -> float:

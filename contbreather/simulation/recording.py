@@ -63,7 +63,6 @@ if TYPE_CHECKING:
     import h5py
 
 EVERY = 1.0  # seconds between two saves at least
-SHARE = 0.05  # of the time may go into saves, which take the longer the longer the run is
 SAMPLED = ("sample_u", "sample_v")
 RECORDED = "samples_per_period"  # attribute that a recording has, and no other file
 
@@ -263,7 +262,8 @@ def _go_on(run: Recording, count: int, progress: bool | Bar | None) -> Recording
                     if began > due:
                         file.save()
                         now = time.monotonic()
-                        due = now + max(EVERY, (now - began) / SHARE)
+                        # the longer a run is the longer a save takes: a twentieth of the time
+                        due = now + max(EVERY, 20.0 * (now - began))
                 bar.advance(run.periods)
         except KeyboardInterrupt:
             interrupted = True

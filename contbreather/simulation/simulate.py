@@ -55,8 +55,6 @@ from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
-HELD = 2**27  # numbers of a run in memory, 1 GB, twice that while it is put together
-
 
 class Record(NamedTuple):
     """Chosen sites at many times: `u` and `v` have shape (times, sites)."""
@@ -385,11 +383,12 @@ def length_of(periods: float, sites: int) -> float:
     """The length of a run, or a sentence; also where the states of so many sites would not fit into
     memory."""
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
-    if 2 * sites * (length + 1.0) > HELD:
+    size = 16e-9 * sites * (length + 1.0)
+    if size > 1.0:  # GB; twice that while it is put together
         raise BadInput(
             f"periods = {periods:.12g}: the states of {sites} sites once in each would be "
-            f"{16e-9 * sites * (length + 1.0):.3g} GB, and a run in memory may have "
-            f"{8e-9 * HELD:.3g}; shorten it, or keep it on disk: record(...), --stream"
+            f"{size:.3g} GB, and a run in memory may have 1; shorten it, "
+            "or keep it on disk: record(...), --stream"
         )
     return length
 

@@ -31,8 +31,6 @@ from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State
 Array = NDArray[Any]
 
 TOLERANCE = 1e-10  # of a run, unless one is given
-FINE = 1e-12  # tolerance where derivatives are asked for
-CAP = 0.2  # largest step
 
 
 @lru_cache(maxsize=16)
@@ -78,7 +76,8 @@ def integrated(
     settings: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
     # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
     # a wall half as many steps are rejected, which saves a sixth of all calls
-    settings |= {"max_step": CAP, "first_step": CAP, "nsteps": 10**6, "beta": 0.04}
+    # steps of at most 0.2, a thirtieth of the period, from the first one on
+    settings |= {"max_step": 0.2, "first_step": 0.2, "nsteps": 10**6, "beta": 0.04}
     solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
     out = np.empty((len(times), y.size))
     with warnings.catch_warnings(), deferred():
@@ -117,7 +116,8 @@ def state_after(
     varied = np.hstack([first, np.zeros((x.size, params))]) if slopes else np.empty(0)
     start = np.concatenate([x, varied.ravel()])
     try:
-        end = integrated(on, t0, start, times, FINE, params)[0]
+        # finer than a run: Newton's method goes by these derivatives
+        end = integrated(on, t0, start, times, 1e-12, params)[0]
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     if not slopes:

@@ -24,8 +24,6 @@ from contbreather.storage.serialise import to_dict
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
-OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
-FASTEST = 1e6
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 
@@ -248,9 +246,9 @@ def check_state(state: Any) -> State:
     """
     u, v = state_rows(state)
     fast = int(np.abs(v).argmax())
-    if abs(v[fast]) > FASTEST:
+    if abs(v[fast]) > 1e6:  # its energy would blow up
         raise BadInput(
-            f"v[{fast}] = {v[fast]:.3g}: velocities above {FASTEST:g} blow up the energy; the "
+            f"v[{fast}] = {v[fast]:.3g}: velocities above 1e+06 blow up the energy; the "
             "walls are at distance 1 and the forcing has period 2 pi, so those of interest are "
             "of order 1."
         )
@@ -262,7 +260,7 @@ def within(state: State, walls: Walls) -> State:
     low, high = wall_rows(walls, state.u.size)
     beyond = np.maximum(state.u - high, low - state.u)
     n = int(beyond.argmax())
-    if beyond[n] > OUTSIDE * max(1.0, abs(state.u[n])):
+    if beyond[n] > 1e-9 * max(1.0, abs(state.u[n])):  # more than rounding of many steps
         places = " and ".join(f"{x:g}" for x in (low[n], high[n]) if math.isfinite(x))
         raise BadInput(
             f"u[{n}] = {state.u[n]:.12g} lies outside the walls at {places}; start with all sites "

@@ -116,13 +116,12 @@ class Workspace(NamedTuple):
 # --- the series -----------------------------------------------------------------------------------
 
 STEP = 0.5 * math.pi  # longest step; with more, the bounds on a displacement lose their grip
-LAST = 1e-18  # size of the first term left out, relative to the first one
 
 
 def powers_needed(reach: float) -> int:
     """Number of powers of s/h that are needed where the fastest rate times h is ``reach``."""
     j, size = 0, 1.0
-    while size > LAST or j < 4:
+    while size > 1e-18 or j < 4:  # of the first term: below rounding
         j += 1
         size *= reach / j
     return j + 1
@@ -282,12 +281,10 @@ def site_at(rows: Matrix, n: int, h: float, x: float) -> tuple[float, float, flo
 
 CLOSE = 2e-15  # a gap of rounding
 STILL = 1e-12  # a velocity of rounding
-PUSHED = 1e-9  # an acceleration that is more than rounding
-WALKS = 4000  # steps of one search; the usual number is below ten
 NUDGE = 1e-11  # moves the search off a point where the gap is rounding; changes it by 1e-22
 NOTHING = 1e-100  # its square is no longer a number to reckon with
-NEVER = -1.0
-LOST = -2.0
+NEVER = -1.0  # in place of a time: there is none
+LOST = -2.0  # the search for it did not end
 
 
 def parabola_root(gap: float, slope: float, curvature: float) -> float:
@@ -339,7 +336,7 @@ def first_contact(
     """
     jerk = column_bound(rows, n, limit / h, 3) / (h * h * h) + driven_bound(drive, 3)
     s, close = start, CLOSE * max(1.0, abs(level))
-    for _ in range(WALKS):
+    for _ in range(4000):  # steps; the usual number is below ten
         value, slope, curvature = site_at(rows, n, h, s / h)
         forced, forced_slope, forced_curvature, _ = drive_sum(drive, t + s)
         gap = level - sign * (value + forced)
@@ -348,7 +345,7 @@ def first_contact(
         if gap <= close:
             if slope > STILL:  # one step of Newton's method, where it is not mere rounding
                 return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
-            if slope > -STILL and curvature > PUSHED:
+            if slope > -STILL and curvature > 1e-9:  # an acceleration that is more than rounding
                 return s
         if s >= limit:
             return NEVER
@@ -372,9 +369,7 @@ def column_bound(rows: Matrix, n: int, x: float, order: int) -> float:
 
 # --- at rest on a wall: what holds a site, when that lets go, where a chatter ends ----------------
 
-GENTLE = 1e-6  # below this rebound velocity the rest of a chatter takes a moment and is summed up
-SLOWLY = 0.3  # how far ahead, and how much of its push, a chatter is summed up
-FLOOR = 1e-9  # below this one a site that is pushed outwards is at rest, chatter or not
+FLOOR = 1e-9  # rebound velocity; below it a site that is pushed outwards is at rest in any case
 
 
 @inlined
@@ -431,7 +426,7 @@ def comes_to_rest(
     """Time that ever smaller rebounds take, where they end on the wall soon; else `NEVER`.
 
     With the push A into the wall, rebounds k, k^2, ... times the velocity ``after`` take the time
-    ``T = 2 after/(A (1 - k))`` together. Below `GENTLE` they stay closer to the wall than 1e-12/A.
+    ``T = 2 after/(A (1 - k))`` together. Below 1e-6 they stay closer to the wall than 1e-12/A.
     For k close to 1 a rebound loses less than rounding puts back, `CLOSE` in its height, at
     velocities above that: what follows from there is summed as well. If the push changes at the
     rate R, slow against a rebound, a rebound's velocity v falls at A (1 - k)/2, and v^3/A
@@ -444,11 +439,12 @@ def comes_to_rest(
         return 0.0 if after <= FLOOR else NEVER
     loss = 1.0 - k
     # a rebound rises to v^2/2A and loses (1 - k) of v: below the root that is less than `CLOSE`
-    if after > max(GENTLE, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
+    if after > max(1e-6, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
         return NEVER
     remaining = 2.0 * after / (push * loss)
     change = remaining * rate / push
-    if abs(change) > SLOWLY or remaining > SLOWLY:
+    # summed up over a fraction of the forcing's time only, in which the push hardly changes
+    if abs(change) > 0.3 or remaining > 0.3:
         return 0.0 if after <= FLOOR else NEVER
     if abs(change) < 1e-6:  # where the power below is 1 to rounding
         return remaining

@@ -15,7 +15,6 @@ EXACT = 3  # aliases m = -3..3 are exact
 ORDERS = 11  # of 4 gamma/s^2 <= 1/49: 49^-11 is below rounding
 POWERS = 13  # of (nu/7)^2 <= 2/49 for |nu|^2 <= 2
 GRID = 64  # angles of the band that are looked at first
-ROUNDING = 4e-16
 
 Triple = tuple[float, float, float]  # R, B, C
 
@@ -273,7 +272,7 @@ def bracketed(
         step = new - after / slope if slope != 0.0 else math.inf
         old, before = new, after
         new = step if low <= step <= high else 0.5 * (low + high)
-        if abs(new - old) <= ROUNDING:
+        if abs(new - old) <= 4e-16:  # rounding of an angle
             break
         after = equation(on, tails, new)
         if (after < 0.0) == rising:

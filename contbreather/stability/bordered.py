@@ -32,11 +32,8 @@ CLOSED = 9  # lower powers come from Bernoulli polynomials
 HIGHEST = 2 * ORDERS + POWERS
 BORDER = 1  # aliases |a| <= 1 border the determinant
 
-GRID = 24  # samples between two singular places of the circle; refinement does the rest
-SHARP = 1e-13  # an interval that is not halved any more
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
-HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside
 TWO_PI = 2.0 * math.pi
 
 
@@ -389,9 +386,10 @@ def piece(
     high: float,
 ) -> None:
     """One of them."""
-    rows, refined, count = room.rows, room.refined, GRID + 1
+    # few between two singular places of the circle: refinement does the rest
+    rows, refined, count = room.rows, room.refined, 25
     for i in range(count):
-        sample_at(orbit, room, rows, i, i / GRID, low, high)
+        sample_at(orbit, room, rows, i, i / 24.0, low, high)
     for _ in range(DEPTH):
         more = 0
         for i in range(count - 1):
@@ -429,7 +427,7 @@ def sample_at(
 
 def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
     """Test whether F moves by much of its modulus over an interval or one next to it."""
-    if rows[i + 1, 0] - rows[i, 0] <= SHARP:
+    if rows[i + 1, 0] - rows[i, 0] <= 1e-13:  # its halves are rounding
         return False
     for j in range(max(i - 1, 0), min(i + 2, count - 1)):
         a, b, c, d = rows[j, 2], rows[j, 3], rows[j + 1, 2], rows[j + 1, 3]
@@ -461,7 +459,8 @@ def tell(
         if i + 1 < count:
             c, d = rows[i + 1, 2], rows[i + 1, 3]
             turn = math.atan2(d * a - c * b, c * a + d * b)
-            summary[TURNING] += -turn if turn < -HALF else turn
+            # half a turn in one step is past a multiplier on the circle, which is not outside
+            summary[TURNING] += -turn if turn < -3.1 else turn
 
 
 def signed_inside(

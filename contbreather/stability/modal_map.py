@@ -42,11 +42,7 @@ Array = NDArray[Any]
 
 EPS = float(np.finfo(float).eps)
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
-BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
-_SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
 DRIFTS = 1e-10  # squared frequency below which a mode only drifts over a section
-ROUNDING = 1e-15  # of |mu - exp(i w T)|^2, where that is zero
-DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
 class Map(Protocol):
@@ -202,11 +198,12 @@ class ModalMap:
         """A determinant over that of all flights less mu."""
         sign, size = np.linalg.slogdet(matrix)
         first, second = free_multipliers(self.z, self.damping, self.length)
-        unit = np.sort(np.maximum(abs(((first - mu) * (second - mu)).real), ROUNDING))
+        # in units of |mu - exp(i w T)|^2, rounding where that is zero
+        unit = np.sort(np.maximum(abs(((first - mu) * (second - mu)).real), 1e-15))
         # of modes alike a site that is hit holds one, and where that has the multiplier mu itself
-        # nothing diverges
+        # nothing diverges: it no longer scales the determinant
         held = len({blow.shape.tobytes() for blow in self.blows})
-        unit[:held] = np.maximum(unit[:held], DAMPED)
+        unit[:held] = np.maximum(unit[:held], 0.01)
         return float(sign * math.exp(min(size - np.log(unit).sum(), 700.0)))
 
     def outermost(self, radius: float) -> float:
@@ -234,9 +231,10 @@ class ModalMap:
 
     def beyond(self, place: float) -> int:
         """Count the real multipliers farther out than 1 or -1, on its side."""
+        farther = place * (1.0 + 1e-6)  # off the poles of free modes on the circle
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
-            return beyond(self.coupled, place * (1.0 + BESIDE))
-        return self.reduced.beyond(place * (1.0 + BESIDE))
+            return beyond(self.coupled, farther)
+        return self.reduced.beyond(farther)
 
     def unstable(self, threshold: float) -> float:
         """Count the multipliers over the period beyond a threshold; NaN where damping ends, and
@@ -305,7 +303,8 @@ def section_map(
     z, unseen = gamma * basis.lam + spring, gamma * basis.unseen + spring
     times = [kick.time for kick in kicks]
     free = np.diff([*times, times[0] + length])
-    last = int(np.argmax(free > _SHORT * free.max()))  # before it
+    # the longest flight; of several nearly as long the one that comes first
+    last = int(np.argmax(free > 0.7 * free.max()))  # before it
     kicks = (
         *kicks[last + 1 :],
         *(kick._replace(time=kick.time + length) for kick in kicks[: last + 1]),
@@ -323,19 +322,7 @@ def section_map(
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------
 
-EVEN = 32  # places on half a circle besides those next to the poles
-STARTS = 12  # of Newton's method: the places at which a zero looks nearest
-STEPS = 6  # of Newton's method
-WIDER = 12  # circles farther out that are tried where too many are beyond the first
-SLOPE = 1e-6  # half the step of a difference in mu
-ROUGH = 1e-10  # Newton's last step in mu
-APART = 1e-8  # zeros closer than that are one
-FAR = 1e6  # multiplier beyond which an impact has all but lost its velocity
-MOST = 2**13  # places on a circle
-CLOSE = 1e-7  # of a place on the real axis: the next one where signs are looked at
-CLOSER = 12  # times that a dip between such places is looked at with a quarter of their distance
 FOURTHS = np.array([0.25, 0.5, 0.75])
-FLAT = 2.0  # a dip from this many times its depth has been seen to the bottom
 
 
 class NearestMultipliers(NamedTuple):
@@ -411,10 +398,11 @@ class ReducedDeterminant:
     def beyond(self, place: float) -> int:
         """Count the real multipliers farther out than a place on the real axis off all poles, on
         its side."""
-        beside = np.append(0.0, np.geomspace(CLOSE, FAR, 199))  # poles are next to the place
+        # poles are next to the place; beyond 1e6 an impact has all but lost its velocity
+        beside = np.append(0.0, np.geomspace(1e-7, 1e6, 199))
         x = place * (1.0 + beside)
         D = self.D(x + 0j).real
-        for _ in range(CLOSER):
+        for _ in range(12):  # each time with a quarter of the distance about a dip
             minima = _local_minima(D)
             if not minima.size:
                 break
@@ -431,7 +419,7 @@ class ReducedDeterminant:
         floor = float(abs(self.poles).max()) / radius - 1.0
         gap = low = radius - 1.0
         high, beyond = 0.0, 0  # nothing is beyond the one, so many pairs are beyond the other
-        for _ in range(WIDER):
+        for _ in range(12):  # circles farther out, where too many are beyond the first
             nearest = self.around(1.0 + gap)
             if nearest is None:
                 return None
@@ -449,8 +437,9 @@ class ReducedDeterminant:
 
     def around(self, radius: float) -> NearestMultipliers | None:
         """Find the multipliers next to a circle around all poles, None if it cannot be resolved."""
+        # one that asks for more places than that has a zero on it
         x, D, enough = refined_samples(
-            self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST
+            self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=2**13
         )
         if not (enough and math.isfinite(abs(D).sum())):
             return None
@@ -459,13 +448,14 @@ class ReducedDeterminant:
         with np.errstate(divide="ignore", invalid="ignore"):  # the pole at an angle of 0 is twice
             step = abs(0.5 * (D[1:] + D[:-1]) * np.diff(mu) / np.diff(D))
         minima = np.flatnonzero((step[1:-1] <= step[:-2]) & (step[1:-1] <= step[2:])) + 1
-        starts = mu[minima[np.argsort(step[minima])[:STARTS]]]
+        # a dozen places at which a zero looks nearest
+        starts = mu[minima[np.argsort(step[minima])[:12]]]
         return NearestMultipliers(self._zeros(starts), round(-turning / math.pi))
 
     @cached_property
     def places(self) -> Array:
-        """Angles of a circle to look at first."""
-        x = np.concatenate([abs(np.angle(self.poles)), np.linspace(0.0, math.pi, EVEN + 1)])
+        """Angles of a circle to look at first: next to the poles, and evenly."""
+        x = np.concatenate([abs(np.angle(self.poles)), np.linspace(0.0, math.pi, 33)])
         x.sort()
         return np.sort(np.concatenate([x, 0.5 * (x[1:] + x[:-1])]))
 
@@ -473,12 +463,14 @@ class ReducedDeterminant:
         """Zeros that Newton's method finds in the upper half plane, each once."""
 
         def step(mu: Array) -> Array:
-            at, after, before = self.D(np.concatenate([mu, mu + SLOPE, mu - SLOPE])).reshape(3, -1)
-            move = 2.0 * SLOPE * at / (after - before)
+            h = 1e-6  # half the step of a difference
+            at, after, before = self.D(np.concatenate([mu, mu + h, mu - h])).reshape(3, -1)
+            move = 2.0 * h * at / (after - before)
             return np.where(abs(move) < 1.0, move, math.nan)
 
-        zeros = newton_from_all(step, mu, STEPS, ROUGH)
-        return distinct(zeros[zeros.imag > REAL], APART)
+        # six steps at most, the last one of 1e-10: closer than 1e-8 two zeros are one
+        zeros = newton_from_all(step, mu, 6, 1e-10)
+        return distinct(zeros[zeros.imag > REAL], 1e-8)
 
 
 def _local_minima(D: Array) -> Array:
@@ -487,7 +479,8 @@ def _local_minima(D: Array) -> Array:
     size, sign = abs(D), D > 0.0
     low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])
     alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])
-    return np.flatnonzero(alike & (size[1:-1] <= low) & (high > FLAT * size[1:-1])) + 1
+    # a dip to more than half of what is beside it has been seen to the bottom
+    return np.flatnonzero(alike & (size[1:-1] <= low) & (high > 2.0 * size[1:-1])) + 1
 
 
 def _matrix(turn: ModalPropagator) -> Array:

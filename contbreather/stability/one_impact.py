@@ -57,8 +57,6 @@ Array = NDArray[Any]
 ROUNDING = 1e-13  # of the terms of what vanishes at a multiplier: closer, a count is not certain
 EDGE = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
 ON_CIRCLE = 4e-13  # of |mu| - 1 of a zero that may be on the circle
-RISKY = 1e-6  # of 1/4 - gamma: nearer, zeros next to -1 are found that are none
-NEXT_TO_EDGE = 1e-7  # how far outside they are
 
 
 class AliasSums(NamedTuple):
@@ -382,7 +380,8 @@ class HalfMap(RealScalars):
         whole = OrbitMap(self.gamma, self.k, (Saltation(0, 0.0, self.b),), 0.5, spring)
         if self.gamma == 0.0:
             return whole.unstable_multipliers()
-        slack = NEXT_TO_EDGE if 0.25 * (1.0 - spring) - self.gamma < RISKY else ON_CIRCLE
+        # next to the band's edge at -1 zeros are found so far outside that are none
+        slack = 1e-7 if 0.25 * (1.0 - spring) - self.gamma < 1e-6 else ON_CIRCLE
         at = f"gamma = {self.gamma}, k = {self.k}, b = {self.b}: "
 
         def look(sites: int) -> Array:

@@ -30,9 +30,6 @@ from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
-ROUNDING = 1e-13  # of ln|S|
-PEAKS = 3  # of the samples, that are looked at closely
-
 
 @dataclass(frozen=True)
 class OverReflection(HtmlRepr):
@@ -109,7 +106,7 @@ def over_reflects(map: HalfMap) -> bool:
     if map.gamma == 0.0 or map.k == 1.0:  # no waves; nothing lost and nothing won
         return False
     lowest = Waves(map).W(np.linspace(0.0, 0.5 * math.pi, GRID + 1)).min()
-    return bool(lowest < -ROUNDING * (1.0 + abs(map.b)))
+    return bool(lowest < -1e-13 * (1.0 + abs(map.b)))  # more than rounding of its terms
 
 
 def over_reflection(map: HalfMap) -> OverReflection:
@@ -144,7 +141,7 @@ def _largest(f: Callable[[Array], Array], map: HalfMap) -> tuple[float, float]:
     padded = np.concatenate([[-math.inf], values, [-math.inf]])
     peaks = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > 0.0))
     best = (0.0, 0.0)
-    for i in peaks[np.argsort(-values[peaks])[:PEAKS]].tolist():
+    for i in peaks[np.argsort(-values[peaks])[:3]].tolist():  # looked at closely
         low, high = x[max(i - 1, 0)], x[min(i + 1, x.size - 1)]
         place, height = highest(f, low, high)
         best = max(best, (float(values[i]), float(x[i])), (height, place))

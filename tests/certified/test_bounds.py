@@ -222,15 +222,14 @@ def test_what_is_cut_off_from_means_is_bounded_closely() -> None:
 
 
 def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
-    assert 0.5 * np.pi <= averages.REACH < 1.02 * 0.5 * np.pi
     gamma, first = 0.2, 2 * averages.POWERS + 1
     with balls.working():
         errors = [float(one.rad()) for one in averages.free_flight_enclosure(arb(gamma), 3)[2]]
     size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
     for r, error in enumerate(errors):
-        term = size * averages.REACH ** (first - r) / float(mpmath.factorial(first - r))
+        term = size * (0.5 * np.pi) ** (first - r) / float(mpmath.factorial(first - r))
         powers = 3.0**r * 9.0 ** -(averages.J + 1) / np.pi
-        assert abs(error / (2 * term + powers) - 1) < 1e-8
+        assert 2 * term + powers <= error < 4 * term + powers
     least = 2.0 ** (-2 * winding.ALIASES) + 5 * 9.0 ** -(averages.J + 1)
     assert least < winding.CUT < 2.1 * least
 
@@ -248,7 +247,7 @@ def test_a_zero_is_alone_up_to_the_next_one() -> None:
         assert 2e-14 < proofs.alone_within(square, zero) < 2e-13
         assert proofs.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
         line = [arb(0.2, 1e-20)]
-        assert proofs.alone_within(lambda z: [z[0] - arb(0.2)], line) == proofs.FARTHEST == 0.3
+        assert proofs.alone_within(lambda z: [z[0] - arb(0.2)], line) == 0.3
 
 
 def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
