@@ -15,6 +15,7 @@ from .checks import flag
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1  # seconds between two drawings
+SELDOM = 20.0  # seconds between two lines of a log, which is kept
 ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody looks on, into a log
 
 
@@ -131,7 +132,7 @@ class _Progress:
                 return
             if self.line is None:
                 self.line = self._begun()
-            pause = 20.0 if isinstance(self.line, _Log) else INTERVAL  # seconds; a log is kept
+            pause = SELDOM if isinstance(self.line, _Log) else INTERVAL
             self.after = time.monotonic() + pause
             self.line.show(*self.latest)
 

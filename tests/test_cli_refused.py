@@ -116,7 +116,7 @@ LOST --stream f.nc --smooth 6 >> --stream goes with rigid walls
 LOST --impacts f.csv --smooth 6 >> --impacts goes with rigid walls
 LOST --stream f.nc --periods 2.5 >> periods = 2\.5: a whole number
 LOST --periods 1e11
-    >> the states of 20 sites once in each would be 3\.2e\+04 GB.* 1\.07; .* --stream
+    >> the states of 20 sites once in each would be 3\.2e\+04 GB.* may have 1; .* --stream
 LOST --smooth 0.3 >> m = 0\.3: the hardness .* 0\.5 <= m .* any real one
 LOST --perturb -1 >> --perturb = -1\.0: a size
 LOST --perturb 5 >> lies outside the walls
