@@ -27,10 +27,10 @@ __all__ = front(
         "continuation": (
             "Branch Event Problem Steps boundary branch_point extend fold hopf trace user"
         ),
-        "continuation.diagram": "diagram",
-        "continuation.many": "trace_many",
-        "continuation.maps": "FixedPoint",
-        "continuation.switching": "switch",
+        "continuation.branches.diagram": "diagram",
+        "continuation.walk.many": "trace_many",
+        "continuation.bifurcations.maps": "FixedPoint",
+        "continuation.branches.switching": "switch",
         "errors": "BadInput NoSolution NotConverged",
         "flows": "Collocation Filippov Flow cycle equilibrium integrate",
         "lattice": "Fourier Harmonic InfiniteChain Ring Samples Symbolic",

@@ -22,10 +22,10 @@ from .continuation import fold as fold
 from .continuation import hopf as hopf
 from .continuation import trace as trace
 from .continuation import user as user
-from .continuation.diagram import diagram as diagram
-from .continuation.many import trace_many as trace_many
-from .continuation.maps import FixedPoint as FixedPoint
-from .continuation.switching import switch as switch
+from .continuation.bifurcations.maps import FixedPoint as FixedPoint
+from .continuation.branches.diagram import diagram as diagram
+from .continuation.branches.switching import switch as switch
+from .continuation.walk.many import trace_many as trace_many
 from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contbreather.continuation.result_files import Run, load, save
+from contbreather.continuation.files.result_files import Run, load, save
 from contbreather.storage.serialise import later
 
 

@@ -148,7 +148,9 @@ def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Run) -> None:
 
 def arms_end(monkeypatch: pytest.MonkeyPatch, how: BaseException) -> None:
     """Have arms that are followed end like this."""
-    monkeypatch.setattr("contbreather.continuation.diagram.follow", MagicMock(side_effect=how))
+    monkeypatch.setattr(
+        "contbreather.continuation.branches.diagram.follow", MagicMock(side_effect=how)
+    )
 
 
 def test_an_interrupted_diagram_is_shown_and_has_its_own_status(

@@ -15,7 +15,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Branch
-from contbreather.continuation.kinds import LOOKS, MEETING, look_of
+from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import contbreather as cb
-from contbreather.continuation.kinds import LOOKS, MEETING, look_of
+from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4

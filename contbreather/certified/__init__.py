@@ -13,9 +13,9 @@ from contbreather.certified.proofs import (
     parameters,
 )
 from contbreather.checks import number
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.defining_systems import event_of
-from contbreather.continuation.point import Point
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.systems.defining_systems import event_of
 from contbreather.errors import BadInput
 
 __all__ = ["Certificate", "Covering", "Interval", "Tile", "certify"]

@@ -333,7 +333,7 @@ def _name(point: cb.continuation.Point) -> str:
 
 def _stability_lines(arm: cb.Branch) -> Iterator[str]:
     """Say between which of its special points an arm is stable, and on which chain."""
-    from contbreather.continuation.step_interpolant import between
+    from contbreather.continuation.events.step_interpolant import between
     from contbreather.stability.verdict import THRESHOLD
 
     on = f"the {arm[0].lattice.describe()}"

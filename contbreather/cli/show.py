@@ -86,13 +86,14 @@ def extend(
     most
         Number of steps after which it ends, at each end.
     """
-    from contbreather.continuation.checkpoint import Checkpoint, Inner
+    from contbreather.continuation.curve.settings import Settings
+    from contbreather.continuation.walk.checkpoint import Checkpoint, Inner
 
     branch, place, key = _chosen(_opened(run), name)
     in_place = into.save is None or identity(into.save) == identity(place)
     into = replace(into, save=str(place) if in_place else into.save)
     into.check({} if in_place else {"RUN": str(place)})
-    settings = branch.settings or cb.continuation.settings.Settings()
+    settings = branch.settings or Settings()
     within = {**settings.within, **({} if window is None else {branch.free: window})}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}
@@ -167,7 +168,7 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
 
 def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     """Present results of one command together, as it does, those of several each by its name."""
-    from contbreather.continuation.diagram import Diagram
+    from contbreather.continuation.branches.diagram import Diagram
 
     results: list[Any] = list(by_name.values())
     if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):

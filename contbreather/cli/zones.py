@@ -77,7 +77,7 @@ def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
 
 def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
     """Draw all diagrams, over the cores where that pays."""
-    from contbreather.continuation.checkpoint import checkpoint
+    from contbreather.continuation.walk.checkpoint import checkpoint
     from contbreather.workers import Failed
 
     done: list[cb.orbits.Zones] = []

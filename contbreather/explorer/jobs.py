@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.continuation.boundary import boundary
-from contbreather.continuation.point import Point
-from contbreather.continuation.switching import switch
-from contbreather.continuation.trace import trace
+from contbreather.continuation.branches.boundary import boundary
+from contbreather.continuation.branches.switching import switch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, Interrupted
 from contbreather.explorer.state import Chosen, small, watched
 from contbreather.lattice.chain import Ring

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contbreather.continuation.branch import Branch
+from contbreather.continuation.curve.branch import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Computation, Job, JobThread, OnLattice, Progress, arguments
 from contbreather.explorer.state import Chosen, PageState, point_of, small

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.diagram import Diagram
-from contbreather.continuation.point import Point
-from contbreather.continuation.switching import branches_leave
+from contbreather.continuation.branches.diagram import Diagram
+from contbreather.continuation.branches.switching import branches_leave
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed

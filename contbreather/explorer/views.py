@@ -11,9 +11,9 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.kinds import look_of
-from contbreather.continuation.point import Point
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.kinds import look_of
+from contbreather.continuation.curve.point import Point
 from contbreather.explorer.state import (
     Chosen,
     PageState,

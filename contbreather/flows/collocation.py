@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import whole
-from ..continuation.newton import Array, Undefined
+from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow, Params, slopes, values
 

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..continuation.curve import Curve
-from ..continuation.derivatives import RELATIVE, directional
-from ..continuation.newton import Array, Undefined
-from ..continuation.point import DefiningSystem, Event, Examined, Point
+from ..continuation.algebra.derivatives import RELATIVE, directional
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
 from .cycle_problem import Cycle
 from .equations import FlowEquations, lasting

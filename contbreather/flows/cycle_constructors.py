@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import brief, check_kind, number, numbers
-from ..continuation.curve import Curve
-from ..continuation.newton import Array, Undefined
-from ..continuation.point import Event
-from ..continuation.problem import Problem
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import Event
+from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown

@@ -12,15 +12,15 @@ from functools import partial
 
 import numpy as np
 
-from ..continuation import normal_forms
-from ..continuation.branch_points import bordered_matrix, crossing_event
-from ..continuation.defining_systems import Singular, signed_smallest
-from ..continuation.equilibria import fold
-from ..continuation.linear_algebra import by_inverses
-from ..continuation.multiplier_events import linked, unresolved
-from ..continuation.newton import OUT_OF_DOMAIN, Array
-from ..continuation.point import DefiningSystem, Event, Examined, Point
-from ..continuation.sparse import Dense
+from ..continuation.algebra.linear_algebra import by_inverses
+from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
+from ..continuation.algebra.sparse import Dense
+from ..continuation.bifurcations.equilibria import fold
+from ..continuation.bifurcations.multiplier_events import linked, unresolved
+from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from ..continuation.systems import normal_forms
+from ..continuation.systems.branch_points import bordered_matrix, crossing_event
+from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .contact_events import GRAZING, IMPACT, shrinking
 from .cycle_problem import Cycle, equations_of
 from .equations import FlowEquations

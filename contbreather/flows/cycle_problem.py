@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.branch_points import crossing
-from ..continuation.curve import Curve
-from ..continuation.newton import Array, Undefined, newton
-from ..continuation.point import Event, Point, UnstableDimension
-from ..continuation.problem import Problem
-from ..continuation.sparse import Matrix
-from ..continuation.switching import SwitchingProblem
+from ..continuation.algebra.newton import Array, Undefined, newton
+from ..continuation.algebra.sparse import Matrix
+from ..continuation.branches.switching import SwitchingProblem
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import Event, Point, UnstableDimension
+from ..continuation.curve.problem import Problem
+from ..continuation.systems.branch_points import crossing
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet

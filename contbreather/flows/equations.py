@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..continuation.newton import Array, Undefined
-from ..continuation.sparse import Matrix
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.algebra.sparse import Matrix
 from ..errors import BadInput
 from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values

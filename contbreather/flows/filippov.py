@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief
-from ..continuation.newton import Array
+from ..continuation.algebra.newton import Array
 from ..errors import BadInput
 from .flow import Flow, Function, Params, check_function, place, rows_of, slopes, undecorated
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, numbers
-from ..continuation.derivatives import RELATIVE, choose, directional
-from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..continuation.algebra.derivatives import RELATIVE, choose, directional
+from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
 Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, with p a dict

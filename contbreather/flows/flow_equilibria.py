@@ -9,12 +9,12 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..continuation.curve import Curve
-from ..continuation.equilibria import branch_point, fold, hopf, unstable
-from ..continuation.newton import Array, Undefined, newton
-from ..continuation.point import Event, Point, UnstableDimension
-from ..continuation.problem import Problem
-from ..continuation.switching import SwitchingProblem
+from ..continuation.algebra.newton import Array, Undefined, newton
+from ..continuation.bifurcations.equilibria import branch_point, fold, hopf, unstable
+from ..continuation.branches.switching import SwitchingProblem
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import Event, Point, UnstableDimension
+from ..continuation.curve.problem import Problem
 from .collocation import Collocation, fitted
 from .cycle_constructors import named_state
 from .cycle_events import events_of_cycle

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..continuation.newton import Array, Undefined
+from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Function, Params, place, values
 

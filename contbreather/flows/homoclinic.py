@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.newton import Array
-from ..continuation.point import DefiningSystem, Event, Examined, Point
+from ..continuation.algebra.newton import Array
+from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle, equations_of
 from .equations import lasting, sizes_of
 from .filippov import slid_along

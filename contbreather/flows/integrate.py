@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..checks import MOST, brief, number, numbers, whole
 from ..columns import Columns
-from ..continuation.newton import Array
+from ..continuation.algebra.newton import Array
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet

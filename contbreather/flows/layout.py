@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.newton import Array
-from ..continuation.sparse import Matrix
+from ..continuation.algebra.newton import Array
+from ..continuation.algebra.sparse import Matrix
 
 Places = NDArray[np.intp]
 

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.newton import Array, Undefined
-from ..continuation.sparse import Matrix
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.algebra.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
 from .flow import Params, values
 

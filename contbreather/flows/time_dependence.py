@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..continuation.newton import Array, Undefined
+from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Clock, Flow, Function, Params, at_state, check_function, offset, slopes, values
 

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.equilibria import fold
-from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Always, DefiningSystem, Event, Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.switching import SwitchingProblem
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.bifurcations.equilibria import fold
+from contbreather.continuation.branches.switching import SwitchingProblem
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Always, DefiningSystem, Event, Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import directional
-from contbreather.continuation.point import Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.switching import Seed, SwitchingProblem, leaving
+from contbreather.continuation.algebra.derivatives import directional
+from contbreather.continuation.branches.switching import Seed, SwitchingProblem, leaving
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.finite import stiffness_of
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at

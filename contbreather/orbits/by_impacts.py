@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.boundary import codim_two
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import RELATIVE, differences
-from contbreather.continuation.equilibria import branch_point, fold
-from contbreather.continuation.point import DefiningSystem, Point
-from contbreather.continuation.problem import Problem
+from contbreather.continuation.algebra.derivatives import RELATIVE, differences
+from contbreather.continuation.bifurcations.equilibria import branch_point, fold
+from contbreather.continuation.branches.boundary import codim_two
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import DefiningSystem, Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio

@@ -50,8 +50,8 @@ from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
 if TYPE_CHECKING:
-    from contbreather.continuation.point import DefiningSystem, Point
-    from contbreather.continuation.problem import Problem
+    from contbreather.continuation.curve.point import DefiningSystem, Point
+    from contbreather.continuation.curve.problem import Problem
     from contbreather.orbits.grazing import GrazingSite
     from contbreather.stability.one_impact import HalfMap, RingHalfMap
 

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import DefiningSystem, Implied, Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.walk_kernel import Walker
+from contbreather.continuation.algebra.walk_kernel import Walker
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contbreather.continuation.walk_kernel import walker
+from contbreather.continuation.algebra.walk_kernel import walker
 from contbreather.kernels import Counts, Matrix, Vector, inlined
 from contbreather.lattice.band_averages import (
     BandAverage,

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import flag, kind_of, number, one_of, real
-from contbreather.continuation.point import Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.trace import trace
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of

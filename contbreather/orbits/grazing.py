@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.branch import Points
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.curve.branch import Points
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.orbits.clearance import (
     Clearance,
     closest,

@@ -17,11 +17,11 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.branch import Branch, Points, Stop
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.equilibria import branch_point, fold
-from contbreather.continuation.point import Point
-from contbreather.continuation.trace import trace
+from contbreather.continuation.bifurcations.equilibria import branch_point, fold
+from contbreather.continuation.curve.branch import Branch, Points, Stop
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite, stiffness_of

@@ -30,11 +30,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
-from contbreather.continuation.normal_forms import solve
-from contbreather.continuation.point import Point
-from contbreather.continuation.switching import leaving
+from contbreather.continuation.algebra.newton import OUT_OF_DOMAIN, Undefined
+from contbreather.continuation.branches.switching import leaving
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.systems.normal_forms import solve
 from contbreather.errors import BadInput
 from contbreather.orbits.branch_switching import changes_order, tangent_in
 from contbreather.orbits.orbit import Orbit

@@ -31,7 +31,7 @@ from contbreather.tables import HtmlRepr, Sheet
 
 if TYPE_CHECKING:
     from contbreather.certified import Certificate
-    from contbreather.continuation.problem import Problem
+    from contbreather.continuation.curve.problem import Problem
     from contbreather.stability.verdict import Verdict
 
 FloatArray = NDArray[np.float64]
@@ -446,8 +446,8 @@ def in_order(orbit: Orbit, iterations: int | None = None) -> None:
 
 def orbit_at(problem: Problem) -> Orbit:
     """The orbit that a problem of orbits starts from."""
-    from contbreather.continuation.curve import Curve
-    from contbreather.continuation.point import Point
+    from contbreather.continuation.curve.curve import Curve
+    from contbreather.continuation.curve.point import Point
 
     curve = Curve(problem, ())
     orbit: Orbit = Point(curve, curve.start).solution

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import brief, flag
-from contbreather.continuation.branch import Points
-from contbreather.continuation.point import (
+from contbreather.continuation.curve.branch import Points
+from contbreather.continuation.curve.point import (
     DefiningSystem,
     Event,
     EventWithRule,
@@ -35,7 +35,7 @@ from contbreather.continuation.point import (
     Many,
     Point,
 )
-from contbreather.continuation.problem import Problem
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING

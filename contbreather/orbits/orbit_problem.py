@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.branch import Points
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import DefiningSystem, Implied, Point, UnstableDimension
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.switching import SwitchingProblem
+from contbreather.continuation.branches.switching import SwitchingProblem
+from contbreather.continuation.curve.branch import Points
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import brief, real
-from contbreather.continuation.branch import Points
-from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.curve.branch import Points
+from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
 from contbreather.stability.modal_map import ModalMap

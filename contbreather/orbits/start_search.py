@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import check_kind, one_of, whole
-from contbreather.continuation.boundary import named_pair
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.point import Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.settings import windows
-from contbreather.continuation.switching import switch
-from contbreather.continuation.trace import trace
+from contbreather.continuation.branches.boundary import named_pair
+from contbreather.continuation.branches.switching import switch
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.settings import windows
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.columns import Columns, stacked
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.point import CodimensionTwo, Point
-from contbreather.continuation.settings import windows
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import CodimensionTwo, Point
+from contbreather.continuation.curve.settings import windows
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.response import Resonance
 from contbreather.orbits.by_impacts import ByImpacts

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, Points
-from contbreather.continuation.checkpoint import Checkpoint
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import CodimensionTwo, Event, Point
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.resume import refined
-from contbreather.continuation.settings import Steps
-from contbreather.continuation.trace import trace
+from contbreather.continuation.branches.boundary import boundary
+from contbreather.continuation.curve.branch import Branch, Points
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import CodimensionTwo, Event, Point
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.settings import Steps
+from contbreather.continuation.files.resume import refined
+from contbreather.continuation.walk.checkpoint import Checkpoint
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds

@@ -8,8 +8,8 @@ from typing import Any, TypedDict, Unpack, overload
 import numpy as np
 
 from contbreather.checks import MOST, flag, whole
-from contbreather.continuation.checkpoint import Inner, Save, checkpoint
-from contbreather.continuation.settings import windows
+from contbreather.continuation.curve.settings import windows
+from contbreather.continuation.walk.checkpoint import Inner, Save, checkpoint
 from contbreather.errors import BadInput, add_partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import row
-from contbreather.continuation.trace import trace
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import partial_result
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.orbit import Orbit

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.continuation.equilibria import fold
-from contbreather.continuation.trace import trace
+from contbreather.continuation.bifurcations.equilibria import fold
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import NotConverged, partial_result
 from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.continuation.trace import trace
+from contbreather.continuation.walk.trace import trace
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import Orbit

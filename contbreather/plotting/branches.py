@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.diagram import Diagram
-from contbreather.continuation.kinds import look_of
-from contbreather.continuation.point import Point
-from contbreather.continuation.resume import refined, with_columns
-from contbreather.continuation.settings import MARGIN, walls_are_lifted
-from contbreather.continuation.step_interpolant import between
+from contbreather.continuation.branches.diagram import Diagram
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.kinds import look_of
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.settings import MARGIN, walls_are_lifted
+from contbreather.continuation.events.step_interpolant import between
+from contbreather.continuation.files.resume import refined, with_columns
 from contbreather.errors import BadInput
 from contbreather.orbits.impact_sequence import ALIKE
 from contbreather.orbits.orbit_problem import OrbitProblem

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, number, one_of, whole
-from contbreather.continuation.kinds import look_of
+from contbreather.continuation.curve.kinds import look_of
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
 from contbreather.progress import in_notebook

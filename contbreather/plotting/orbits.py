@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import MOST, kind_of, number, row, whole
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.point import Point
-from contbreather.continuation.problem import Problem
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.flows.cycle_problem import Cycle, CycleProblem
 from contbreather.flows.integrate import Trajectory

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import kind_of
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.diagram import Diagram
-from contbreather.continuation.point import Point
-from contbreather.continuation.result_files import Run as Kept
-from contbreather.continuation.switching import Branches
+from contbreather.continuation.branches.diagram import Diagram
+from contbreather.continuation.branches.switching import Branches
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.files.result_files import Run as Kept
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.flows.integrate import Trajectory

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, kind_of
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.kinds import MEETING, look_of
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import flag, whole
-from contbreather.continuation import maps
-from contbreather.continuation.maps import multiplier_matrix, shorter, with_period
-from contbreather.continuation.point import Event, Point, UnstableDimension
-from contbreather.continuation.problem import Problem
-from contbreather.continuation.switching import SwitchingProblem
+from contbreather.continuation.bifurcations import maps
+from contbreather.continuation.bifurcations.maps import multiplier_matrix, shorter, with_period
+from contbreather.continuation.branches.switching import SwitchingProblem
+from contbreather.continuation.curve.point import Event, Point, UnstableDimension
+from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.one_thread import one_thread

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import brief, number, state_rows
-from contbreather.continuation.point import Point
+from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls

@@ -15,12 +15,12 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from contbreather.checks import combinations
-from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch
-from contbreather.continuation.point import Point
-from contbreather.continuation.settings import Steps
-from contbreather.continuation.switching import switch
-from contbreather.continuation.trace import trace
+from contbreather.continuation.branches.boundary import boundary
+from contbreather.continuation.branches.switching import switch
+from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.settings import Steps
+from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, write_whole
 from contbreather.orbits.start_search import find_symmetric, problem_with

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contbreather.continuation.kinds import LOOKS, look_of
+from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.parameters import NAMES

@@ -120,7 +120,7 @@ def branch_row(sites: int, aim: float) -> Row:
 def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
-    from contbreather.continuation.switching import follow, seeds_at
+    from contbreather.continuation.branches.switching import follow, seeds_at
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
     fork = cb.trace(start, "a", within={"a": (0.7, 0.9)}).first("PF")

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Branch, Point, Problem, boundary, trace
-from contbreather.continuation.maps import FixedPoint
+from contbreather.continuation.bifurcations.maps import FixedPoint
 
 from .zoo import ALL, Array, Known, cusp_surface, events_of, takens
 

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 import contbreather as cb
-from contbreather.continuation import defining_systems as systems
-from contbreather.continuation import linear_algebra as algebra
-from contbreather.continuation import sparse, spectrum
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.newton import Dense, Undefined
+from contbreather.continuation.algebra import linear_algebra as algebra
+from contbreather.continuation.algebra import sparse
+from contbreather.continuation.algebra.newton import Dense, Undefined
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.systems import defining_systems as systems
+from contbreather.continuation.systems import spectrum
 
 Array = NDArray[np.float64]
 SEEDS = range(8)

@@ -23,8 +23,8 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.defining_systems import extended
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.systems.defining_systems import extended
 from contbreather.errors import BadInput
 
 from .lines import kinds

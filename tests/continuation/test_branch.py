@@ -22,10 +22,10 @@ from contbreather.continuation import (
     fold,
     hopf,
     iterate,
-    many,
     trace,
     user,
 )
+from contbreather.continuation.walk import many
 from contbreather.errors import BadInput
 
 from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case

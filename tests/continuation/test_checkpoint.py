@@ -19,16 +19,16 @@ from contbreather.continuation import (
     Stop,
     boundary,
     branch_point,
-    checkpoint,
     extend,
     fold,
     load,
     save,
     trace,
 )
-from contbreather.continuation.diagram import diagram
-from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.switching import switch
+from contbreather.continuation.bifurcations.maps import FixedPoint
+from contbreather.continuation.branches.diagram import diagram
+from contbreather.continuation.branches.switching import switch
+from contbreather.continuation.walk import checkpoint
 from contbreather.errors import BadInput, Interrupted
 
 from ..apart import begun, until
@@ -212,7 +212,8 @@ def test_quick_files_are_written_every_few_seconds_and_at_special_points(
 KILLED = """
 import sys
 import numpy as np
-from contbreather.continuation import Problem, Steps, checkpoint, trace
+from contbreather.continuation import Problem, Steps, trace
+from contbreather.continuation.walk import checkpoint
 checkpoint.EVERY, checkpoint.SHARE = 0.0, 1.0
 circle = Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0})
 steps = Steps(largest=1e-2, most=10**6)

@@ -12,9 +12,9 @@ import pytest
 from rich.console import Console
 
 from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point, load, save
-from contbreather.continuation.diagram import Diagram, diagram
-from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.switching import Seed, SwitchingProblem
+from contbreather.continuation.bifurcations.maps import FixedPoint
+from contbreather.continuation.branches.diagram import Diagram, diagram
+from contbreather.continuation.branches.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted, NotConverged
 
 from .zoo import (
@@ -364,7 +364,7 @@ def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
     import sys
 
     code = (
-        "import sys; from contbreather.continuation.diagram import diagram;"
+        "import sys; from contbreather.continuation.branches.diagram import diagram;"
         "print([m for m in ('networkx', 'rich', 'matplotlib') if m in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Branch, Event, Problem, Steps, branch_point, fold, hopf, trace
-from contbreather.continuation.maps import EVENTS, FixedPoint
+from contbreather.continuation.bifurcations.maps import EVENTS, FixedPoint
 
 from .zoo import events_of, scalar
 

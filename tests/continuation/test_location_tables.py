@@ -17,7 +17,7 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.duplicates import lies_on, placed
+from contbreather.continuation.branches.duplicates import lies_on, placed
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import ALL, BRUSSELATOR, CUSP, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Branch, Steps, boundary, fold, trace
-from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.multiplier_events import linked
-from contbreather.continuation.point import CodimensionTwo
-from contbreather.continuation.switching import NothingToSwitch, switch
+from contbreather.continuation.bifurcations.maps import FixedPoint
+from contbreather.continuation.bifurcations.multiplier_events import linked
+from contbreather.continuation.branches.switching import NothingToSwitch, switch
+from contbreather.continuation.curve.point import CodimensionTwo
 from contbreather.errors import BadInput
 
 from .lines import PLANE, XY, Params, at, henon, kinds, of_map

@@ -19,10 +19,10 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.continuation import Point, Problem, hopf, trace
-from contbreather.continuation import normal_forms as forms
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.bifurcations.maps import FixedPoint
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.systems import normal_forms as forms
 
 from .lines import at, kinds
 from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case

@@ -11,10 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Problem, Stop, derivatives, fold, trace
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.newton import Dense, Undefined, approach, newton
+from contbreather.continuation import Problem, Stop, fold, trace
+from contbreather.continuation.algebra import derivatives
+from contbreather.continuation.algebra.newton import Dense, Undefined, approach, newton
+from contbreather.continuation.bifurcations.maps import FixedPoint
+from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import NotConverged
 
 from .zoo import CIRCLE, counted, events_of, scalar

@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation import Problem, Stop, fold, trace
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import differences, estimate, misfit
+from contbreather.continuation.algebra.derivatives import differences, estimate, misfit
+from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, knowing, scalar, trace_case

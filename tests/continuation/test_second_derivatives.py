@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import derivatives
+from contbreather.continuation.algebra import derivatives
 from contbreather.errors import BadInput
 
 

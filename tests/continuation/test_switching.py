@@ -25,9 +25,8 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.duplicates import duplicate_of, lies_on, same_place
-from contbreather.continuation.switching import (
+from contbreather.continuation.branches.duplicates import duplicate_of, lies_on, same_place
+from contbreather.continuation.branches.switching import (
     ArmsCoincide,
     NothingToSwitch,
     Seed,
@@ -35,6 +34,7 @@ from contbreather.continuation.switching import (
     follow,
     switch,
 )
+from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (

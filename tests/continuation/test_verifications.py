@@ -26,8 +26,8 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.curve.curve import Curve
 
 from .lines import (
     BAUTIN,

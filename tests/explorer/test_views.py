@@ -13,7 +13,7 @@ from bokeh.models import GlyphRenderer, HoverTool
 from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
-from contbreather.continuation.kinds import LOOKS, look_of
+from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.explorer import views
 from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.algebra.newton import Undefined
 from contbreather.flows.flow import slopes, values
 
 RNG = np.random.default_rng(7)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.algebra.newton import Undefined
 
 from .zoo import TABLE
 

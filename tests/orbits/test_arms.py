@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Steps, Stop, boundary, trace
-from contbreather.continuation.diagram import diagram
-from contbreather.continuation.switching import switch
+from contbreather.continuation.branches.diagram import diagram
+from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric

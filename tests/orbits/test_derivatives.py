@@ -15,9 +15,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import DefiningSystem, Point
-from contbreather.continuation.boundary import boundary_problem
-from contbreather.continuation.boundary import codim_two as meeting_of
-from contbreather.continuation.curve import Curve
+from contbreather.continuation.branches.boundary import boundary_problem
+from contbreather.continuation.branches.boundary import codim_two as meeting_of
+from contbreather.continuation.curve.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
 from contbreather.orbits import neighbour_peak, pitchfork
 from contbreather.orbits.by_impacts import impact_problem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import trace
-from contbreather.continuation.switching import switch
+from contbreather.continuation.branches.switching import switch
 from contbreather.lattice import Ring
 from contbreather.orbits.constructors import asymmetric, shooting
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.algebra.newton import Undefined
 from contbreather.orbits.asymmetric_breather import symmetric_again
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.curve import Curve
+from contbreather.continuation.curve.curve import Curve
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import boundary, trace
-from contbreather.continuation.newton import Undefined
-from contbreather.continuation.switching import switch
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.finite import OpenChain

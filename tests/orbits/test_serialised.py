@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.checkpoint import branch_to_dict
-from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.branches.diagram import Diagram
+from contbreather.continuation.walk.checkpoint import branch_to_dict
 from contbreather.lattice.conditions import Conditions, Walls, spring_response
 from contbreather.orbits.constructors import asymmetric
 from contbreather.storage import netcdf

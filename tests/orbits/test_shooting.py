@@ -17,8 +17,8 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.checks import brief
-from contbreather.continuation.curve import Curve
-from contbreather.continuation.switching import seeds_at, switch
+from contbreather.continuation.branches.switching import seeds_at, switch
+from contbreather.continuation.curve.curve import Curve
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
 from contbreather.orbits.branch_switching import lift

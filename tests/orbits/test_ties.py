@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.derivative_checks import wrong_entry
+from contbreather.continuation.curve.derivative_checks import wrong_entry
 from contbreather.orbits.normal_form import pitchfork_form
 
 RING = {"gamma": 0.03, "k": 0.8, "damping": 0.05, "lattice": cb.Ring(8)}

@@ -10,8 +10,10 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.continuation import Steps, derivative_checks, starts
-from contbreather.continuation.step_interpolant import StepInterpolant
+from contbreather.continuation import Steps
+from contbreather.continuation.curve import derivative_checks
+from contbreather.continuation.events.step_interpolant import StepInterpolant
+from contbreather.continuation.walk import starts
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts

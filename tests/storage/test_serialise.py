@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.checkpoint import result_to_dict
+from contbreather.continuation.walk.checkpoint import result_to_dict
 from contbreather.errors import BadInput
 from contbreather.runs import load
 from contbreather.simulation import Sample, open_recording, record, simulate

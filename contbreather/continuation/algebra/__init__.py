@@ -1,0 +1,3 @@
+"""Newton's method, linear systems and derivatives."""
+
+from __future__ import annotations

@@ -1,0 +1,230 @@
+"""Bordered Newton iteration: n equations, n + 1 unknowns, one linear condition to choose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import ContbreatherError
+from . import sparse
+from .sparse import Dense, Matrix
+from .walk_kernel import LARGE
+
+Array = NDArray[np.float64]
+
+# What equations raise where they have no value: `BadInput` and ``math.sqrt(-1.0)`` among them, both
+# ValueError. Anything else is a bug and must surface.
+OUT_OF_DOMAIN = (ValueError, ArithmeticError)
+
+FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
+_REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
+_SHRINKS = 0.3  # at least by as much corrections shrink with factors from near by
+_EXACT = 1e-3  # of the tolerance: what may be left then, where Newton's would leave a square
+
+
+class Undefined(ContbreatherError, ArithmeticError):
+    """The equations have no value here: a NaN, an overflow, or beyond the edge of their domain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """End of a Newton iteration, and whether that is a solution."""
+
+    z: Array
+    converged: bool
+    iterations: int
+    residual: float  # largest entry of the equations at z
+    correction: float  # length of the last step, an estimate of the error before it
+
+
+class Equations(Protocol):
+    """Equations to solve, as a `Curve` has them."""
+
+    metric: Array
+
+    def equations(self, z: Array) -> Array: ...
+    def jacobian(self, z: Array) -> Matrix: ...
+    def length(self, z: Array) -> float: ...
+
+
+def newton(
+    curve: Equations,
+    z: Array,
+    row: Array | None = None,
+    *,
+    tolerance: float = 1e-9,
+    most: int = 12,
+) -> Solution:
+    """Solve ``H(z) = 0`` together with ``row . (z - z_start) = 0``.
+
+    Without `row` there are as many equations as unknowns, and one fewer with it. It ends with a
+    correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being quadratic; for
+    a large z each entry has to be as exact. A correction that grows ends it, too: a solution still
+    where all that is left of the equations is rounding, as of stiff ones, or beside a branch point.
+    Raises `Undefined` where the equations have no value.
+    """
+    size = 1.0 + curve.length(z)
+    bound, previous, moved, reuse = tolerance * size, math.inf, math.inf, False
+    for iteration in range(1, most + 1):
+        value = curve.equations(z)
+        if not reuse:
+            matrix = curve.jacobian(z)
+            factors = sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
+        step, singular = newton_step(factors, value, row)
+        moved = curve.length(step)
+        if not moved < math.inf:
+            raise Undefined("the Newton correction is not finite")
+        # |dz_k| / |dz_k-1| estimates the contraction (P. Deuflhard, Newton Methods for Nonlinear
+        # Problems, section 2.1): from 1/2 on the iteration is not in its quadratic phase
+        slow = 2.0 * moved > previous
+        if slow and moved > bound:
+            solved = bool((abs(value) <= rounding(matrix, z)).all())
+            if solved or moved > 2.0 * previous:
+                return Solution(z, solved, iteration, float(abs(value).max()), moved)
+        z = z - step
+        if moved <= bound and (
+            slow
+            or bound < LARGE * tolerance
+            or (abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all()
+        ):
+            value = curve.equations(z)
+            solved = not singular or _balances(matrix, value, z, curve.metric)
+            return Solution(z, solved, iteration, float(abs(value).max()), moved)
+        # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
+        # and no curvature is in the way where it is so much shorter than the one before
+        reuse = z.size > FEW and moved <= min(_REUSED * size, 1e-2 * previous)
+        previous = moved
+    return Solution(z, False, most, float(abs(curve.equations(z)).max()), moved)
+
+
+def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
+    """Compare what is left of the equations with their terms: where the derivative is singular the
+    shortest correction may be short far from any solution."""
+    terms = abs(matrix) @ (abs(z) + metric**-0.5)
+    terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
+    # relative to the terms of its row: a solution, where Newton's iteration is blind
+    return bool((abs(value) <= 1e-12 * terms).all())
+
+
+def chord(
+    curve: Equations,
+    roughly: Callable[[Array], Array],
+    factors: Dense | sparse.Factors,
+    z: Array,
+    row: Array,
+    tolerance: float,
+) -> Solution | None:
+    """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
+    short and shrink fast; None where they do not. It counts as one iteration.
+
+    On the way the equations need be no more exact than the next correction: `roughly`. What
+    corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
+    Iterative Methods for Linear and Nonlinear Equations, section 7.3).
+    """
+    size = 1.0 + curve.length(z)
+    most, before = _REUSED * size, math.nan
+    steps: list[Array] = []
+    while True:
+        step, singular = newton_step(factors, roughly(z), row)
+        for i, past in enumerate(steps):
+            dual = past * curve.metric
+            along = dual.dot(step) / dual.dot(past)
+            # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
+            step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
+        moved = curve.length(step)
+        if singular or not moved <= most:
+            return None
+        steps.append(step)
+        z = z - step
+        # convergence is at least linear: the next correction, about what is left, is shorter by
+        # this rate
+        rate = _SHRINKS if math.isnan(before) else moved / before
+        if moved * rate <= _EXACT * tolerance * size:
+            value, roughly = curve.equations(z), curve.equations
+            left = curve.length(newton_step(factors, value, row)[0])
+            if left <= _EXACT * tolerance * size:
+                return Solution(z, True, 1, float(abs(value).max()), left)
+        most, before = _SHRINKS * moved, moved
+
+
+def newton_step(
+    factors: Dense | sparse.Factors, value: Array, row: Array | None
+) -> tuple[Array, bool]:
+    """The step, and whether the matrix is singular, as at a branch point: there the shortest
+    correction is as good as any."""
+    if isinstance(factors, sparse.Factors):
+        return sparse.sparse_correction(factors, value, row)
+    step = factors.solve(value)  # the linear condition holds at every iterate, its residual stays 0
+    if step is not None:
+        return step, False
+    return _shortest(factors.whole, value if row is None else np.append(value, 0.0)), True
+
+
+def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
+    """Go from anywhere to where full steps of Newton's iteration are short; None if that fails.
+
+    A step is cut until the next one from there, for the same derivative, would be shorter
+    (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
+    mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
+    """
+    # dz = W^-1/2 y: the least dz in arclength is the shortest y with J W^-1/2 y = H
+    weights = curve.metric**-0.5
+    damping = 1.0
+    value = curve.equations(z)
+    for _ in range(most):
+        matrix = sparse.scaled(curve.jacobian(z), np.ones(value.size), weights)
+        large = sparse.is_sparse(matrix)
+        least = sparse.Factors(matrix).least if large else partial(_least, matrix)
+        step = least(value)
+        size = math.sqrt(step.dot(step))
+        if size == 0:  # a solution, or the derivative is singular and tells nothing
+            return None if value.any() else z
+        # of one this short rounding may decide whether the next is shorter
+        if size <= 1e-10 * (1 + curve.length(z)):
+            return z
+        while damping > 1e-6:
+            try:
+                trial = z - damping * step * weights
+                value = curve.equations(trial)
+                simplified = least(value)
+                ahead = math.sqrt(simplified.dot(simplified))
+            except Undefined:
+                ahead = math.inf
+            # restricted natural monotonicity: |J(z)^-1 H(trial)| <= (1 - lambda / 4) |J(z)^-1 H(z)|
+            if ahead <= (1 - damping / 4) * size:
+                break
+            damping /= 2
+        else:
+            return None
+        z = trial
+        # a full step this short has arrived
+        if damping == 1 and ahead <= 1e-3 * (1 + curve.length(z)):
+            return z
+        # tried twice as long next time: only full steps converge quadratically
+        damping = min(1.0, 2 * damping)
+    return None
+
+
+def _least(matrix: Array, right: Array) -> Array:
+    """The step of least length to a solution of linear equations."""
+    square = matrix.shape[0] == matrix.shape[1]
+    step = Dense(matrix).solve(right) if square else None
+    return _shortest(matrix, right) if step is None else step
+
+
+def rounding(matrix: Matrix, z: Array) -> Array:
+    """Bound what rounding leaves of equations at a solution, by their derivative there."""
+    # sums of terms that round once each were never seen to be off by more
+    return np.asarray(4 * math.ulp(1.0) * (abs(matrix) @ abs(z)))
+
+
+def _shortest(matrix: Array, right: Array) -> Array:
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    return np.asarray(np.linalg.lstsq(matrix, right)[0])

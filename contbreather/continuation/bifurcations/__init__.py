@@ -1,0 +1,3 @@
+"""Bifurcations of equilibria and of maps."""
+
+from __future__ import annotations

@@ -1,0 +1,300 @@
+"""Fixed points and cycles of anybody's map: LP, BP, PD and NS, their curves and resonances.
+
+The equations are ``G(x) - x = 0`` with G the map, or its iterate for a cycle: its multipliers are
+the eigenvalues of F_x + 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...checks import whole
+from ...errors import BadInput
+from ...tables import HtmlRepr, Sheet
+from ..algebra.sparse import is_sparse
+from ..branches.switching import SwitchingProblem
+from ..curve.curve import Params
+from ..curve.point import Event, Examined, Point, UnstableDimension
+from ..curve.problem import Problem
+from ..curve.settings import all_of
+from ..systems import defining_systems as systems
+from ..systems.branch_points import RANK, crossing_event
+from ..systems.spectrum import ROUNDING
+from .equilibria import fold
+from .multiplier_events import linked
+
+Array = NDArray[np.float64]
+Map = Callable[[Array, Params], Array]
+
+_SAME = 1e-7  # relative distance at which a cycle has closed
+
+
+def FixedPoint(
+    map_: Map,
+    start: Mapping[str, Any],
+    params: Params,
+    *,
+    period: int = 1,
+    jacobian: Callable[[Array, Params], Array] | None = None,
+    events: Iterable[Event] | None = None,
+    record: Mapping[str, Callable[[Point], float]] | None = None,
+    domain: Mapping[str, tuple[float, float]] | None = None,
+    scales: Mapping[str, float] | None = None,
+    label: str = "",
+) -> Problem:
+    """Fixed points of a map, or its cycles, as a problem: ``map^period(x) - x = 0``.
+
+    Parameters
+    ----------
+    map_ : callable
+        ``map_(x, params) -> array``, the next x; `x` is a one-dimensional array in the order of
+        `start`. An angle is left unwrapped, with what it gains in a period taken off.
+    start, params : dict
+        As of a `Problem`: names and values, a start close to a solution.
+    period : int
+        Number of iterates after which the orbit closes.
+    jacobian : callable, optional
+        ``jacobian(x, params) -> (n, n) array``, the derivative of the map itself, dense.
+    events : iterable of Event, optional
+        LP, BP, PD and NS by default.
+    record, domain, scales, label
+        As of a `Problem`. The column ``unstable``, the number of multipliers outside the unit
+        circle, is always there.
+
+    Returns
+    -------
+    Problem
+        To trace, to switch, to follow as boundaries. ``point.solution`` is a `MapCycle`. A located
+        PD knows the coefficient ``detail["c"]`` of ``u -> -u + c u^3``, NS its ``detail["angle"]``
+        and ``detail["d"]`` of ``w -> exp(i angle) w (1 + d |w|^2)``, for eigenvectors of length 1,
+        and both their ``detail["criticality"]``: supercritical where what is born is stable on the
+        centre manifold. Two real multipliers with product 1, a neutral saddle, are distinguished.
+        Boundaries meet, under the names of the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS,
+        PDNS, GPD and CH.
+
+    Raises
+    ------
+    BadInput
+        If `period` is not a positive integer, or as `Problem`.
+
+    Examples
+    --------
+    The first period doubling of the logistic map, and the cycle that is born there:
+
+    >>> import contbreather as cb, numpy as np
+    >>> logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    >>> point = cb.trace(logistic, "r", within={"r": (1.5, 4)}).first("PD")
+    >>> round(point["r"], 12), point.detail["criticality"]
+    (3.0, 'supercritical')
+    """
+    period = whole("period", period, 1)
+    if not callable(map_) or not (jacobian is None or callable(jacobian)):
+        raise BadInput(f"a map, and its jacobian, are functions; got {map_!r} and {jacobian!r}")
+    if not (record is None or isinstance(record, Mapping)):
+        raise BadInput(f"record must be a dict of names and functions, got {record!r}")
+    iterate = Iterate(map_, period, jacobian)
+    return MapCycleProblem(
+        iterate,
+        start,
+        params,
+        jacobian=None if jacobian is None else iterate.jacobian,
+        events=EVENTS if events is None else all_of(events) or (),
+        record={**(record or {}), "unstable": UnstableDimension(attrgetter("solution.unstable"))},
+        domain={} if domain is None else domain,
+        scales={} if scales is None else scales,
+        label=generic(iterate.period) if label == "" else label,
+    )
+
+
+# --- cycles as solutions ----------------------------------------------------------------------
+
+
+def generic(period: int) -> str:
+    return "fixed point" if period == 1 else f"cycle of period {period}"
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """``G(x) - x`` with G the iterate of a map."""
+
+    map: Map
+    period: int
+    derivative: Callable[[Array, Params], Array] | None = None
+
+    def __call__(self, x: Array, params: Params) -> Array:
+        image = x
+        for _ in range(self.period):
+            image = self.image(image, params)
+        return image - x
+
+    def image(self, x: Array, params: Params) -> Array:
+        """One iterate; a map may write to what it is given, and return one array each time."""
+        image = np.array(self.map(x.copy(), params))
+        if image.shape != x.shape or not np.issubdtype(image.dtype, np.number):
+            raise BadInput(f"the map makes {image!r} of {x!r}; {x.size} numbers were expected")
+        return image
+
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """The other points of the cycle, each a start of the same one."""
+        points = []
+        for _ in range(self.period - 1):
+            x = self.image(x, params)
+            points.append(x)
+        return tuple(points)
+
+    def jacobian(self, x: Array, params: Params) -> Array:
+        """By the chain rule from the derivative of the map."""
+        assert self.derivative is not None
+        product = np.eye(x.size)  # DG^m = DG(x_m-1) ... DG(x_1) DG(x_0)
+        for _ in range(self.period):
+            slopes = self.derivative(x.copy(), params)
+            if is_sparse(slopes):
+                raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
+            if np.shape(slopes) != product.shape:
+                raise BadInput(
+                    f"the Jacobian of the map has shape {np.shape(slopes)}; {product.shape} was "
+                    "expected"
+                )
+            product = np.asarray(slopes) @ product
+            x = self.image(x, params)
+        return product - np.eye(x.size)
+
+
+@dataclass(frozen=True, repr=False)
+class MapCycle(HtmlRepr):
+    """A fixed point or cycle: its points, and its multipliers over one period."""
+
+    points: Array  # (period, n)
+    matrix: Array  # derivative of the iterate
+    params: Mapping[str, float]
+
+    @cached_property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the iterate, the largest first."""
+        values = np.linalg.eigvals(self.matrix).astype(complex)
+        return values[np.argsort(-abs(values), kind="stable")]
+
+    @property
+    def period(self) -> int:
+        return len(self.points)
+
+    @property
+    def unstable(self) -> int:
+        """Multipliers outside the unit circle."""
+        return int((abs(self.multipliers) > 1).sum())
+
+    def table(self) -> Sheet:
+        """Its period, its multipliers, and how many are outside the unit circle."""
+        rows = [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), start=1)]
+        return Sheet.of([("period", self.period), *rows, ("unstable", self.unstable)])
+
+    def __repr__(self) -> str:
+        kind = "fixed point" if self.period == 1 else f"cycle of period {self.period}"
+        return f"<{kind} of a map, {self.unstable} unstable>"
+
+
+def multiplier_matrix(point: Point) -> Array:
+    n = point.curve.size
+    # F = G - x: its derivative is that of G but for 1
+    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
+
+
+def with_period(problem: Problem, period: int) -> Problem:
+    """Write the same orbit as one of another period."""
+    iterate: Iterate = problem.residual  # type: ignore[assignment]
+    other = replace(iterate, period=period)
+    unnamed = problem.label == generic(iterate.period)
+    return replace(
+        problem,
+        residual=other,
+        jacobian=other.jacobian if callable(problem.jacobian) else problem.jacobian,
+        label=generic(period) if unnamed else problem.label,
+    )
+
+
+def shorter(point: Point) -> Problem | None:
+    """The cycle as one of the smallest period it has, if that is not the one it is written in."""
+    iterate: Iterate = point.curve.problem.residual
+    size = 1 + float(np.linalg.norm(point.x))
+    x = point.x
+    for period in range(1, iterate.period):
+        x = iterate.image(x, point.params)
+        if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
+            return with_period(point.problem, period)
+    return None
+
+
+def units(point: Point) -> Array:
+    """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
+    scales = point.curve.scales[: point.curve.size]
+    # S^-1 A S
+    return multiplier_matrix(point) * scales / scales[:, None]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MapCycleProblem(Problem):
+    """Fixed points or cycles of a map."""
+
+    residual: Iterate
+
+    @property
+    def period(self) -> int:
+        return self.residual.period
+
+    def interpret(self, point: Point) -> Any:  # type: ignore[override]
+        points = np.array([point.x, *self.residual.phases(point.x, point.params)])
+        return MapCycle(points, multiplier_matrix(point), point.params)
+
+    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+        return self.residual.phases(x, params)
+
+    def simpler(self, point: Point) -> Problem | None:
+        return shorter(point)
+
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        return _doubled if kind == "PD" else None
+
+    def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
+        """Multipliers, and what rounding may leave in each."""
+        matrix = units(point)
+        rounding = ROUNDING * float(np.linalg.norm(matrix))
+        return np.linalg.eigvals(matrix).astype(complex), rounding
+
+
+# --- the events on a branch -------------------------------------------------------------------
+
+
+def _examine_one(plain: Event, point: Point) -> Examined:
+    """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
+    far apart in size the derivative may look singular where it is not."""
+    sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
+    if sizes[-1] > RANK * max(1.0, sizes[0]):
+        return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
+    assert plain.examine is not None
+    return plain.examine(point)
+
+
+def _doubled(point: Point) -> SwitchingProblem:
+    """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
+    twice = with_period(point.problem, 2 * point.curve.problem.period)
+    return SwitchingProblem(twice, point.curve.free[0], both=False)
+
+
+def _flip_matrix(point: Point) -> Array:
+    return units(point) + np.eye(point.curve.size)
+
+
+_PLAIN_FOLD = fold()
+_CIRCLE = linked(
+    replace(_PLAIN_FOLD, examine=partial(_examine_one, _PLAIN_FOLD)), systems.Singular(_flip_matrix)
+)
+_PLAIN_BRANCH_POINT = crossing_event(_CIRCLE.meetings("BP"))
+_BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
+EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -1,0 +1,292 @@
+"""PD and NS of whatever comes back after a turn, and what their curves and those of LP meet.
+
+Its problem says what the multipliers are but for a trivial one (`multipliers`), and, unless it is
+``G(x) - x = 0`` of a map G, which matrix is singular where mu is one of them (`closing`): fixed
+points and cycles of maps, and periodic orbits of flows.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.linear_algebra import by_inverses, least_singular, solved
+from ..algebra.newton import Array, Undefined
+from ..algebra.sparse import Factors, Matrix, above, any_vector, beside, is_large, scaled
+from ..curve.curve import Curve
+from ..curve.point import CodimensionTwo, DefiningSystem, Event, Examined, Point
+from ..systems import normal_forms
+from ..systems.branch_points import RANK, crossed
+from ..systems.defining_systems import along_by_difference, rank_locus
+from ..systems.spectrum import Multipliers, Values
+from .stability_border import Border
+
+_NEAR = 1e-5  # how far off its place a multiplier of a located event may be
+_BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
+_ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
+_FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
+
+
+def multipliers_at(point: Point) -> Multipliers:
+    """Multipliers but a trivial one."""
+
+    def make(z: Array) -> Multipliers:
+        return Multipliers(*base.curve.problem.multipliers(base))
+
+    base = point.base_point
+    known: Multipliers = base.curve.cached("multipliers", base.z, make)
+    return known
+
+
+def _pair_followed(point: Point) -> complex | None:
+    return cmath.exp(1j * point["angle"]) if 0 < point["angle"] < math.pi else None
+
+
+def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border:
+    """LP as it is given, PD by its test, and NS; on the curve of each the others are known."""
+    circle = Border(
+        "multipliers", "unit circle", {"BP": 1.0, "LP": 1.0, "PD": -1.0}, "NS",
+        multipliers_at, _pair_followed, ("angle", cmath.phase),
+    )  # fmt: skip
+    circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
+    circle.events["PD"] = Event(
+        "PD",
+        flips or partial(circle.least_beside, "", -1.0),
+        locus=partial(_flip_locus, circle),
+        examine=_examine_flip,
+    )
+    circle.events["NS"] = Event(
+        "NS",
+        partial(circle.least_of_pairs, ""),
+        locus=partial(_rotation_locus, circle),
+        examine=partial(_examine_rotation, circle),
+    )
+    for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
+        sign = int(circle.real[on])
+        circle.double[on] = CodimensionTwo(
+            "R1" if sign == 1 else "R2",
+            partial(circle.least_beside, on, sign),
+            examine=partial(_examine_double, on, sign),
+            base=circle.events["NS"],
+        )
+    return circle
+
+
+def _count(values: Values, wanted: float) -> int:
+    """Count the multipliers at one value. Rounding moves two of them that are one by its root, but
+    their sum and their product by no more than itself: so with all symmetric functions of them."""
+    size = max(1.0, abs(values).max(initial=0.0))
+    off = (values - wanted)[abs(values - wanted).argsort()] / size
+    # the most of which all are small: of two that a root splits neither one is there alone
+    counts = range(off.size, 0, -1)
+    return next((k for k in counts if abs(np.poly(off[:k])[1:]).max() < _NEAR), 0)
+
+
+def scaled_closing(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
+    """The square derivative whose null vectors are perturbations that have grown by mu when they
+    come back, those of a map in their scales."""
+    square, units = normal_forms.closed(curve, matrix, mu), _units(curve)
+    return scaled(square, 1 / units, units)
+
+
+def _units(curve: Curve) -> Array:
+    plain = curve.problem.closing is None
+    return curve.scales[: curve.size] if plain else np.ones(curve.size)
+
+
+def _eigenvectors(mu: float, point: Point) -> int:
+    """Count those of a multiplier that is there, one or two."""
+    base = point.base_point
+    matrix, moved = scaled_closing(base.curve, base.jacobian(), mu), base.curve.problem.perturbed
+    # meshes have no multipliers: that of an orbit that rests is all but free
+    weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
+    return 2 if weak.second < RANK * max(1.0, weak.largest) else 1
+
+
+# --- on a branch ------------------------------------------------------------------------------
+
+
+def unresolved(point: Point) -> str:
+    """Say why no event is believed, where a mesh resolves no multiplier."""
+    base = point.base_point
+    reason: str = base.curve.problem.unresolved(base)
+    return reason
+
+
+def _examine_flip(point: Point) -> Examined:
+    if coarse := unresolved(point):
+        return coarse
+    values = multipliers_at(point).values
+    off, size = abs(values + 1), max(1.0, abs(values).max(initial=0.0))
+    if not off.min(initial=math.inf) < _NEAR * size:
+        return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
+    if np.count_nonzero(off < _NEAR * size) > 1 and _eigenvectors(-1.0, point) > 1:
+        return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
+    return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
+
+
+def _examine_rotation(circle: Border, point: Point) -> Examined:
+    if coarse := unresolved(point):
+        return coarse
+    upper = circle.pair_at(point)
+    if isinstance(upper, str):
+        return upper
+    angle = cmath.phase(upper)
+    return {"angle": angle} | normal_forms.criticality(
+        "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
+    )
+
+
+# --- as equations -----------------------------------------------------------------------------
+
+
+def _flipped(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of the problem closed with -1, and its vectors; of a small one times
+    the next, for where both vanish two curves cross. On a mesh all are small."""
+
+    def make(z: Array) -> tuple[float, Array, Array]:
+        matrix, units = curve.jacobian(z), _units(curve)
+        B = scaled_closing(curve, matrix, -1.0)
+        if not is_large(B):
+            weak = least_singular(B)
+            value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
+            weight = min(1.0, weak.second)
+            return weight * value, weight * left / units, right * units
+        # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
+        factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        regular = next((each for each in factors if each.sign()), None)
+        if regular is None:
+            raise Undefined("the cycle is singular whatever multiplies its start")
+        value, left, right = by_inverses(regular, B.shape[0], refined=False)
+        return value, left / units, right * units
+
+    weak: tuple[float, Array, Array] = curve.cached("flip", z, make)
+    return weak
+
+
+def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+    """A number g that vanishes where the problem closed with exp(i angle) is singular, and vectors
+    v and w with ``g' = -w* B' v``."""
+
+    def make(place: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+        B = scaled_closing(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
+        # ( B   a ) (v)   (0)  g = det B / det of all, for any a that is not at right angles to both
+        # ( a*  0 ) (g) = (1)  parts of a null vector
+        a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
+        whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
+        turned = whole.conj().T
+        if is_large(whole):  # of a cycle, where most entries are 0
+            from scipy.sparse import csc_array
+
+            whole, turned = csc_array(whole), csc_array(turned)
+        why = "a second pair is where one is followed"
+        right, left = solved(whole, unit, why), solved(turned, unit, why)
+        return right[-1], right[:-1], left[:-1]
+
+    found: tuple[Any, NDArray[Any], NDArray[Any]]
+    found = curve.cached("pair", np.append(z, extra), make)
+    return found
+
+
+def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
+    """Re g and Im g, which vanishes wherever the angle is 0 or pi, over about sin(angle): there a
+    fold or a doubling has Re g = 0."""
+    g = _bordered(curve, z, extra)[0]
+    return np.array([g.real, g.imag / math.hypot(math.sin(extra[0]), _FLAT)])
+
+
+def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
+    g, v, w = _bordered(curve, z, extra)
+    units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
+    left, right = w.conj() / units, v * units
+    real, imaginary = (
+        along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
+    )
+    slope = -real - 1j * imaginary
+    # affine in mu: the derivative of the closing is the difference of any two
+    in_mu = scaled_closing(curve, matrix, 1.0) - scaled_closing(curve, matrix, 0.0)
+    slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
+    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
+    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
+    return np.array([slope.real, below / sine])
+
+
+def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
+    assert plain.locus is not None
+    return replace(plain.locus(point), meets=circle.meetings("LP"))
+
+
+def _flip_locus(circle: Border, point: Point) -> DefiningSystem:
+    ends = (circle.degenerate("GPD", "PD", (-1.0, 1.0), "the coefficient c =", normal_forms.flip),)
+    return replace(rank_locus(_flipped), events=ends, meets=circle.meetings("PD"))
+
+
+def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
+    ends = (
+        # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
+        *(
+            CodimensionTwo(
+                f"R{k}", partial(_from_angle, sign, angle), base=circle.events[base],
+                examine=partial(_examine_double, "NS", sign), ends="branch",
+            )
+            for k, sign, angle, base in ((1, 1, 0.0, "LP"), (2, -1, math.pi, "PD"))
+        ),
+        *(
+            Event(
+                f"R{k}", partial(_from_angle, 1, 2 * math.pi / k),
+                examine=partial(circle.examine, ("NS",)),
+            )
+            for k in (3, 4)
+        ),
+        # no value at R1, R2 and R3, where the normal form is another
+        circle.degenerate("CH", "NS", (1.0,), "Re d =", _rotation),
+    )  # fmt: skip
+    start = {"angle": _angle(point)}
+    return DefiningSystem(
+        start, _on_circle_with, _slope_of_pair, events=ends, meets=circle.meetings("NS")
+    )
+
+
+def _angle(point: Point) -> float:
+    """Angle of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as
+    there a curve of folds or doublings has this angle."""
+    values = multipliers_at(point).values
+    for double, angle in ((1.0, _ASIDE), (-1.0, math.pi - _ASIDE)):
+        if _count(values, double) == 2:
+            return angle
+    upper = values[values.imag > 0]
+    if not upper.size:
+        raise Undefined("no complex pair of multipliers is there: a neutral saddle")
+    return cmath.phase(upper[abs(abs(upper) - 1).argmin()])
+
+
+def _from_angle(sign: int, angle: float, point: Point) -> float:
+    # it is an unknown of the curve: no eigenvalue has to be asked for
+    return float(sign * (point["angle"] - angle))
+
+
+# --- resonances -------------------------------------------------------------------------------
+
+
+def _examine_double(on: str, sign: int, point: Point) -> Examined:
+    """Two multipliers there, with one eigenvector; of +1 whether branches cross as well. A curve of
+    NS ends where there are two, too: it comes back with the pair interchanged."""
+    values = multipliers_at(point).values
+    count = _count(values, sign)
+    if count != 2:
+        return f"{count} multipliers are {sign}; two were expected"
+    if _eigenvectors(sign, point) > 1:
+        why = f"two multipliers are {sign}, with two eigenvectors"
+        return {"degenerate": why} if on == "NS" else why
+    return crossed(point.base_point) if sign == 1 else {}
+
+
+def _rotation(point: Point, agreed: float) -> normal_forms.Coefficient:
+    return normal_forms.rotation_coefficient(point, point["angle"], agreed)

@@ -1,0 +1,186 @@
+"""Curves of critical points and what they meet, on the imaginary axis and on the unit circle.
+
+===================  =====================  ========================
+critical values      flows, lambda          maps and cycles, mu
+===================  =====================  ========================
+one real             LP, BP: 0              LP, BP: +1, PD: -1
+a pair               HB                     NS
+one real and a pair  ZH, BP-HB              LPNS, PDNS, BP-NS
+two different reals                         LPPD, BP-PD
+one real twice       BT                     R1, R2
+two pairs            HH
+no cubic term        GH                     GPD, CH
+===================  =====================  ========================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from ..branches.boundary import codim_two
+from ..curve.point import CodimensionTwo, Event, Examined, Point
+from ..systems import normal_forms
+from ..systems.branch_points import branches_cross
+from ..systems.spectrum import CriticalValues, Eigenvalues, Multipliers
+
+Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """Border of stability, and the events where eigenvalues or multipliers are on it.
+
+    Attributes
+    ----------
+    values, name : str
+        Its values, and itself, in words.
+    real : dict
+        Critical value of each kind that has one, the largest first: they are named in this order.
+    pair : str
+        Kind of a complex pair.
+    spectrum : callable
+        ``spectrum(point)``: all values, as far as they are known.
+    followed : callable
+        ``followed(point)``: the upper value of the pair that a curve of `pair` has everywhere; None
+        beyond the end of such a curve.
+    frequency : tuple
+        Name and function of the number that tells the upper value of a pair.
+    names : dict
+        Names of meetings that are not made of both kinds.
+    events : dict
+        Those of the kinds, each of which speaks of the others.
+    double : dict
+        On the curves of kinds of one real value: where another one joins it.
+    """
+
+    values: str
+    name: str
+    real: Mapping[str, float]
+    pair: str
+    spectrum: Callable[[Point], Eigenvalues | Multipliers]
+    followed: Callable[[Point], complex | None]
+    frequency: tuple[str, Callable[[complex], float]]
+    names: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    events: dict[str, Event] = field(default_factory=dict)
+    double: dict[str, CodimensionTwo] = field(default_factory=dict)
+
+    def others(self, on: str, point: Point) -> CriticalValues:
+        """Values next to those that the curve of a kind has everywhere: where one more of these
+        joins them the meeting has another name. None beyond the end of a curve of pairs."""
+        values = self.spectrum(point)
+        if on != self.pair:
+            return values.without(self.real[on]) if on else values
+        upper = self.followed(point)
+        if upper is None:
+            return replace(values, values=values.values[:0])
+        return values.without(upper, upper.conjugate())
+
+    def least_of_pairs(self, on: str, point: Point) -> float:
+        """The test of a pair."""
+        return self.others(on, point).least_of_pairs()
+
+    def least_beside(self, on: str, place: float, point: Point) -> float:
+        """The test of a real value."""
+        others = self.others(on, point)
+        if self.real.get(on) == place and others.values.size:
+            # rounding splits a double one by its root, but does not move the sum of both
+            values, every = others.values.copy(), self.spectrum(point).values - place
+            values[abs(values - place).argmin()] += every[abs(every).argmin()]
+            others = replace(others, values=values)
+        return others.least_beside(place)
+
+    def meetings(self, on: str) -> dict[str, tuple[Event, ...]]:
+        """Events to look for on the curve of a kind in place of each other kind."""
+        met: dict[str, tuple[Event, ...]] = {
+            kind: (self._meeting(on, kind),)
+            for kind in (*self.real, self.pair)
+            if kind not in (on, "BP") and (on, kind) != ("BP", "LP")
+        }
+        if on in self.double:
+            met[self.pair] = (self.double[on], *met[self.pair])
+        return met
+
+    def _meeting(self, on: str, kind: str) -> Event:
+        order = [*self.real, self.pair]
+        first, second = sorted((on, kind), key=order.index)
+        made_of_both = f"{first}{'-' if first == 'BP' else ''}{second}"
+        place = self.real.get(kind)
+        test = (
+            partial(self.least_of_pairs, on)
+            if place is None
+            else partial(self.least_beside, on, place)
+        )
+        return replace(
+            codim_two(on, self.events[kind]),
+            kind=self.names.get((first, second), made_of_both),
+            test=test,
+            examine=partial(self.examine, (first, second)),
+        )
+
+    def examine(self, kinds: tuple[str, ...], point: Point) -> Examined:
+        """Refuse a point unless the values on the border are those of all these kinds."""
+        if "LP" in kinds and branches_cross(point.base_point):
+            return "a branch point, not a fold"
+        every, left, found = self.spectrum(point), self.spectrum(point).critical, list[str]()
+        for place in {*self.real.values()}:
+            here = abs(left - place) < every.beside
+            found += [_word(place)] * int(here.sum())
+            left = left[~here]
+        upper = left[left.imag > 0]
+        found += ["a pair"] * upper.size
+        wanted = [_word(self.real[kind]) if kind in self.real else "a pair" for kind in kinds]
+        if sorted(found) != sorted(wanted):
+            shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
+            saddle = ": a neutral saddle" if wanted.count("a pair") > found.count("a pair") else ""
+            return f"on the {self.name} are {shown}, where only {these} should be{saddle}"
+        name, measure = self.frequency
+        return {name: float(measure(upper[0]))} if upper.size == 1 else ""
+
+    def pair_at(self, point: Point) -> complex | str:
+        """The upper value of the pair that is on the border, or why it is no complex pair."""
+        every = self.spectrum(point)
+        if every.values.size < 2:
+            return f"no two {self.values} are known beside the {self.name}"
+        pair = every.nearest_pair()
+        for on, event in self.double.items():
+            if abs(pair - self.real[on]).max() <= every.beside:
+                return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
+        if not pair.imag.any():
+            one, other = pair.real
+            return f"a neutral saddle: the {self.values} {one:.3g} and {other:.3g} are real"
+        return complex(pair[0] if pair[0].imag > 0 else pair[1])
+
+    def degenerate(
+        self, kind: str, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic
+    ) -> Event:
+        """The event where a cubic coefficient of the normal form vanishes along the curve of a
+        kind; it has poles where another value joins at these places."""
+        return Event(
+            kind,
+            partial(self._without_poles, on, poles, coefficient),
+            examine=partial(self._examine_zero, on, name, coefficient),
+        )
+
+    def _without_poles(
+        self, on: str, poles: tuple[float, ...], coefficient: Cubic, point: Point
+    ) -> float:
+        # eigenvalues first: the orbit at hand is the one that was solved for last
+        others = self.others(on, point).values.size
+        factors = [self.least_beside(on, place, point) for place in poles if others]
+        dear = point.base_point.curve.problem.closing is not None  # each derivative
+        agreed = normal_forms.ROUGHLY if dear else normal_forms.AGREED
+        return math.prod(factors) * normal_forms.value_or_nan(lambda: coefficient(point, agreed))
+
+    def _examine_zero(self, on: str, name: str, coefficient: Cubic, point: Point) -> Examined:
+        found = coefficient(point, normal_forms.AGREED)
+        reason = normal_forms.not_zero(name, found, point)
+        return reason if reason or on in self.real else self.examine((on,), point)
+
+
+def _word(place: float) -> str:
+    return f"{place:+g}" if place else "0"

@@ -1,0 +1,3 @@
+"""Boundaries, switching and diagrams."""
+
+from __future__ import annotations

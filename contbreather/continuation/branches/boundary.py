@@ -1,0 +1,326 @@
+"""Events as curves in two parameters: the same walk on a longer problem."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...checks import check_kind
+from ...errors import BadInput
+from ...one_thread import one_thread
+from ...progress import Counter
+from ...storage.serialise import from_dict, to_dict
+from ..algebra.newton import Undefined
+from ..curve.branch import Branch
+from ..curve.curve import Curve
+from ..curve.derivative_checks import wrong_entry
+from ..curve.point import (
+    CodimensionTwo,
+    DefiningSystem,
+    Event,
+    Examined,
+    Implied,
+    Point,
+    UnstableDimension,
+)
+from ..curve.problem import Problem
+from ..curve.settings import (
+    Settings,
+    Steps,
+    Within,
+    active_events,
+    having,
+    titled,
+    walls_are_lifted,
+)
+from ..systems.branch_points import Crossings, branch_point_test, branches_cross
+from ..systems.defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
+from ..walk.checkpoint import Save, checkpoint, piece_of
+from ..walk.trace import trace
+
+_MOST = 500  # steps in each direction
+
+
+@one_thread
+def boundary(
+    point: Point,
+    pair: tuple[str, str],
+    *,
+    within: Within | None = None,
+    towards: str = "both",
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Counter | None = None,
+    inadmissible: bool = False,
+    save: Save = None,
+) -> Branch:
+    """Follow a special point as a curve in two parameters.
+
+    Parameters
+    ----------
+    point : Point
+        A special point of a branch (``branch.first("PF")``), or any point of another boundary. From
+        where two kinds meet, the boundary of the other one is followed. Branch points (BP) are
+        followed where a symmetry or an invariant subspace holds the branches together for other
+        values of the parameters too, and refused where they come apart.
+    pair : tuple of two str
+        The two free parameters; `towards` refers to the first.
+    within, towards, steps, progress, inadmissible, save
+        As for `trace`, but for at most 500 steps in each direction unless `steps` allow more: a
+        point of a boundary costs many times one of a branch, and without a window it has no end.
+    events : iterable of Event, optional
+        Events of the original problem to look for on the curve; all its own by default, apart
+        from the kind that is traced. Those that were given to `trace` alone are not known here:
+        give them again. They are labelled with both kinds, ``"PF-GR"``. With ``()`` cusps and the
+        like are not looked for either.
+
+    Returns
+    -------
+    Branch
+        With the unknowns of the problem, those of the locus (a null vector, an angle, a time) and
+        both parameters as columns. Counts, as ``unstable``, are NaN where the boundary is what
+        changes them.
+
+    Raises
+    ------
+    BadInput
+        If the point is not special, its event cannot be traced, or `pair` is not two parameters.
+    NotConverged
+        Where branch points turn out to be no curve.
+
+    Examples
+    --------
+    The folds of ``h + mu x - x^3 = 0`` lie on the cusp curve ``4 mu^3 = 27 h^2``:
+
+    >>> import contbreather as cb, numpy as np
+    >>> cusp = cb.Problem(lambda x, p: np.array([p["h"] + p["mu"] * x[0] - x[0] ** 3]),
+    ...                   start={"x": 1.0}, params={"mu": 1.0, "h": 0.0})
+    >>> fold = cb.trace(cusp, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    >>> line = boundary(fold, ("mu", "h"), within={"mu": (-1, 2)})
+    >>> bool(np.allclose(4 * line["mu"] ** 3, 27 * line["h"] ** 2))
+    True
+    """
+    check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
+    named_pair(pair)
+    base_point, event = _having(point.base_point, _traceable(point), pair)
+    settings = Settings.of(within, events, steps, inadmissible, Steps(most=_MOST))
+    longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
+
+    def born(line: Branch) -> Branch:
+        return replace(line, settings=settings, origin=point)
+
+    with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:
+        line = trace(
+            longer, pair[0], within=within, towards=towards, steps=settings.steps,
+            progress=progress, save=inner,
+        )  # fmt: skip
+        line = born(line)
+        if kept:
+            kept.finish(line)
+    return line
+
+
+def named_pair(pair: Any) -> tuple[str, str]:
+    """Two different names, or a sentence."""
+    listed = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
+    if not listed or len(pair) != 2 or pair[0] == pair[1]:
+        raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
+    return pair[0], pair[1]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BoundaryProblem(ExtendedProblem):
+    """A problem with the defining system of one of its events, and what else was asked for."""
+
+    asked: tuple[Event, ...] | None = field(kw_only=True)
+    inadmissible: bool = field(kw_only=True)
+
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
+        """Free another parameter of the base problem in place of the first."""
+        curve, (free,), event = Curve(self, ()), names, self.residual.event
+        assert event is not None
+        pair = free, curve.varied[-1]
+        base_point, event = _having(Point(curve, curve.start).base_point, event, pair)
+        if free not in base_point.curve.problem.params:
+            return self
+        return boundary_problem(base_point, event, pair, self.asked, inadmissible=self.inadmissible)
+
+
+def boundary_problem(
+    base_point: Point,
+    event: Event,
+    pair: tuple[str, str],
+    events: tuple[Event, ...] | None = None,
+    *,
+    inadmissible: bool = False,
+) -> Problem:
+    """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
+    of its unknowns."""
+    base, active = active_events(base_point.problem, events, inadmissible=inadmissible)
+    for name in pair:
+        if name not in base.params:
+            raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
+    if event.locus is None:
+        raise BadInput(f"{event.kind} has no locus to trace in two parameters")
+    curve, kind = Curve(base, (pair[1], pair[0])), _named(base_point, event)
+    try:
+        locus = event.locus(replace(base_point, curve=curve, z=curve.start, tangent=None))
+    except Undefined as error:
+        raise BadInput(f"{kind} cannot be traced from here: {error}") from error
+    for name, (low, high) in locus.domain.items():
+        value = base.params.get(name, low)
+        end = min(max(value, low), high)
+        if not math.isclose(value, end, rel_tol=1e-9):  # the end of another boundary is there
+            raise BadInput(
+                f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
+                f"{end:g}; take a point there"
+            )
+    record = base.record
+    if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
+        record = {
+            name: column if isinstance(column, Implied) else partial(_uncounted, column)
+            for name, column in record.items()
+        }
+    make = partial(
+        BoundaryProblem,
+        events=_met_on(locus, event, kind, active, events, walls_are_lifted(base)),
+        record=record,
+        label=titled(f"{kind} boundary", base),
+        asked=events,
+        inadmissible=inadmissible,
+    )
+    longer = extended(curve, locus, event, make)
+    # those of this package are held to differences by its tests
+    if base.derivatives is None and locus.derivative is not None:
+        longer_curve = Curve(longer, (pair[0],))
+        with contextlib.suppress(Undefined):
+            if wrong := wrong_entry(longer_curve, longer_curve.start):
+                raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
+    return longer
+
+
+def _met_on(
+    locus: DefiningSystem,
+    event: Event,
+    kind: str,
+    active: Iterable[Event],
+    asked: tuple[Event, ...] | None,
+    beyond_walls: bool,
+) -> tuple[Event, ...]:
+    """Events to look for on the boundary of an event: those of its locus, and meetings with all
+    others that are active."""
+    met = [*locus.events]
+    if asked is not None and not asked:  # only what the curve cannot be followed beyond
+        met = [own for own in met if own.ends]
+    if beyond_walls and event.ends_domain:  # what ends it is another wall
+        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
+    for other in active:
+        if other.kind != event.kind and other.test is not None:
+            met += locus.meets.get(other.kind, (codim_two(kind, other),))
+    return tuple(met)
+
+
+def _named(base_point: Point, event: Event) -> str:
+    """The kind that a point was found to be, which may be another than its event's: PF for BP."""
+    same = base_point.event is not None and base_point.event.kind == event.kind
+    return base_point.kind if same and base_point.kind else event.kind
+
+
+def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
+    """A column, NaN for a count."""
+    value = math.nan if isinstance(column, UnstableDimension) else column(point)
+    return math.nan if isinstance(value, int | np.integer) else value
+
+
+def _traceable(point: Point) -> Event:
+    """The event to trace from a point: what happened there, that of the base problem where two
+    meet, and otherwise the one whose boundary the point lies on."""
+    event = point.event
+    if isinstance(event, CodimensionTwo):
+        event = event.base
+    if event is None or event.locus is None:
+        event = event_of(point.curve.problem) or event
+    if event is None and point.kind not in ("", "EP", "MX"):
+        raise BadInput(
+            f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
+        )
+    if event is None:
+        raise BadInput(
+            f"{point!r} is no bifurcation: nothing to trace as a boundary; give one of the other "
+            "labelled points of the branch, branch.first('LP') for instance"
+        )
+    return event
+
+
+def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
+    """The point, and its event, in equations that have both parameters."""
+    problem = having(base_point.problem, *pair)
+    if problem.residual is base_point.curve.problem.residual:
+        return base_point, event
+    alike = next((e for e in problem.events if e.kind == event.kind), event)
+    event = (from_dict(to_dict(event.serialised)) if event.serialised else alike).of(problem)
+    problem, _ = active_events(problem, (event,))
+    curve = Curve(problem, base_point.curve.free)
+    return replace(base_point, curve=curve, z=curve.start, tangent=None), event
+
+
+def codim_two(kind: str, event: Event) -> CodimensionTwo:
+    """An event of the original problem as one on the boundary of another: PF-GR.
+
+    Where both have a locus, the meeting is located by the conditions of both at once. Where
+    branches cross, so do the boundaries on them: a branch point of the longer problem.
+    """
+    name = f"{kind}-{event.kind}"
+    if event.crosses:  # to look ahead costs as much as a step
+        return CodimensionTwo(
+            name, branch_point_test, locus=Crossings(), examine=_examine_crossing, base=event
+        )
+    beneath = _Beneath(kind, event)
+    return CodimensionTwo(
+        name,
+        beneath.test,
+        locus=beneath.locus if event.locus else None,
+        examine=beneath.examine if event.examine else None,
+        ends=event.ends,
+        may_jump=event.may_jump,
+        base=event,
+    )
+
+
+@dataclass(frozen=True)
+class _Beneath:
+    """An event of the original problem, asked at points of the boundary of another kind."""
+
+    kind: str
+    event: Event
+
+    def test(self, point: Point) -> float | int:
+        return self.event.value(point.base_point)
+
+    def locus(self, point: Point) -> DefiningSystem:
+        together = point.curve.problem.residual
+        assert self.event.locus is not None
+        assert isinstance(together, Extended)
+        return lifted(self.event.locus(point.base_point), together, f" of {self.event.kind}")
+
+    def examine(self, point: Point) -> Examined:
+        assert self.event.examine is not None
+        suffix = f" of {self.event.kind}"
+        detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
+        verdict = self.event.examine(replace(point.base_point, detail=detail))
+        if isinstance(verdict, str):
+            return verdict
+        # its normal form is that of a branch, what is said of it is not
+        words = {name: value for name, value in verdict.items() if isinstance(value, str)}
+        return {**words, "kind": f"{self.kind}-{words['kind']}"} if "kind" in words else words
+
+
+def _examine_crossing(point: Point) -> str:
+    reason = "the boundary is singular here, but the branches it is on do not cross"
+    return "" if branches_cross(point.base_point) else reason

@@ -1,0 +1,506 @@
+"""Diagrams that grow by themselves: follow, switch wherever branches meet, and follow again."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sized
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...checks import whole
+from ...columns import Columns, stacked
+from ...errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
+from ...one_thread import one_thread
+from ...progress import Counter
+from ...storage.serialise import serialised
+from ...tables import Column, HtmlRepr, Sheet
+from ..curve.branch import Branch, Stop
+from ..curve.point import Event, Point
+from ..curve.problem import Problem
+from ..curve.settings import Steps, Within, all_of, steps_of, windows
+from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
+from ..walk.trace import Startable, trace
+from .duplicates import Duplicate, duplicate_of, same_place, simplest
+from .switching import Seed, branches_leave, follow, seeds_at
+
+if TYPE_CHECKING:
+    from networkx import MultiDiGraph
+    from rich.tree import Tree
+
+
+_COLUMNS = 5  # numbers shown for a point in the tree
+_SHORT = 0.1  # of the first step that was asked for: an arm that sets out by less
+_FARTHER = 12  # is recognised after so many steps
+
+
+@dataclass(frozen=True)
+class Place:
+    """A special point and the branch it was found on first."""
+
+    branch: int
+    point: Point
+
+    @property
+    def name(self) -> str:
+        return f"branch {self.branch}: {self.point.label}"
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """Origin of a branch: at which depth, from where, and of which branch it is the image."""
+
+    depth: int
+    place: Place | None = None
+    image_of: int | None = None
+
+
+@dataclass(frozen=True)
+class Connection:
+    """An arm that was not followed: it leads to a branch that is known."""
+
+    place: Place
+    branch: int
+
+    def __str__(self) -> str:
+        return f"{self.place.name} leads to branch {self.branch}"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An arm that could not be followed, and why."""
+
+    place: Place
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.place.name}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram(Columns, HtmlRepr):
+    """Branches, and what was born where.
+
+    Attributes
+    ----------
+    branches : tuple of Branch
+        In the order in which they were followed, the start first.
+    births : tuple of Bifurcation
+        How each of them came about.
+    places : tuple of tuple of Place
+        For each branch its special points, in order; a point where branches cross is the same
+        `Place` on all of them.
+    meetings : tuple of Connection
+        Arms that lead to branches known already, and were not followed again.
+    failed : tuple of Failure
+        Arms that could not be followed.
+    left : tuple of Place
+        Points that were not switched at: beyond the depth, after as many branches as allowed, or
+        after an interruption. Of the last of these some arms may have been followed.
+    interrupted : bool
+        Whether it was interrupted; what there was by then is kept.
+    """
+
+    branches: tuple[Branch, ...]
+    births: tuple[Bifurcation, ...]
+    places: tuple[tuple[Place, ...], ...]
+    meetings: tuple[Connection, ...] = ()
+    failed: tuple[Failure, ...] = ()
+    left: tuple[Place, ...] = ()
+    interrupted: bool = False
+
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __iter__(self) -> Iterator[Branch]:
+        return iter(self.branches)
+
+    def __getitem__(self, index: int) -> Branch:
+        return self.branches[index]
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of all branches, which ``branch`` numbers."""
+        return stacked(({"branch": i}, branch.columns()) for i, branch in enumerate(self))
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """The special points of all branches; one where branches cross is there once."""
+        return tuple(place.point for place in self._distinct().values())
+
+    def _distinct(self) -> dict[str, Place]:
+        return {place.name: place for row in self.places for place in row}
+
+    @property
+    def graph(self) -> MultiDiGraph:
+        """Branches and special points as a networkx graph.
+
+        Nodes are branches (their number, with ``branch`` and ``depth``) and special points
+        (``"branch 0: PF1"``, with ``point``); ``kind`` is ``"branch"`` or that of the point. Edges
+        have a ``relation``: ``"on"`` from a branch to the points on it, ``"born"`` from a point to
+        the branches that set out there, ``"known"`` from a point to a branch that was there
+        before, ``"image"`` from a branch to its image under a symmetry.
+        """
+        from networkx import MultiDiGraph
+
+        graph = MultiDiGraph()
+        for i, (branch, birth) in enumerate(zip(self.branches, self.births, strict=True)):
+            graph.add_node(i, kind="branch", branch=branch, depth=birth.depth)
+        for name, place in self._distinct().items():
+            graph.add_node(name, kind=place.point.kind, point=place.point)
+        for i, row in enumerate(self.places):
+            for place in row:
+                graph.add_edge(i, place.name, relation="on")
+        for i, birth in enumerate(self.births):
+            if birth.place is not None:
+                graph.add_edge(birth.place.name, i, relation="born")
+            if birth.image_of is not None:
+                graph.add_edge(birth.image_of, i, relation="image")
+        for meeting in self.meetings:
+            graph.add_edge(meeting.place.name, meeting.branch, relation="known")
+        return graph
+
+    def describe(self) -> str:
+        """One sentence: how much there is, and what was left undone."""
+        parts = [
+            f"{_count(self, 'branch', 'branches')}, {_count(self._distinct(), 'special point')}"
+        ]
+        if self.left:
+            parts.append(f"{_count(self.left, 'point')} not switched at")
+        if self.failed:
+            parts.append(f"{_count(self.failed, 'arm')} not followed")
+        if self.interrupted:
+            parts.append(Stop.INTERRUPTED.value)
+        return "; ".join(parts)
+
+    def __repr__(self) -> str:
+        return f"<Diagram {self.describe()}>"
+
+    def table(self) -> Sheet:
+        """A line for each branch; in a terminal it is a tree."""
+        branches, places = self.branches, [birth.place for birth in self.births]
+        return Sheet(
+            [
+                Column("branch", [str(i) for i in range(len(branches))]),
+                Column("born at", ["" if place is None else place.name for place in places]),
+                Column("points", [len(branch) for branch in branches]),
+                Column(
+                    "special", [" ".join(p.label for p in branch.special) for branch in branches]
+                ),
+                Column("end", [branch.stop.value for branch in branches]),
+            ],
+            self.describe(),
+        )
+
+    def __rich__(self) -> Tree:
+        """Branches as a tree: under each its special points, under each of these what was born."""
+        from rich.tree import Tree
+
+        tree = Tree(self.describe())
+        for i, birth in enumerate(self.births):
+            if birth.place is None:
+                self._grow(tree, i)
+        return tree
+
+    def _grow(self, tree: Tree, index: int) -> None:
+        branch, image = self.branches[index], self.births[index].image_of
+        note = "" if image is None else f" (image of branch {image})"
+        node = tree.add(f"branch {index}{note}: {branch.describe()}")
+        for place in {place.name: place for place in self.places[index]}.values():
+            if place.branch != index:
+                node.add(f"meets {place.name}")
+                continue
+            leaf = node.add(_shown(place.point))
+            for i, birth in enumerate(self.births):
+                if birth.place is not None and birth.place.name == place.name:
+                    self._grow(leaf, i)
+
+
+def _count(things: Sized, singular: str, plural: str = "") -> str:
+    return f"{len(things)} {singular if len(things) == 1 else plural or singular + 's'}"
+
+
+def _shown(point: Point) -> str:
+    values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
+    numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
+    return f"{point.label}: {', '.join(numbers[:_COLUMNS])}{', ...' * (len(numbers) > _COLUMNS)}"
+
+
+# --- growing ----------------------------------------------------------------------------------
+
+
+@one_thread
+def diagram(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within,
+    depth: int = 2,
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    most: int = 100,
+    progress: bool | None = None,
+    save: Save = None,
+) -> Diagram:
+    """Follow the branch through a start, switch wherever others leave it, follow these, and so on.
+
+    Parameters
+    ----------
+    start : Problem, Orbit or Point
+        Where to begin.
+    free : str
+        The parameter all branches are followed in.
+    within : dict
+        ``{name: (low, high)}`` as for `trace`; a name that the problem of an arm does not have
+        does not count there.
+    depth : int, optional
+        How often to switch on the way from the start to a branch: 0 is the branch of the start
+        alone.
+    events, steps : optional
+        As for `trace`. Arms that solve another problem than the start look for its own events.
+    most : int, optional
+        Number of branches after which no others are followed.
+    progress, save : optional
+        As for `trace`.
+
+    Returns
+    -------
+    Diagram
+        No branch is in it twice: arms that lead to a known branch are recognised before they are
+        followed. The image of a known branch under a symmetry is followed, but not switched on.
+
+    Raises
+    ------
+    BadInput, NotConverged
+        As `trace`, for the start. What fails later on is kept in ``failed``.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the diagram as far as it got, with ``interrupted`` set, or
+        None.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> tree = diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
+    >>> tree
+    <Diagram 3 branches, 5 special points>
+    >>> sorted(tree.graph.successors("branch 0: BP1"))
+    [1, 2]
+    """
+    depth, most = whole("depth", depth, 0), whole("most", most, 1)
+    with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
+        growth = _Growth(
+            free, windows(within), depth, all_of(events), steps_of(steps), most, shown, kept
+        )
+        with partial_result(growth.so_far):
+            growth.run(start)
+        if kept:
+            kept.finish(growth.diagram())
+    return growth.diagram()
+
+
+@dataclass
+class _Growth:
+    """A diagram under way."""
+
+    free: str
+    within: Within
+    depth: int
+    events: tuple[Event, ...] | None
+    steps: Steps
+    most: int
+    shown: Counter
+    kept: Checkpoint | None
+    tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
+    queue: deque[Place] = field(default_factory=deque)
+
+    def run(self, start: Problem | Startable) -> None:
+        """Grow until nothing is left to switch at, or it is enough."""
+        walk = partial(trace, start, self.free)
+        self._grow(Bifurcation(0), walk, within=self.within, events=self.events)
+        while self.queue and len(self.tree) < self.most:
+            self._switch_at(self.queue[0])
+            self.queue.popleft()
+
+    def so_far(self) -> Diagram | None:
+        return self.diagram(interrupted=True) if len(self.tree) else None
+
+    def diagram(self, *, interrupted: bool = False) -> Diagram:
+        left = (*self.tree.left, *self.queue)
+        return replace(self.tree, left=left, interrupted=interrupted)
+
+    def _note(self, **more: object) -> None:
+        """Put one more entry at the end of rows of the diagram, all of them at once."""
+        rows = {name: (*getattr(self.tree, name), entry) for name, entry in more.items()}
+        self.tree = replace(self.tree, **rows)  # type: ignore[arg-type]
+
+    def _switch_at(self, place: Place) -> None:
+        self.shown.title = f"branch {len(self.tree)}, {len(self.queue)} points to switch at: "
+        try:
+            seeds = seeds_at(place.point)
+        except ContbreatherError as error:
+            self._note(failed=Failure(place, str(error)))
+            return
+        for seed in seeds:
+            if len(self.tree) >= self.most:
+                self._note(left=place)
+                return
+            try:
+                self._follow(place, seed)
+            except ContbreatherError as error:
+                self._note(failed=Failure(place, str(error)))
+
+    def _follow(self, place: Place, seed: Seed) -> None:
+        """Follow one arm, unless its first step is on a branch that is known."""
+        problem, point = seed.problem, place.point
+        # those that were given, for the problem they were given for
+        events = self.events if problem.residual is point.curve.problem.residual else None
+        within = self._within(problem)
+        glance = partial(follow, point, seed, within=within, events=(), progress=False)
+        first = glance(steps=replace(self.steps, most=1))
+        if len(first) < 2 and first.stop is Stop.BOUND:
+            return  # at the edge of the window, beyond which it lies
+        if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
+            # so close to a branch point rounding decides on which of two curves a solution lies
+            first = glance(steps=replace(self.steps, most=_FARTHER))
+        reach = first.curve.length(first[-1].z - first[0].z)
+        duplicate = duplicate_of(first[-1], self.tree, reach)
+        if duplicate is not None and (duplicate.simpler or not duplicate.image):
+            self._meet(place, duplicate, seed)
+            return
+        image_of = None if duplicate is None else duplicate.branch
+        birth = Bifurcation(self.tree.births[place.branch].depth + 1, place, image_of)
+        small, walk = simplest(first[-1], reach), partial(follow, point, seed)
+        if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
+            walk, events = partial(trace, small.problem, self.free), None
+            within = self._within(small.problem)
+        self._grow(birth, walk, within=within, events=events)
+
+    def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], **how: Any) -> None:
+        """One more branch, or what there is of it where it is interrupted."""
+
+        def whole(piece: Branch) -> Diagram | None:
+            growth = replace(self, queue=self.queue.copy())
+            growth._add(piece, birth)
+            return growth.so_far()
+
+        with add_partial_result(lambda piece: self._add(piece, birth)):
+            save = self.kept and Inner(self.kept, whole)
+            branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
+        self._add(branch, birth)
+
+    def _within(self, problem: Problem) -> Within:
+        return {name: window for name, window in self.within.items() if name in problem.names}
+
+    def _meet(self, place: Place, duplicate: Duplicate, seed: Seed) -> None:
+        larger = seed.problem.residual is not self.tree[place.branch].problem.residual
+        if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
+            raise NotConverged(
+                "an arm cannot be distinguished from the branch it was to leave; shorter first "
+                "steps, or switch by hand"
+            )
+        meeting = Connection(place, duplicate.branch)
+        if meeting not in self.tree.meetings:
+            self._note(meetings=meeting)
+
+    def _add(self, branch: Branch, birth: Bifurcation) -> None:
+        index, later = len(self.tree), list[Place]()
+        places: list[Place] = []
+        for point in branch.special:
+            if point.parent is not None:
+                continue  # where an arm set out is the place it was born at
+            if not branches_leave(point):
+                places.append(Place(index, point))
+                continue
+            # the branch may cross another one there, or itself
+            known = (
+                place
+                for place in chain(*self.tree.places, places)
+                if branches_leave(place.point) and same_place(point, place.point)
+            )
+            earlier = next(known, None)
+            places.append(earlier or Place(index, point))
+            if earlier is None:
+                later.append(places[-1])
+        self._note(branches=branch, births=birth, places=tuple(places))
+        # all that leaves an image is the image of what leaves the original
+        for place in later if birth.image_of is None else ():
+            if birth.depth < self.depth:
+                self.queue.append(place)
+            else:
+                self._note(left=place)
+
+
+# --- in files -----------------------------------------------------------------------------------
+
+
+def _to_dict(tree: Diagram) -> dict[str, Any]:
+    """Branches as groups, places by the branch they were found on first and their number there."""
+    numbers = {
+        id(place): [place.branch, _number(tree.branches[place.branch], place.point)]
+        for row in tree.places
+        for place in row
+    }
+    births = [
+        [birth.depth, birth.place and numbers[id(birth.place)], birth.image_of]
+        for birth in tree.births
+    ]
+    return {
+        "births": births,
+        "places": [[numbers[id(place)] for place in row] for row in tree.places],
+        "meetings": [[numbers[id(meeting.place)], meeting.branch] for meeting in tree.meetings],
+        "failed": [[numbers[id(failure.place)], failure.reason] for failure in tree.failed],
+        "left": [numbers[id(place)] for place in tree.left],
+        "interrupted": tree.interrupted,
+        "groups": {f"branch{i}": branch for i, branch in enumerate(tree)},
+    }
+
+
+def _number(branch: Branch, point: Point) -> int:
+    return next(i for i, other in enumerate(branch) if other is point)
+
+
+At = tuple[int, int]  # a branch, and the number of a point on it
+
+
+@serialised("diagram", Diagram, _to_dict)
+def _from_dict(
+    *,
+    groups: dict[str, Branch],
+    births: list[tuple[int, At | None, int | None]],
+    places: list[list[At]],
+    meetings: list[tuple[At, int]],
+    failed: list[tuple[At, str]],
+    left: list[At],
+    interrupted: bool,
+) -> Diagram:
+    branches = [groups[f"branch{i}"] for i in range(len(groups))]
+    known = dict[tuple[int, int], Place]()
+    numbers = [*(image for *_, image in births), *(arm for _, arm in meetings)]
+    if len(births) != len(branches) or {*numbers} - {None, *range(len(branches))}:
+        raise BadInput(f"births {births} or meetings {meetings} are not those of its branches")
+
+    def at(where: At) -> Place:
+        branch, number = where
+        if branch not in range(len(branches)) or number not in range(len(branches[branch])):
+            raise BadInput(f"there is no point {number} on a branch {branch} of its branches")
+        return known.setdefault((branch, number), Place(branch, branches[branch][number]))
+
+    origins = [Bifurcation(depth, place and at(place), image) for depth, place, image in births]
+    for i, birth in enumerate(origins):  # the point that an arm left is that of the branch
+        if birth.place is not None and branches[i][0].parent is not None:
+            points, parent = branches[i].points, birth.place.point
+            made = {**points.made, 0: replace(points[0], parent=parent)}
+            branches[i] = replace(branches[i], points=replace(points, made=made), origin=parent)
+    return Diagram(
+        tuple(branches),
+        tuple(origins),
+        tuple(tuple(at(where) for where in row) for row in places),
+        tuple(Connection(at(where), branch) for where, branch in meetings),
+        tuple(Failure(at(where), reason) for where, reason in failed),
+        tuple(at(where) for where in left),
+        interrupted,
+    )

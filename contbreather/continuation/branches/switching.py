@@ -1,0 +1,429 @@
+"""From a point where curves meet, onto the other curves.
+
+Where they set out is what the problem knows (`Problem.lift`), or two tangents tell; following them
+is the same walk as ever, along a direction that is given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import kind_of
+from ...errors import BadInput, NotConverged, add_partial_result
+from ...one_thread import one_thread
+from ...progress import Counter
+from ...tables import Column, HtmlRepr, Sheet
+from ..algebra.linear_algebra import least_singular
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined, newton
+from ..curve.branch import Branch, Stop, labelled
+from ..curve.curve import Curve
+from ..curve.kinds import look_of
+from ..curve.point import Event, Point
+from ..curve.problem import Problem
+from ..curve.settings import Steps, Within, all_of, walls_are_lifted
+from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
+from ..walk.trace import trace
+from .duplicates import images, lies_on
+
+_SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
+_ALIKE = 0.999  # entries of a direction that are equal but for rounding
+_AT_START = 1e-7  # points this close to the start of an arm, relative to its first step, are there
+_APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
+
+
+class Seed(NamedTuple):
+    """The start of one arm: its problem, the point z in it, the direction in which it leaves, and
+    that of the branch it leaves from, which it must not follow."""
+
+    problem: Problem
+    z: Array
+    tangent: Array
+    parent: Array | None = None
+
+
+@dataclass(frozen=True)
+class SwitchingProblem:
+    """A problem in which other curves leave a point, its start and its parameters those of the
+    point.
+
+    Where its equations are regular, one curve passes the point and leaves it to both sides. Where
+    they lose rank, as a symmetry of a larger problem breaks, the curve that leaves is the one along
+    which the free parameter does not change at first.
+
+    Parameters
+    ----------
+    problem : Problem
+        That of the arms: the branch's own, or a larger one that knows both flights of an
+        asymmetric breather, or a doubled cycle.
+    free : str
+        The parameter in which the branch was followed.
+    by : sequence of str
+        Of these unknowns the first that moves as far as any says which arm comes first: along that
+        one it becomes smaller. All of them unless given.
+    both : bool
+        Whether the two sides are different curves; of a doubled cycle they are one, a period
+        apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> pitchfork = Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0] ** 2)]),
+    ...                     {"x": 0.0}, {"mu": 0.0})
+    >>> round(SwitchingProblem(pitchfork, "mu").arm(0.1).params["mu"], 12)
+    0.01
+    """
+
+    problem: Problem
+    free: str
+    by: Sequence[str] = ()
+    both: bool = True
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector of the unknowns in which the first arm leaves."""
+        tangent = self.tangents[0][:-1]
+        return np.asarray(tangent / np.linalg.norm(tangent))
+
+    @cached_property
+    def tangents(self) -> tuple[Array, Array | None]:
+        """The tangent of the first arm, and that of the branch where it solves the problem, too."""
+        curve = Curve(self.problem, (self.free,))
+        weak = least_singular(curve.balanced(curve.jacobian(curve.start)))
+        plane, along = weak.plane * curve.scales, weak.plane[:, -1]
+        if weak.size > _SINGULAR * max(1.0, weak.largest):
+            return self._oriented(plane[1], curve), None
+        # c1 v1 + c2 v2 of the two null vectors with no component along the parameter; whether there
+        # is one to remove they say in the scales of the unknowns, where they are unit vectors
+        if not np.linalg.norm(along) > _SINGULAR:
+            raise Undefined("the parameter changes along no curve at first: they fold there")
+        return self._oriented(along[1] * plane[0] - along[0] * plane[1], curve), along @ plane
+
+    def _oriented(self, tangent: Array, curve: Curve) -> Array:
+        slots = [curve.slots[name] for name in self.by or self.problem.start]
+        moved = np.concatenate([np.atleast_1d(tangent[slot]) for slot in slots])
+        first = moved[int((abs(moved) >= _ALIKE * abs(moved).max()).argmax())]
+        return np.asarray(-math.copysign(1.0, first) * tangent)
+
+    def seeds(self) -> tuple[Seed, ...]:
+        """Starts of the arms."""
+        (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
+        sides = (1.0, -1.0) if self.both else (1.0,)
+        return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
+
+    def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
+        """The problem started on an arm, at a distance along `direction`; its sign chooses the arm,
+        and `free` is the parameter that gives way.
+
+        Raises
+        ------
+        NotConverged
+            If there is not a solution at this amplitude: try another one.
+        """
+        curve = Curve(self.problem, (free or self.free,))
+        # v . (x - x0) = amplitude, and the parameter gives way: regular on the arms of a pitchfork
+        row = np.append(self.direction, 0.0)
+        guess = curve.start + amplitude * row
+        curve.metric = np.ones(guess.size)  # as exact as a start, whatever the scales
+        try:
+            solution = newton(curve, guess, row, tolerance=1e-11, most=20)
+        except Undefined as error:
+            raise NotConverged(
+                f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
+                "smaller one."
+            ) from error
+        if not solution.converged:
+            raise NotConverged(
+                f"no orbit branches off at the amplitude {amplitude:g} ({self.problem.label}): "
+                f"residual {solution.residual:.3g}; try a smaller one.",
+                residual=solution.residual,
+            )
+        return Point(curve, solution.z).problem
+
+
+def across(point: Point) -> tuple[Seed, ...]:
+    """Seeds in both directions of the curve that crosses the one the point was found on."""
+    if "tangents" not in point.detail:
+        raise Undefined("no directions are known here: other curves set out where curves cross")
+    row = point.curve.metric * point.direction
+    other = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
+    return tuple(
+        Seed(point.problem, point.z, leaving(point.curve, point.z, side * other, point.direction),
+             point.tangent)
+        for side in (-1, 1)  # the leading unknown of a tangent grows along it: first where it falls
+    )  # fmt: skip
+
+
+def leaving(curve: Curve, z: Array, way: Array, parent: Array) -> Array:
+    """Tangent of what leaves a curve to one side: `way` but for a share of `parent`, the tangent of
+    that curve.
+
+    Equations may have a kink there, as where impacts at once come apart, in another order on either
+    side. On the side of `way` they are smooth, ``way + c parent`` solves them to second order if
+    ``w H_zz (way + c parent)^2 = 0``, and along the parent alone this vanishes. Without a kink
+    there is no such share.
+    """
+    weak = least_singular(curve.balanced(curve.jacobian(z)))
+    try:
+        change = curve.along(z, way, ahead=True)
+    except Undefined:  # at the edge of a domain: there is nothing on that side
+        return way
+    row = weak.left @ curve.balanced(change) / curve.scales
+    turn = float(row @ parent)
+    if not turn:
+        raise Undefined("to second order nothing tells it from the curve it is to leave")
+    return np.asarray(way - 0.5 * float(row @ way) / turn * parent)
+
+
+# --- following them ----------------------------------------------------------------------------
+
+
+class NothingToSwitch(BadInput):
+    """No other curve leaves the point; `point` is what was given."""
+
+    def __init__(self, message: str, point: Point) -> None:
+        super().__init__(message)
+        self.point = point
+
+
+class ArmsCoincide(NotConverged):
+    """An arm is not a new curve: `arm` is what was walked, `other` the branch or direction it
+    follows, `distance` how far apart they are after the first step, relative to it."""
+
+    def __init__(self, message: str, arm: Branch, other: Any, distance: float) -> None:
+        super().__init__(message, residual=distance)
+        self.arm = arm
+        self.other = other
+        self.distance = distance
+
+
+class Branches(tuple[Branch, ...], HtmlRepr):
+    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
+    notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """A line for each, with its special points."""
+        labels = [", ".join(point.label for point in branch.special) for branch in self]
+        what = [branch.describe() for branch in self]
+        return Sheet(
+            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
+        )
+
+
+@one_thread
+def switch(
+    point: Point,
+    *,
+    within: Within | None = None,
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Counter | None = None,
+    save: Save = None,
+) -> Branches:
+    """Follow all other curves that leave a point where curves meet.
+
+    Parameters
+    ----------
+    point : Point
+        A special point of a branch from which others leave: a BP of any problem, the PF and PD of
+        breathers, the PD of a map.
+    within, events, steps, progress, save
+        As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
+        for what that branch did; one whose problem has other events looks for these by default.
+        Where the walls of that branch are lifted, those of the arms are.
+
+    Returns
+    -------
+    tuple of Branch
+        One for each arm, both directions of a crossing curve apart. The first point of each is the
+        point itself, in the problem of the arm, with ``arm[0].parent`` the point on the branch it
+        left. A curve that comes back to the point is there once. An arm that is the image of an
+        earlier one under a symmetry of its problem says so: ``arm.image_of`` is the place of that
+        one in the tuple.
+
+    Raises
+    ------
+    NothingToSwitch
+        If no other curve leaves the point; a `BadInput`, its ``point`` is the point.
+    ArmsCoincide
+        If an arm turns out to be the branch it was to leave, or another arm; a `NotConverged`.
+    NotConverged
+        If no first step can be made along an arm.
+    Interrupted
+        On Ctrl-C; its ``partial`` is a tuple of the arms there are, the last perhaps cut short.
+
+    Examples
+    --------
+    The arms of a pitchfork, ``x = +- sqrt(mu)``:
+
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> axis = cb.trace(mine, "mu", events=[cb.branch_point()], within={"mu": (-1, 1)})
+    >>> arms = switch(axis.first("BP"), within={"mu": (-1, 1)})
+    >>> [(arm[0]["mu"], round(arm[-1]["x"], 12)) for arm in arms]
+    [(0.0, -1.0), (0.0, 1.0)]
+    """
+    if not isinstance(point, Point):
+        raise BadInput(
+            f"switch takes a special point of a branch, branch.first('PF') for instance; got "
+            f"{kind_of(point)}"
+        )
+    listed = all_of(events)
+    arms: list[Branch] = []
+    with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
+        inner = kept and Inner(kept, lambda arm: (*arms, arm))
+        for seed in seeds_at(point):
+            if any(comes_back(arm, seed) for arm in arms):
+                continue
+            with add_partial_result(arms.append):
+                here, there = point.curve.problem, seed.problem
+                same = there.residual is here.residual or there.events == here.events
+                arm = follow(
+                    point, seed, within=within, steps=steps, progress=progress, save=inner,
+                    events=point.curve.asked if listed is None and same else listed,
+                )  # fmt: skip
+            _refuse_twins(arm, arms)
+            moved = [*images(arm[1])] if len(arm) > 1 else []
+            known = (i for i, other in enumerate(arms) if any(lies_on(at, other) for at in moved))
+            arms.append(replace(arm, image_of=next(known, None)))
+        if kept:
+            kept.finish(tuple(arms))
+    return Branches(arms)
+
+
+def branches_leave(point: Point) -> bool:
+    """Tell whether other branches are known to leave points of its kind."""
+    event = point.event
+    return event is not None and (event.crosses or point.curve.problem.lift(point.kind) is not None)
+
+
+def seeds_at(point: Point) -> tuple[Seed, ...]:
+    """Find where curves set out from a point, or say why none do."""
+    if why := _nothing(point):
+        raise NothingToSwitch(f"{point!r}{why}", point)
+    lift = point.curve.problem.lift(point.kind)
+    try:
+        if lift is None:
+            return across(point)
+        lifted = lift(point)
+        if isinstance(lifted, SwitchingProblem):
+            return lifted.seeds()
+    except OUT_OF_DOMAIN as error:
+        raise NothingToSwitch(f"{point!r}: {error}", point) from error
+    raise BadInput(f"the lift of {point!r} is {lifted!r}; a SwitchingProblem was expected")
+
+
+def _nothing(point: Point) -> str:
+    """Say why no curve can be followed from a point."""
+    if point.parent is not None:
+        return (
+            " is where this arm sets out; switch at the point of the branch it left, its `parent`"
+        )
+    if point.event is None and point.kind not in ("", "EP", "MX"):
+        return " was loaded without its equations; load(path, problem=...) attaches them"
+    if point.event is None:
+        what = "where a branch ends" if point.kind else "not a special point"
+        return f" is {what}; switch at a BP, PF or PD of a branch"
+    if not branches_leave(point):
+        reason = look_of(point.kind).nothing_leaves
+        more = f"; {reason}" if reason else ""
+        return f": no other branch is known to leave points of kind {point.kind}{more}"
+    if not point.located:
+        reason = point.detail.get("reason", "no reason kept")
+        return f" was seen, not located ({reason}): where others would leave it is not known"
+    return ""
+
+
+def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: Any) -> Branch:
+    """One arm from a point, which is its first; how is as for `trace`."""
+    free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
+    curve = Curve(seed.problem, (free,))
+    if np.shape(seed.z) != curve.start.shape:
+        raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
+    start = Point(curve, np.array(seed.z, dtype=float)).problem
+    with piece_of(save, lambda arm: _with_parent(arm, point)) as inner:
+        arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
+    if len(arm) == 1 and arm.stop.failed:
+        raise NotConverged(
+            f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",
+            residual=arm[0].residual,
+        )
+    arm = _with_parent(arm, point)
+    _refuse_parent(arm, seed, point)
+    return arm
+
+
+def _with_parent(arm: Branch, point: Point) -> Branch:
+    """The arm with the point as its first; what else was seen there belongs to the point."""
+    first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
+    reach = _AT_START * first
+    end = arm[-1].arclength - reach if arm.stop is Stop.CLOSED else math.inf
+    start = replace(arm[0], kind="EP", event=None, bracket=None, detail={}, parent=point)
+    rest = tuple(p for p in arm.points if p.arclength > reach)
+    return replace(
+        arm,
+        points=labelled((start, *rest)),
+        began=Stop.EVENT,
+        doubtful=tuple(p for p in arm.doubtful if reach < p.arclength < end),
+        origin=point,
+    )
+
+
+def _refuse_parent(arm: Branch, seed: Seed, point: Point) -> None:
+    """Refuse an arm whose first step goes along the branch it was to leave."""
+    curve = arm.curve
+    if seed.parent is None or len(arm) < 2 or curve.start.shape != np.shape(seed.z):
+        return  # a finer problem has other unknowns
+    chord = curve.normalised(arm[1].z - arm[0].z)
+    away, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
+    if _aside(curve, chord, parent) < _aside(curve, chord, away):
+        distance = _aside(curve, chord, parent)
+        raise ArmsCoincide(
+            f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
+            f"{distance:.2g}, {_aside(curve, away, parent):.2g} apart as they were given",
+            arm,
+            seed.parent,
+            distance,
+        )
+
+
+def _aside(curve: Curve, direction: Array, line: Array) -> float:
+    """Distance of a unit vector from a line."""
+    # d - (d . W l) l
+    return curve.length(direction - float(direction @ (curve.metric * line)) * line)
+
+
+def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
+    """Refuse an arm that follows another of the same point."""
+    for other in others:
+        if len(arm) < 2 or len(other) < 2 or arm.curve.slots != other.curve.slots:
+            continue
+        curve = arm.curve
+        reach = curve.length(arm[1].z - arm[0].z)
+        distance = curve.length(arm[1].z - other[1].z) / max(reach, 1e-300)
+        if distance < _APART:
+            raise ArmsCoincide(
+                f"two arms of {arm[0].parent!r} coincide: after the first step, "
+                f"{reach:.2g}, they are {distance * reach:.2g} apart",
+                arm,
+                other,
+                distance,
+            )
+
+
+def comes_back(arm: Branch, seed: Seed) -> bool:
+    """Tell whether an arm that has been walked came back to its start along another seed."""
+    start = arm[0]
+    if arm.stop is not Stop.CLOSED or np.shape(seed.z) != start.z.shape:
+        return False
+    curve = arm.curve
+    tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
+    return bool(np.allclose(seed.z, start.z) and start.direction @ (curve.metric * tangent) < -0.5)

@@ -1,0 +1,382 @@
+"""Curves H(z) = 0: a problem with named parameters set free, its derivatives and its measures."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInput
+from ..algebra import derivatives
+from ..algebra.linear_algebra import least_singular, sense
+from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
+from ..algebra.sparse import (
+    Dense,
+    Factors,
+    Matrix,
+    Pattern,
+    beside,
+    canonical,
+    first_columns,
+    is_large,
+    is_sparse,
+    row_sizes,
+    scaled,
+)
+from ..algebra.walk_kernel import Pieces, Rules, at_a_place
+
+Params = Mapping[str, float]
+Residual = Callable[[Array, Params], Array]
+
+LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
+PASSED = 9  # latest places of a walk that say how large its equations are
+AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
+
+
+class Curve:
+    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``."""
+
+    def __repr__(self) -> str:
+        return f"<Curve in {', '.join(self.varied)} of {self.problem!r}>"
+
+    def __init__(self, problem: Any, free: tuple[str, ...]) -> None:
+        for name in free:
+            if not isinstance(name, str) or name not in problem.params:
+                raise BadInput(
+                    f"{name!r} is not a parameter of this problem; it has {list(problem.params)}"
+                )
+        self.problem = problem  # a Problem, which is built on curves
+        self.free = free
+        # all that change along it: on a boundary the one that its locus determines is an unknown
+        self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
+        self.size = problem.x.size
+        self.fixed = {name: float(value) for name, value in problem.params.items()}
+        self.start = np.append(problem.x, [self.fixed[name] for name in free])
+        self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
+        # typical sizes of the entries of z, and weights W of the squared arclength: t^T W is the
+        # row whose product with z is the inner product with t.
+        self.scales, self.metric = np.ones(self.start.size), np.ones(self.start.size)
+        # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an
+        # entry: of a mean square, so that a refined mesh keeps its steps
+        for name, slot in self.slots.items():
+            self.scales[slot] = size = float(problem.scales.get(name, 1.0))
+            self.metric[slot] = 1 / (np.size(self.start[slot]) * size**2)
+        self._scheme: derivatives.Scheme | None = None
+        self._row_scales: Array | None = None
+        self._passed: list[Array] = []
+        self._places: dict[float, Pieces | None] = {}
+        # events looked for on it, None for those of its problem: arms that set out look for them
+        self.asked: tuple[Any, ...] | None = None
+        self._known = defaultdict[str, dict[bytes, Any]](dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was made of the latest points: quickly made again, and large."""
+        return {**self.__dict__, "_known": defaultdict(dict), "_places": {}}
+
+    def length(self, z: Array) -> float:
+        return math.sqrt(z.dot(self.metric * z))
+
+    def turned(self, z: Array, near: Array) -> Array:
+        """Turn the angles of a solution to where they are nearest to those of another, or of
+        several in rows."""
+        periods = self.problem.modulo(z[: self.size], self.params(z))
+        if not periods:
+            return z
+        turned = np.array(np.broadcast_to(z, near.shape))
+        for name, period in periods.items():
+            i = self.slots[name]
+            laps = np.round((near[..., i] - z[i]) / np.where(period, period, np.inf))
+            turned[..., i] += period * laps
+        return turned
+
+    def normalised(self, z: Array) -> Array:
+        return z / self.length(z)
+
+    @property
+    def row_scales(self) -> Array:
+        """Size of the derivative of each equation along the latest piece of curve: what is small
+        against it counts as zero."""
+        if self._row_scales is None:
+            sizes = self._row_scales = self.row_sizes(self.start)
+            # a row of this relative size says nothing of its equation
+            if not (sizes.size > 1 and sizes.min() > 1e-9 * sizes.max()):
+                # where curves cross a whole row, or the only one, may vanish: it is seen aside
+                z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
+                with suppress(Undefined):
+                    self._row_scales = np.maximum(sizes, self.row_sizes(z))
+        passed, self._passed = self._passed, []
+        for z in passed:
+            # halved, not forgotten: a row may vanish for a moment, as where curves cross
+            self._row_scales = np.maximum(0.5 * self._row_scales, self.row_sizes(z))
+        return self._row_scales
+
+    @row_scales.setter
+    def row_scales(self, sizes: Array) -> None:
+        self._row_scales = sizes
+
+    def passes(self, z: Array) -> None:
+        """Take note of a place of a walk, for `row_scales`: they are wanted on few of them."""
+        self._passed = [*self._passed[1 - PASSED :], z]
+
+    def row_sizes(self, z: Array) -> Array:
+        sizes = row_sizes(self.jacobian(z), self.scales)
+        sizes[sizes == 0] = 1.0
+        return sizes
+
+    def balanced(self, matrix: Matrix) -> Matrix:
+        """A derivative (its first columns, in the order of z) in units of `scales` and
+        `row_scales`."""
+        # R^-1 J S: singular values then do not depend on the units of equations and unknowns
+        return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
+
+    def rounding(self, z: Array) -> Array:
+        return rounding(self.jacobian(z), z)
+
+    def params(self, z: Array) -> dict[str, float]:
+        values, real = self.fixed.copy(), z.dtype.kind != "c"
+        for i, name in enumerate(self.free, self.size):
+            # complex numbers stay those of numpy, which can be compared
+            values[name] = float(z[i]) if real else z[i]
+        return values
+
+    def residual(self, z: Array, function: Residual | None = None) -> Array:
+        """Evaluate the equations, or others in their place, without any checks, at a possibly
+        complex z."""
+        # copies: equations that write to x do not move the point, and the same array may come back
+        # each time, written anew
+        x, function = z[: self.size].copy(), function or self.problem.residual
+        value = np.array(function(x, self.params(z)), ndmin=1)
+        if value.dtype.kind == "c" and z.dtype.kind != "c":  # what Python makes of (-1.0) ** 0.5
+            raise Undefined("the equations are not real")
+        return value
+
+    def equations(self, z: Array, function: Residual | None = None) -> Array:
+        """The residual, or `Undefined` where it has none."""
+        try:
+            value = self.residual(z, function)
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+        except KeyError as error:
+            self.problem.check_asked(error)
+            raise
+        try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
+            total = value.sum()
+            finite = isinstance(total, complex) or math.isfinite(total)
+        except (TypeError, OverflowError) as error:
+            raise BadInput(
+                f"the residual is {value!r}; an array of numbers was expected"
+            ) from error
+        if value.shape != (self.size,):
+            raise BadInput(
+                f"the residual has shape {value.shape} for {self.size} unknowns; "
+                f"as many equations as unknowns, {(self.size,)}, were expected"
+            )
+        if isinstance(total, complex):  # of numbers that are objects
+            raise Undefined("the equations are not real")
+        if not finite:
+            raise Undefined("the equations are not finite")
+        return value
+
+    def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
+        """The solution next to a guess by the derivative at a place near by and by
+        `Problem.roughly`, where that derivative is known and the solution is close."""
+        if near.tobytes() not in self._known["jacobian"]:
+            return None
+        roughly = partial(self.equations, function=self.problem.roughly)
+        factors = self.factors(near, row)
+        return chord(self, roughly, factors, guess, row, tolerance)
+
+    def pieces(self, rules: Rules) -> Pieces | None:
+        """Steps along it by machine code; None where its problem has none."""
+        walker = self.problem.walker
+        known = None if walker is None else walker(self.free, self.fixed)
+        if known is None or known[0].walk.code is None:
+            return None
+        kernels, data = known
+        return Pieces(kernels, data, rules)
+
+    def corrected(
+        self, guess: Array, row: Array, tolerance: float
+    ) -> tuple[Array, Array, float] | None:
+        """The solution next to a guess in the plane across a row, its tangent and the residual, by
+        machine code; None where there is none, or where plain iteration does not do."""
+        if tolerance not in self._places:
+            self._places[tolerance] = self.pieces(at_a_place(tolerance, self.metric))
+        pieces = self._places[tolerance]
+        return None if pieces is None else pieces.corrected(guess, row / self.metric)
+
+    def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
+        """Make something of z, unless that was done at one of the latest places: all events ask
+        about the same point in turn."""
+        recent, key = self._known[what], z.tobytes()
+        value = recent.get(key)
+        if value is None:
+            value = recent[key] = make(z)
+            most = 4 if self.size >= FEW else 64  # of few unknowns little is kept
+            for oldest in [*recent][:-most]:  # another thread may be at it as well
+                recent.pop(oldest, None)
+        return value
+
+    def jacobian(self, z: Array) -> Matrix:
+        """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
+        be written to."""
+        matrix: Matrix = self.cached("jacobian", z, self._derivatives)
+        return matrix
+
+    def factors(self, z: Array, row: Array) -> Dense | Factors:
+        """The derivative factorised, to be solved with a row below; once where that is dear."""
+        matrix = self.jacobian(z)
+        if not is_large(matrix):
+            return Dense(matrix, row)
+        factors: Factors = self.cached("factors", z, lambda z: Factors(matrix))
+        return factors
+
+    def tangent_at(self, z: Array, along: Array) -> tuple[Array, int]:
+        """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
+
+        That sign is the same all along a curve and changes at branch points. Where the bordered
+        matrix is singular it is 0, and the tangent is the null vector closest to `along`.
+        """
+        row = self.metric * along
+        factors = self.factors(z, row)
+        if isinstance(factors, Dense):
+            tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
+        else:
+            # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
+            side, null = factors.sign(row[None, :]), factors.null[:, 0]
+            tangent = None if side == 0 else math.copysign(1.0, row @ null) * null
+        if tangent is not None and math.isfinite(tangent.sum()):
+            return self.normalised(tangent), side
+        matrix = self.jacobian(z)
+        if not math.isfinite(matrix.sum()):
+            raise Undefined("the derivatives are not finite")
+        weak = least_singular(matrix)
+        # where the derivative has lost a rank, all of a plane are null vectors
+        vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
+        nearest = (vectors @ row) @ vectors
+        if self.length(nearest) > LEVEL:
+            return self.normalised(nearest), 0
+        return self.normalised(vectors[-1] * sense(vectors[-1])), 0
+
+    def in_unknowns(self, z: Array) -> Matrix:
+        """The derivative in the unknowns alone, where none in parameters are wanted; not to be
+        written to."""
+        if self.problem.derivatives is not None:  # which come with those in parameters
+            return first_columns(self.jacobian(z), self.size)
+        return self._derivatives(z, self.size)
+
+    def spectrum(self, z: Array) -> NDArray[np.complex128]:
+        """Eigenvalues of the derivative in the unknowns; not to be written to."""
+
+        def eigenvalues(z: Array) -> Any:
+            matrix = self.jacobian(z)[:, : self.size]
+            dense = matrix.toarray() if is_sparse(matrix) else matrix
+            return np.linalg.eigvals(dense).astype(complex)
+
+        values: NDArray[np.complex128] = self.cached("spectrum", z, eigenvalues)
+        return values
+
+    def jacobians(self, rows: Array) -> Array | None:
+        """Derivatives at several z; None of large ones, and of those on boundaries."""
+        if rows.shape[1] > FEW or self.problem.beneath is not None:
+            return None
+        matrices = [self.jacobian(z) for z in rows]
+        return None if is_sparse(matrices[0]) else np.array(matrices)
+
+    def spectra(self, rows: Array) -> NDArray[np.complex128] | None:
+        """Eigenvalues of the derivative in the unknowns at several z, where `jacobians` are."""
+
+        def eigenvalues(rows: Array) -> Any:
+            matrices = self.jacobians(rows)
+            return matrices is not None and np.linalg.eigvals(matrices[:, :, : self.size])
+
+        values = self.cached("spectra", rows, eigenvalues)
+        return None if values is False else values.astype(complex)
+
+    def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
+        """The first columns of the derivative, or all of them."""
+        problem, width = self.problem, width or z.size
+        try:
+            if problem.derivatives is not None:
+                whole = problem.derivatives(z[: self.size].copy(), self.params(z), self.free)
+                return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
+            if isinstance(problem.jacobian, Pattern):
+                # unknowns of one colour move together, each in proportion to its size
+                steps = np.maximum(self.scales, abs(z))[: self.size]
+                few = partial(self._by_few, z, columns=range(1))
+                matrix = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
+                return self._with_parameters(z, matrix, width)
+            if problem.jacobian is None:
+                return self._by_trying(self.residual, z, range(width), self.scales)
+            jacobian = problem.jacobian(z[: self.size].copy(), self.params(z))
+            return self._with_parameters(
+                z, canonical(jacobian) if is_sparse(jacobian) else jacobian, width
+            )
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+        except KeyError as error:
+            problem.check_asked(error)
+            raise
+
+    def _with_parameters(self, z: Array, jacobian: Matrix, width: int) -> Matrix:
+        """The derivative in the unknowns, and columns for the parameters beside it."""
+        n = self.size
+        columns = np.empty((n, width - n))
+        for i in range(n, width) if self.problem.sensitivity is not None else ():
+            name = self.free[i - n]
+            columns[:, i - n] = self.problem.sensitivity(z[:n].copy(), self.params(z), name)
+        if self.problem.sensitivity is None and n < width:
+            if is_sparse(jacobian):
+                columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
+            else:
+                columns[:] = self._by_trying(self.residual, z, range(n, width), self.scales)
+        if not is_sparse(jacobian):
+            matrix = np.empty((n, width))
+            matrix[:, :n], matrix[:, n:] = jacobian, columns
+            return matrix
+        if not math.isfinite(jacobian.data.sum() + columns.sum()):
+            raise Undefined("the derivatives are not finite")
+        return beside(jacobian, columns)
+
+    def _by_few(self, z: Array, way: Array, columns: range) -> Array:
+        """Derivatives along one direction of the unknowns, column 0, and in the parameters."""
+        n = self.size
+
+        def shifted(t: Array) -> Array:
+            return self.residual(np.concatenate([z[:n] + t[0] * way, t[1:]]))
+
+        start, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
+        return self._by_trying(shifted, start, columns, scales)
+
+    def along(self, z: Array, vector: Array, *, ahead: bool = False) -> Array:
+        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only,
+        with `ahead` on its side."""
+        direction = np.zeros(z.size)
+        direction[: vector.size] = vector
+        return derivatives.along(self.jacobian, z, direction, self.scales, ahead=ahead)
+
+    def _by_trying(
+        self, function: Callable[[Array], Array], z: Array, columns: range, scales: Array
+    ) -> Array:
+        """Columns of the derivative by the scheme that suits the residual, chosen anew where
+        complex numbers are refused after all."""
+        if self._scheme is derivatives.complex_steps:
+            try:
+                return self._scheme(function, z, columns)
+            except OUT_OF_DOMAIN:
+                raise
+            except Exception:  # noqa: BLE001 - as where the scheme is chosen
+                self._scheme = None
+        if self._scheme is None:
+            self._scheme = derivatives.choose(function, z, scales)
+        return self._scheme(function, z, columns)
+
+    def forget(self) -> None:
+        self._scheme = None
+        self._known.clear()

@@ -1,0 +1,165 @@
+"""Equations and derivatives of a user, checked where they come in: shapes and differences; and
+advice on how to give them."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from ...errors import BadInput
+from ..algebra import derivatives
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..algebra.sparse import Pattern, canonical, entry_columns, is_sparse
+from .curve import Curve
+
+_SMALL, _LARGE = 1e-3, 1e4  # what is not as small or large is walked along without `scales`
+_MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
+
+
+def check_start(curve: Curve) -> Array:
+    """Refuse wrong shapes and wrong derivatives before anything is built on them; the equations at
+    the start."""
+    problem, z, n = curve.problem, curve.start, curve.size
+    try:
+        value = curve.equations(z)
+    except Undefined as error:
+        raise BadInput(
+            f"the equations have no value at the start {problem.start_text()}: {error}"
+        ) from error
+    if value.dtype == bool:
+        raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
+    try:
+        if callable(problem.jacobian):
+            derivative = problem.jacobian(z[:n].copy(), curve.params(z))
+            _check_shape("Jacobian", derivative, (n, n))
+        for name in curve.free if problem.sensitivity is not None else ():
+            derivative = problem.sensitivity(z[:n].copy(), curve.params(z), name)
+            _check_shape("sensitivity", derivative, (n,))
+    except BadInput:
+        raise
+    except OUT_OF_DOMAIN as error:
+        raise BadInput(
+            f"the derivatives have no value at the start {problem.start_text()}: {error}"
+        ) from error
+    except KeyError as error:
+        problem.check_asked(error)
+        raise
+    wrong = wrong_derivatives(curve, z)
+    if wrong:
+        raise BadInput(wrong)
+    return value
+
+
+def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
+    sparse = is_sparse(value)
+    if sparse and len(shape) == 1:
+        raise BadInput(
+            f"the {what} is sparse, a {type(value).__name__}; a dense array of shape {shape} was "
+            "expected: return its toarray()"
+        )
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError
+        actual = value.shape if sparse else np.asarray(value, dtype=float).shape
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BadInput(f"the {what} is {value!r}; an array of real numbers was expected") from error
+    if actual != shape:
+        kind = "is sparse and has" if sparse else "has"
+        raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
+    if not sparse:
+        return
+    matrix = canonical(value)
+    wrong = np.flatnonzero(~np.isfinite(matrix.data))
+    if wrong.size:
+        entry = (int(matrix.indices[wrong[0]]), int(entry_columns(matrix)[wrong[0]]))
+        raise BadInput(
+            f"entry {entry} of the sparse {what} is {matrix.data[wrong[0]]} at the start"
+        )
+
+
+def wrong_derivatives(curve: Curve, z: Array) -> str:
+    """Say what is wrong with derivatives that were given, seen at z: empty if nothing is."""
+    problem = curve.problem
+    if problem.beneath is not None:
+        return wrong_derivatives(*problem.beneath(z[: curve.size], curve.params(z), curve.free))
+    given = problem.jacobian, problem.sensitivity, problem.derivatives
+    if problem.tested or given == (None, None, None):
+        return ""
+    what = (
+        "sparsity pattern" if isinstance(problem.jacobian, Pattern) else "Jacobian that was given"
+    )
+    wrong = wrong_entry(curve, z)
+    return wrong and f"the {what} does not fit the residual: {wrong}"
+
+
+def wrong_entry(curve: Curve, z: Array) -> str:
+    """Name an entry of the derivative at z that differences contradict: empty if there is none."""
+    matrix = curve.jacobian(z)
+    # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
+    # pattern by which several of them would cancel
+    direction = np.maximum(curve.scales, abs(z)) * np.cos(np.arange(z.size))
+    wanted, doubt, _ = derivatives.estimate(
+        lambda t: curve.residual(z + t[0] * direction), np.zeros(1), np.ones(1)
+    )
+    wrong = derivatives.misfit((matrix @ direction)[:, None], wanted, doubt)
+    if wrong is None:
+        return ""
+    if is_sparse(matrix):
+        pattern = curve.problem.jacobian
+        listed = isinstance(pattern, Pattern)
+        given = pattern.matrix[[wrong[0]]].indices if listed else None
+        return derivatives.wrong_in_row(curve.residual, z, matrix, wrong[0], direction, given)
+    wanted, doubt, _ = derivatives.estimate(curve.residual, z, curve.scales)
+    entry = derivatives.misfit(matrix, wanted, doubt)
+    if entry is None:
+        return ""
+    return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
+
+
+def reconsider(curve: Curve, *places: Array) -> str:
+    """Choose anew how derivatives are taken, now for these places; what is wrong with given ones
+    there."""
+    curve.forget()
+    for z in places:
+        with suppress(Undefined):
+            curve.jacobian(z)
+            if wrong := wrong_derivatives(curve, z):
+                return wrong
+    return ""
+
+
+def advice(curve: Curve) -> str:
+    """Say what would make a large problem cheaper: of a derivative that is dense for want of a
+    word; empty if there is nothing to say."""
+    problem = curve.problem
+    if curve.size < _MANY or problem.derivatives is not None or problem.beneath is not None:
+        return ""
+
+    def made(start: Array) -> str:
+        with suppress(*OUT_OF_DOMAIN):
+            matrix = curve.jacobian(start)
+            if not is_sparse(matrix) and np.count_nonzero(matrix) < _THIN * matrix.size:
+                return (
+                    f"a derivative of {curve.size} x {curve.size} entries, nearly all of them 0: "
+                    "Problem(..., jacobian=pattern), or a sparse jacobian, is faster"
+                )
+        return ""
+
+    sentence: str = curve.cached("advice", curve.start, made)
+    return sentence
+
+
+def unlike_scales(curve: Curve, z: Array) -> str:
+    """Name unknowns and parameters far from 1 in size without `scales`, where a walk breaks off: a
+    fold of what is 1e-4 in size is one step of the smallest kind."""
+    problem = curve.problem
+    unlike = {}
+    for name, slot in curve.slots.items():
+        size = max(float(abs(at[slot]).max()) for at in (curve.start, z))
+        # what is smaller is zero
+        far = 1e-10 < size < _SMALL or size > _LARGE
+        if far and name not in problem.internals and name not in problem.scales:
+            unlike[name] = float(f"{size:.0e}")
+    return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""

@@ -1,0 +1,287 @@
+"""What a user brings: equations F(x, p) = 0 with names for every unknown and every parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...checks import check_kind, kind_of, number, numbers, real
+from ...errors import BadInput, NotConverged
+from ...one_thread import one_thread
+from ..algebra.newton import Array, Solution, Undefined, approach, newton
+from ..algebra.sparse import Matrix, Pattern
+from .curve import Curve, Params, Residual
+from .structure import Structure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(Structure):
+    """Equations ``F(x, p) = 0`` with named unknowns and parameters: the one contract of the engine.
+
+    Parameters
+    ----------
+    residual : callable
+        ``residual(x, params) -> array`` with as many entries as `x`; one equation may be a number.
+        `x` is a one-dimensional array in the order of `start`, `params` a dict of floats. Where the
+        equations have no value it raises a `ValueError` or `ArithmeticError` or returns a NaN: the
+        branch ends there.
+    start : dict
+        Name and start value of each unknown; a value may be a one-dimensional array.
+    params : dict
+        Name and value of each parameter. Which one is free is an argument of the walk.
+    jacobian : callable or pattern, optional
+        ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
+        Or which of its entries may differ from zero, as an array, dense or from scipy.sparse: large
+        problems are then differentiated with as few residuals as that allows, and solved as with a
+        sparse Jacobian. Checked once against differences. Without it, complex steps are
+        used where they hold, differences elsewhere.
+    events : tuple of Event, optional
+        What a walk looks for by default.
+    record : dict, optional
+        Name and function of a `Point` for each derived number to keep along a branch.
+    domain : dict, optional
+        ``{name: (low, high)}``, bounds of unknowns (of the norm of an array) or parameters beyond
+        which there are no solutions.
+    scales : dict, optional
+        Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
+        and differences are measured in it.
+    label : str, optional
+        Shown in tables.
+
+    Notes
+    -----
+    What else there may be to know of equations is said by methods of a class derived from this
+    one, listed in `contbreather.continuation.curve.structure.Structure`: what a point is to its
+    user, as ``point.solution`` has it, is ``interpret(point)``, and angles repeat by
+    ``modulo(x, params)``, for instance.
+
+    Raises
+    ------
+    BadInput
+        Where names clash, a value is not finite, or shapes do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circle = Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                  start={"x": 1.0}, params={"mu": 0.0})
+    >>> circle.names
+    ('x', 'mu')
+    """
+
+    # Any stands for what is built on problems: events, points, seeds
+    residual: Residual
+    start: Mapping[str, Any]
+    params: Params
+    _: KW_ONLY
+    jacobian: Callable[[Array, Params], Matrix] | Any = None
+    events: tuple[Any, ...] = ()
+    record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        for what in ("residual", "jacobian"):
+            plain = getattr(getattr(self, what), "py_func", None)  # of what numba.njit decorated:
+            if plain is not None:  # parameters are a dict here
+                object.__setattr__(self, what, plain)
+        for what in ("start", "params", "scales", "domain", "record"):
+            values = getattr(self, what)
+            if not isinstance(values, Mapping):
+                raise BadInput(f"{what} must be a dict of names and values, got {values!r}")
+        form = self.serialised
+        known = isinstance(form, Mapping) and isinstance(form.get("kind"), str)
+        if form is not None and not known:  # refused here, not when a file is loaded
+            raise BadInput(
+                f"serialised = {form!r}: a dict with a 'kind' and the values that its reader takes "
+                "was expected."
+            )
+        if not callable(self.residual):
+            raise BadInput(f"residual must be a function, got {self.residual!r}")
+        if not self.start:
+            raise BadInput("a problem needs at least one unknown: start is empty")
+        clash = set(self.start) & set(self.params)
+        if clash:
+            raise BadInput(
+                f"{sorted(clash)} are named both as unknowns and as parameters: give the "
+                "parameters, those of a forcing formula for instance, other names"
+            )
+        for name, value in (*self.start.items(), *self.params.items()):
+            array = numbers(name, value)
+            if not array.size:
+                raise BadInput(f"{name!r} is empty; at least one number was expected")
+            if array.ndim > (name in self.start):
+                raise BadInput(f"{name!r} has shape {array.shape}; a number was expected")
+        taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
+        if taken:
+            raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
+        if hidden := sorted({*self.record} & {*self.params}):
+            raise BadInput(
+                f"{hidden} are columns of this problem: give the parameters, those of a forcing "
+                "formula for instance, or what is recorded, other names"
+            )
+        for name, function in self.record.items():
+            if not callable(function):
+                raise BadInput(f"record[{name!r}] must be a function of a point, got {function!r}")
+        self.check_names((*self.scales, *self.domain))
+        for name, size in self.scales.items():
+            if not 0 < real(size) < math.inf:
+                raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
+        check_kind(self.label, str, "a label as text")
+        listed = isinstance(self.events, tuple | list)
+        if not (listed and all(hasattr(event, "kind") for event in self.events)):
+            raise BadInput(f"events must be a list of them, got {self.events!r}")
+        given = self.jacobian
+        if not (given is None or callable(given) or isinstance(given, Pattern)):
+            object.__setattr__(self, "jacobian", self._pattern(given))
+
+    def _pattern(self, entries: Any) -> Pattern:
+        """The pattern that was given, with what is made of it: it stays with the problem."""
+        n = self.x.size
+        if not (hasattr(entries, "shape") or isinstance(entries, list | tuple)):
+            raise BadInput(
+                f"jacobian must be a function, or a pattern of its entries; got {entries!r}"
+            )
+        shape = getattr(entries, "shape", None) or numbers("jacobian", entries).shape
+        if shape != (n, n):
+            raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
+        return Pattern(entries)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns, then of the parameters."""
+        return (*self.start, *self.params)
+
+    @property
+    def listed(self) -> list[str]:
+        return [name for name in self.names if name not in self.internals]
+
+    @cached_property
+    def slots(self) -> dict[str, int | slice]:
+        """Place of each unknown in `x`."""
+        slots: dict[str, int | slice] = {}
+        at = 0
+        for name, value in self.start.items():
+            size = np.size(value)
+            slots[name] = at if np.ndim(value) == 0 else slice(at, at + size)
+            at += size
+        return slots
+
+    @cached_property
+    def x(self) -> Array:
+        """The start values as one array."""
+        values = [np.atleast_1d(np.asarray(value, dtype=float)) for value in self.start.values()]
+        return np.concatenate(values)
+
+    def at(self, **values: Any) -> Problem:
+        """Move the start, or the parameters, to other values."""
+        self.check_names(values)
+        for name in self.start.keys() & values.keys():
+            if np.ndim(values[name]) != np.ndim(self.start[name]):
+                wanted = "an array" if np.ndim(self.start[name]) else "a number"
+                raise BadInput(
+                    f"{name} = {values[name]!r}: {wanted} was expected, as it was before"
+                )
+        start = {name: values.get(name, value) for name, value in self.start.items()}
+        params = {name: values.get(name, value) for name, value in self.params.items()}
+        return replace(self, start=start, params=params)
+
+    def having(self, *names: str) -> Problem:
+        """The problem with these parameters among its own, as far as it can have them."""
+        absent = tuple(name for name in names if isinstance(name, str) and name not in self.names)
+        return self.with_parameters(absent) if absent else self
+
+    def check_names(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.start and name not in self.params:
+                raise BadInput(f"no {name!r} in this problem; it has {self.listed}")
+
+    def check_asked(self, error: KeyError) -> None:
+        """Raise `BadInput` where the equations asked for a parameter that there is not."""
+        if error.args and error.args[0] not in self.params:
+            raise BadInput(
+                f"the equations ask for a parameter {error.args[0]!r}; this problem has "
+                f"{list(self.params)}"
+            ) from error
+
+    def normed(self, name: str) -> str | None:
+        """The array unknown whose Euclidean norm a name stands for: u for ``norm(u)``."""
+        inner = name[len("norm(") : -1]
+        array = np.ndim(self.start.get(inner, 0.0)) > 0
+        return inner if array and name == f"norm({inner})" else None
+
+    @one_thread
+    def solve(self, *, tolerance: float = 1e-9) -> tuple[Problem, Solution]:
+        """The problem with its start moved onto a solution at the same parameters.
+
+        Raises
+        ------
+        NotConverged
+            If Newton's iteration from the start finds no solution; says both residuals, and
+            carries that of the start, the number of iterations and the problem where they ended.
+        """
+        tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
+        curve = Curve(self, ())
+        value = curve.equations(self.x)
+        before = float(abs(value).max())
+        try:
+            approached = approach(curve, self.x)
+            z = self.x if approached is None else approached
+            curve.metric = np.ones(z.size)  # as exact whatever the scales, by which steps go
+            solution = newton(curve, z, tolerance=tolerance, most=30)
+        except Undefined as error:
+            raise NotConverged(
+                f"the start {self.start_text()} is not a solution (residual {before:.3g}) and "
+                f"Newton's iteration from it leaves the domain: {error}",
+                residual=before,
+            ) from error
+        # at a fold or a branch point Newton's iteration wanders off from the best there is
+        if not solution.converged and (abs(value) <= curve.rounding(self.x)).all():
+            return self, Solution(self.x, True, 0, before, 0.0)
+        # where the derivative is nearly singular corrections may be short far from a solution
+        small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
+        if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
+            raise NotConverged(
+                f"the start {self.start_text()} is not a solution: residual {before:.3g}, and "
+                f"{solution.residual:.3g} after {solution.iterations} Newton iterations; "
+                "start closer to a solution or at other parameters",
+                residual=before,
+                iterations=solution.iterations,
+                last=self._started(solution.z) if np.isfinite(solution.z).all() else None,
+            )
+        return self._started(solution.z), solution
+
+    def _started(self, x: Array) -> Problem:
+        start = {
+            name: (float(x[at]) if isinstance(at, int) else x[at])
+            for name, at in self.slots.items()
+        }
+        return replace(self, start=start)
+
+    def __repr__(self) -> str:
+        events = f"; events {[event.kind for event in self.events]}" if self.events else ""
+        counted = "1 equation" if self.x.size == 1 else f"{self.x.size} equations"
+        return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
+
+    def start_text(self) -> str:
+        values = {**self.start, **self.params}
+        return ", ".join(
+            f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0
+        )
+
+
+def problem_in(owner: object) -> Problem:
+    """A problem, or that of what has one."""
+    problem = owner if isinstance(owner, Problem) else getattr(owner, "problem", None)
+    if not isinstance(problem, Problem):
+        raise BadInput(
+            "a Problem was expected, or what has one: a breather, an orbit, a point; got "
+            f"{kind_of(owner)}"
+        )
+    return problem

@@ -1,0 +1,353 @@
+"""Which events are on one step of a walk: where their tests change, and in what order.
+
+Branch points come first. Next to them the corrector may end on the other curve, so all other events
+are looked for on the pieces of curve between them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.newton import Undefined
+from ..curve.branch import Points
+from ..curve.point import Event, Point, Value
+from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
+from ..systems.defining_systems import regular_between
+from .event_location import (
+    BESIDE,
+    at_end,
+    first_jump,
+    has_double_zero,
+    kinks,
+    locate,
+    not_simple,
+    separated,
+    special,
+)
+from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at, counts_apart
+
+# A test whose last three values lie on a parabola that stays above these fractions of its largest
+# value is not looked at within the step: neither a dip nor a kink could make anything of it.
+_CALM, _FLAT = 0.6, 0.35
+_AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Start or end of the walk on a step: an event at the very start or end, where rounding decides
+    the sign of its test, counts as well; on a closed curve only once."""
+
+    first: bool = False
+    last: bool = False
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class StepEvents:
+    """The events on one step, in order, and the candidates that failed their verification."""
+
+    points: tuple[Point, ...]
+    doubtful: tuple[Point, ...]
+    after: tuple[Value, ...]  # the tests at the end of the step, 0 where an event was found there
+
+
+def find(
+    segment: StepInterpolant,
+    events: Sequence[Event],
+    before: Sequence[Value],
+    after: tuple[Value, ...],
+    *,
+    crossing: Point | None,
+    ends: Ends,
+    quiet: Sequence[Any] | None = None,
+) -> StepEvents:
+    """Find the events on one step of a walk.
+
+    `before` and `after` are the tests at its ends, `crossing` a branch point known to lie on it;
+    `quiet` says of each test whether it has no candidate by its values (`quiet_steps`).
+    """
+    curve = segment.curve
+    curve.passes(segment.last.z)
+    if quiet is None or crossing is not None or ends.first or ends.closed:
+        quiet = len(events) * [False]
+    tests = [
+        StepSamples(segment, *row[:1], {0.0: row[1], 1.0: row[2]}, clear=bool(row[3]))
+        for row in zip(events, before, after, quiet, strict=True)
+    ]
+    for samples in tests:
+        # those with a matrix say more of what is between than their values do
+        samples.clear = samples.clear and not samples.foresee()
+    if all(samples.clear for samples in tests):
+        return StepEvents((), (), after)
+    counts = [samples for samples in tests if samples.event.test is None]
+    crossings = [samples for samples in tests if samples.event.crosses]
+    others = [s for s in tests if s.event.test is not None and not s.event.crosses]
+    for samples in (*crossings, *others):  # what has no test is looked at last, and at few places
+        if not samples.clear:
+            samples.glance(0.5)
+    points = list(_events_on(crossings, ends))
+    cuts = [p for p in points if "tangents" in p.detail] or ([crossing] if crossing else [])
+    if cuts and others:
+        points += _between(segment, cuts, others, ends)
+    else:
+        points += _events_on(others, ends)
+    for samples in counts:
+        points += _explained(samples, others, points)
+    points = _in_order(points, events)
+    end = segment.last.arclength * (1 - 1e-15)
+    at_end = {id(p.event) for p in points if p.located and p.arclength >= end}
+    after = tuple(0 if id(s.event) in at_end and not s.jumps else s.values[1.0] for s in tests)
+    if curve.problem.beneath is not None:
+        points = list(_one_a_place(points))
+    good = tuple(point for point in points if point.located)
+    return StepEvents(good, _unverified([p for p in points if not p.located], good), after)
+
+
+def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
+    """Along the curve; what happens at one place, as far as rounding can tell, in the order of the
+    events that were asked for."""
+    order = {id(event): i for i, event in enumerate(events)}
+    places: list[list[Point]] = []
+    for point in sorted(points, key=lambda point: point.arclength):
+        since = point.arclength - places[-1][-1].arclength if places else math.inf
+        if since <= _AT_END * (1 + point.curve.length(point.z)):
+            places[-1].append(point)
+        else:
+            places.append([point])
+    # a branch point that the walk found by itself has no event among them
+    return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
+
+
+def quiet_steps(
+    events: Sequence[Event],
+    places: Sequence[float],
+    tests: Sequence[Sequence[Value]],
+    counts: Sequence[Any],
+    first: Point,
+    points: Points,
+) -> NDArray[np.bool_]:
+    """Which tests are so far from zero, by the parabola through their last three values, and change
+    so little that nothing is to be looked for within a step; in rows, on each step but the first
+    between these places. `tests` has a row for each event, and `counts` for those that are known;
+    the others are asked at `first`, the second place, and the points that follow."""
+    values, steps = np.array(tests, dtype=float), np.diff(places)
+    start, end = values[:, 1:-1], values[:, 2:]
+    blank = np.isnan(start) & np.isnan(end)  # what is between has nothing to change from
+    quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
+    for i, (event, count) in enumerate(zip(events, counts, strict=True)):
+        if event.test is None:
+            quiet[i] = start[i] == end[i]
+        elif any(isinstance(value, int) for value in tests[i]):
+            quiet[i] = blank[i]
+        elif count is not None:
+            known = np.append(count_at(event, first), count)
+            quiet[i] &= ~(abs(np.diff(known)) > 1)
+        elif event.count is not None:
+            for j in np.flatnonzero(quiet[i]).tolist():
+                quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
+        if event.matrix and len(points) > 1:
+            # matrices say more of what is between two points than values do
+            matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
+            if matrices is None:
+                return np.zeros_like(quiet)
+            quiet[i] &= regular_between(bordered_matrix(first), matrices)
+    return quiet
+
+
+def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
+    """Tell whether the parabola through three values stays away from zero."""
+    # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
+    # 1/2 is (start + end) / 2 - curvature / 4
+    curvature = (end - start - (start - earlier) / pace) / (1 + pace)
+    middle = (0.5 * (start + end) - 0.25 * curvature) / start  # all of them in units of the first
+    last = end / start
+    inside = (last > _FLAT * np.maximum(middle, 1.0)) & (last < 1 / _FLAT) & (_FLAT * middle < 1)
+    return inside & (middle > _CALM * np.maximum(last, 1.0)) & (earlier / start > 0)
+
+
+def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
+    """On a boundary: one label for all that is seen at one place, where several tests vanish at
+    once. An event that ends the curve goes before one where others cross it, and that before the
+    rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
+    left = list(points)
+    while left:
+        first = left.pop(0)
+        curve, together = first.curve, [first]
+        if first.event and first.event.examine:
+            reach = GAP * (1 + curve.length(first.z))
+            around = [p for p in left if curve.length(p.z - first.z) <= reach]
+            together += [point for point in around if point.event and point.event.examine]
+        left = [point for point in left if point not in together]
+        best = max(
+            together,
+            key=lambda p: (p.located, bool(p.event and p.event.ends), "tangents" in p.detail),
+        )
+        also = {p.kind: None for p in together if p.located and p.kind != best.kind}
+        yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
+
+
+def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, ...]:
+    """Candidates that failed, each place once for each event: what was seen there twice is two of
+    them. A branch point may have been located where it was seen, too: at the start of a walk
+    rounding decides from which side it is come upon."""
+    kept: list[Point] = []
+    latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
+    for point in failed:
+        reach = GAP * (1 + point.curve.length(point.z))
+        same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
+        if any(abs(p.arclength - point.arclength) <= reach for p in same):
+            continue
+        i = latest.get(id(point.event))
+        if i is not None and point.arclength - kept[i].arclength <= reach:
+            kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": not_simple(point.kind)})
+        else:
+            latest[id(point.event)] = len(kept)
+            kept.append(point)
+    return tuple(kept)
+
+
+def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
+    active = [samples for samples in tests if not samples.clear]
+    for samples in active:
+        yield from _at_ends(samples, ends)
+        samples.foresee()
+        yield from separated(samples)
+        yield from _dipped(samples)
+        yield from _closer(samples)
+    # the step is looked through again at the events found so far
+    for _ in range(20):
+        fresh = [point for samples in active for point in locate(samples)]
+        yield from fresh
+        if not fresh:
+            break
+        active = list(tests)  # what happens at an event is news of the clear ones as well
+        for point, samples in itertools.product(fresh, tests):
+            segment = samples.segment
+            u = (point.arclength - segment.first.arclength) / segment.length
+            if 0 < u < 1 and samples.event is not point.event:
+                samples.learn(u, samples.event.value_or_nan(point))
+        for samples in tests:
+            yield from _dipped(samples)
+
+
+def _dipped(samples: StepSamples) -> Iterator[Point]:
+    if 0.5 not in samples.values or samples.jumps or samples.changes():
+        return
+    if not has_double_zero(samples):
+        yield from kinks(samples)
+    if samples.event.matrix:
+        samples.beside(*(middle for _, middle in samples.changes()[:-1]))
+
+
+def _closer(samples: StepSamples) -> Iterator[Point]:
+    """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
+    be further off than they are apart."""
+    segment = samples.segment
+    for left, right in samples.brackets():
+        if segment.length < GAP * (1 + segment.curve.length(segment.first.z)):
+            samples.done.append((0.0, 1.0))
+            point = segment.provisional(0.5 * (left + right))
+            at_ends = min(abs(samples.values[u]) for u in (0.0, 1.0))
+            if abs(samples.event.value_or_nan(point)) >= at_ends:
+                return  # what was seen is where the curve starts or ends
+            yield special(samples, point, left, right, not_simple(samples.event.kind))
+            return
+        try:
+            piece = StepInterpolant(segment.at(left), segment.at(right), segment.tolerance)
+        except Undefined:
+            continue
+        part = StepSamples(piece, samples.event, {})
+        for u in (0.0, 0.5, 1.0):
+            part.glance(u)
+        samples.values[left], samples.values[right] = part.values[0.0], part.values[1.0]
+        samples.sure |= {left, right}
+        samples.done.append((left, right))
+        for point in _events_on([part], Ends()):
+            samples.zeros.append((point.arclength - segment.first.arclength) / segment.length)
+            yield point
+
+
+def _between(
+    segment: StepInterpolant, cuts: Sequence[Point], tests: Sequence[StepSamples], ends: Ends
+) -> Iterator[Point]:
+    """Events on the pieces between branch points; a piece as short as rounding has none."""
+    places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
+    values = [samples.values[0.0] for samples in tests]
+    for start, end in itertools.pairwise(places):
+        if end.arclength - start.arclength < ASIDE * segment.length:
+            continue
+        piece = StepInterpolant(start, end, segment.tolerance)
+        middle = piece.provisional(0.5)
+        at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
+        for event, value in zip((samples.event for samples in tests), values, strict=True):
+            seen = {0.0: value, 0.5: event.value_or_nan(middle), 1.0: event.value_or_nan(end)}
+            parts.append(part := StepSamples(piece, event, seen))
+            # a test this small where curves cross, relative to beside it, vanishes there
+            beside = 1e-7 * max(abs(seen[0.0]), abs(seen[0.5]))
+            if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
+                # its sign is rounding: what is seen here must not be seen to either side as well
+                seen[1.0] = math.nan
+                yield special(part, replace(end, located=True, detail={}), 1.0, 1.0)
+        piece_ends = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
+        yield from _events_on(parts, piece_ends)
+        values = [part.values[1.0] for part in parts]
+
+
+def _at_ends(samples: StepSamples, ends: Ends) -> Iterator[Point]:
+    """Events at the very start or end of the walk, within rounding."""
+    segment = samples.segment
+    if not (ends.first or ends.last or ends.closed) or samples.jumps:
+        return
+    start, end = samples.values[0.0], samples.values[1.0]
+    # the distance at which the test would vanish, the same whatever the length of the step
+    change = abs(end - start) / segment.length * (1 + segment.curve.length(segment.last.z))
+    if ends.first and abs(start) < _AT_END * change:
+        samples.values[0.0] = 0.0
+        yield at_end(samples, 0.0)
+    elif (ends.last or ends.closed) and abs(end) < _AT_END * change:
+        samples.values[1.0] = math.copysign(math.ulp(0.0), start)  # no change left to be found
+        if ends.last:
+            yield at_end(samples, 1.0)
+
+
+# --- what no event explains -------------------------------------------------------------------
+
+
+def _explained(
+    count: StepSamples, others: Sequence[StepSamples], points: Sequence[Point]
+) -> list[Point]:
+    """Events of all others next to where a count changes without one; where there are none, that
+    place, as doubtful."""
+    segment, more = count.segment, list[Point]()
+    if jumps := _jumps(count, points):
+        for other, u in itertools.product(others, itertools.chain(*jumps)):
+            other.learn(u, other.event.value_or_nan(segment.provisional(u)))
+        more = [point for other in others for point in locate(other)]
+        jumps = _jumps(count, [*points, *more])
+    for low, high in jumps:
+        before, after = count.known(low), count.known(high)
+        reason = f"a count changes from {before} to {after}, and no event here explains it"
+        more.append(special(count, segment.provisional(0.5 * (low + high)), low, high, reason))
+    return more
+
+
+def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, float]]:
+    """Find where a count changes between the events of a step, a little off them: there it is
+    rounding."""
+    first, length, jumps = count.segment.first.arclength, count.segment.length, []
+    cuts = sorted((point.arclength - first) / length for point in points)
+    for i, (low, high) in enumerate(itertools.pairwise([0.0, *cuts, 1.0])):
+        room = BESIDE * (high - low)
+        low, high = low + (room if i else 0.0), high - (room if i < len(cuts) else 0.0)
+        if high - low > ASIDE:
+            before, after = count.known(low), count.known(high)
+            if before != after and not math.isnan(before) and not math.isnan(after):
+                jumps.append(first_jump(count, low, high, 1e-4))
+    return jumps

@@ -1,0 +1,402 @@
+"""Events located: from a bracket in the samples of a test to a point that has been verified.
+
+A float test has a zero in its bracket, an int one a jump. With a defining system Newton's method
+finds either, all equations at once, and the test says whether it is the one in the bracket; without
+one brentq and bisection do. Double zeros, which leave no bracket, are looked for by the counts of
+unstable directions, by a parabola, and, as the least of several singular values has a kink, by
+golden section.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..algebra.newton import OUT_OF_DOMAIN, Solution, Undefined, newton
+from ..curve.curve import Curve
+from ..curve.point import DefiningSystem, Examined, Level, Point
+from ..systems.branch_points import Crossings, crossing
+from ..systems.defining_systems import extended
+from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
+
+Located = tuple[float, float, Point]  # bracket and point
+
+_MOST = 50  # events of one kind that are looked for on one step
+_ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
+_TOUCH = 1e-5  # a test this small, relative to its largest, touches zero
+BESIDE = 1e-2  # how far off an event, relative to the piece looked at, its sides are looked at
+
+
+def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
+    event, start, length = samples.event, samples.segment.first.arclength, samples.segment.length
+    around = (start + low * length, start + high * length)
+    point = replace(point, kind=event.kind, event=event, bracket=around)
+    verdict: Examined = reason or point.detail.get("reason", "")
+    if not verdict and event.examine is not None:
+        verdict = event.examine(point)
+    if isinstance(verdict, str) and verdict:
+        return replace(point, located=False, detail={**point.detail, "reason": verdict})
+    more = dict(verdict or {})
+    if isinstance(event.test, Level):
+        more["level"] = str(event.test)
+    kind = more.pop("kind", point.kind)
+    return replace(point, kind=kind, detail={**point.detail, **more})
+
+
+def not_simple(kind: str) -> str:
+    return f"two {kind} at once, or too close to be separated: not simple"
+
+
+def locate(samples: StepSamples) -> Iterator[Point]:
+    """The events behind all changes of one test that were not dealt with yet."""
+    # values seen on the cubic give way to those on the curve, wherever a change depends on them
+    while unsure := {u for pair in samples.changes() for u in pair} - samples.sure:
+        for u in unsure:
+            samples.known(u)
+    for left, right in samples.changes():
+        try:
+            yield from _in_bracket(samples, left, right)
+        except Undefined as error:
+            middle = 0.5 * (left + right)
+            samples.remember_event(middle, left, right)
+            reason = f"{samples.event.kind} seen but not located: {error}"
+            yield special(samples, samples.segment.provisional(middle), left, right, reason)
+
+
+def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
+    jumps = samples.jumps
+    places: Iterable[Located | None] = (
+        _jumps(samples, left, right) if jumps else [_zero(samples, left, right)]
+    )
+    for number, (low, high, point) in enumerate(filter(None, places)):
+        if number == _MOST:
+            samples.done.append((left, right))
+            kind = samples.event.kind
+            reason = f"more than {_MOST} changes of {kind} within one step: no event"
+            yield special(samples, point, low, right, reason)
+            return
+        if samples.jumps:
+            samples.settle_jump(low, high)
+        else:
+            samples.remember_event(0.5 * (low + high), left, right)
+        yield special(samples, point, low, high)
+    if not jumps:  # one that may jump has changes left beside its jump
+        for low, high in samples.changes():
+            # one that is as it was has its zero, to rounding, outside
+            if left <= low and high <= right and (low, high) != (left, right):
+                yield from _in_bracket(samples, low, high)
+
+
+def at_end(samples: StepSamples, u: float) -> Point:
+    """The event at an end of the step, where the point is known exactly already."""
+    solved = samples.segment.at(u)
+    low, high, sharp = _solved(samples, u, u, u) or (u, u, solved)
+    return special(samples, replace(solved, detail=sharp.detail), low, high)
+
+
+# --- zeros and jumps --------------------------------------------------------------------------
+
+
+def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
+    """The zero of a float test in a bracket; None where what was seen on the cubic is not there."""
+    a, b = float(samples.values[left]), float(samples.values[right])
+    if b == 0:
+        return right, right, _isolated(samples, right, left, right)
+    # where the line through both values vanishes: next to a simple zero of a short step
+    secant, size = left + (right - left) * a / (a - b), abs(a) + abs(b)
+    if place := _solved(samples, secant, left, right):
+        return place
+    # once: where rounding decides, an end may say otherwise the second time
+    ends = {u: float(samples.look(u)) for u in (left, right)}
+    if ends[left] * ends[right] > 0:
+        samples.done.append((left, right))
+        return None
+    from scipy.optimize import brentq  # dear to import, and hardly ever needed
+
+    def value_at(u: float) -> Any:
+        return ends[u] if u in ends else samples.look(u)
+
+    try:
+        u = brentq(value_at, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+    except Undefined:
+        return _at_crossing(samples, secant, size)
+    if place := _solved(samples, u, left, right):
+        return place
+    point, kind = samples.segment.at(u), samples.event.kind
+    left_over = abs(samples.event.value_or_nan(point))
+    # rounding of a test may be more than that where its values are small all around: as far off on
+    # either side, for next to an end of the bracket they are as small as rounding
+    off = BESIDE * (right - left)
+    beside = (samples.look(v) for v in (max(u - off, left), min(u + off, right)))
+    if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
+        return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
+    if samples.event.may_jump:
+        samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
+        return None
+    reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
+    return u, u, replace(point, detail={"reason": reason}, located=False)
+
+
+def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Point:
+    """The point at a zero, doubtful if the test is exactly zero beside it as well."""
+    segment, event = samples.segment, samples.event
+    point = segment.at(u)
+    if event.value_or_nan(point) != 0:
+        return point
+    aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
+
+    def beside(aside: float) -> list[float]:
+        return [
+            event.value_or_nan(segment.at(v)) for v in (u - aside, u + aside) if left < v < right
+        ]
+
+    if all(value != 0 for value in beside(aside)):
+        return point
+    wider = beside(1e3 * aside)  # a test that goes through is zero where its error is larger, too
+    if len(wider) == 2 and wider[0] * wider[1] < 0:
+        return point
+    reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
+    return replace(point, detail={"reason": reason})
+
+
+def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
+    """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
+    fails beside it, so the branch point is solved for."""
+    segment = samples.segment
+    try:
+        branch_point = crossing(segment.curve, segment.provisional(u).z)
+    except Undefined as error:
+        raise Undefined(f"its test has no value in between, and {error}") from error
+    place, point = segment.corrected(branch_point.solution, branch_point.tangents)
+    if abs(samples.event.value_or_nan(point)) > 1e-6 * size:
+        raise Undefined("a branch point is in the way")
+    return place - ASIDE, place + ASIDE, point
+
+
+def _jumps(
+    samples: StepSamples, left: float, right: float, attempt: float = 0.3
+) -> Iterator[Located]:
+    """Each jump of an integer test in a bracket: by its defining system once that agrees, else by
+    bisection. The system is tried when the bracket has shrunk to `attempt`, and then at every
+    eighth of it."""
+    middle = 0.5 * (left + right)
+    if right - left < attempt:
+        attempt = (right - left) / 8
+        if place := _solved(samples, middle, left, right):
+            yield place
+            return
+    # so narrow a bracket, relative to the step, ends the bisection
+    if right - left < 1e-13:
+        yield left, right, samples.segment.at(middle)
+        return
+    samples.values[middle] = samples.look(middle)
+    samples.sure.add(middle)
+    for low, high in ((left, middle), (middle, right)):
+        if samples.values[low] != samples.values[high]:
+            yield from _jumps(samples, low, high, attempt)
+
+
+def first_jump(samples: StepSamples, low: float, high: float, width: float) -> tuple[float, float]:
+    """Find the first change of a count in a bracket, as closely as `width` and as far as it has
+    values."""
+    before = samples.known(low)
+    while high - low > width:
+        middle = 0.5 * (low + high)
+        value = samples.known(middle)
+        if math.isnan(value):
+            break
+        low, high = (middle, high) if value == before else (low, middle)
+    return low, high
+
+
+def _solved(samples: StepSamples, u: float, left: float, right: float) -> Located | None:
+    """Newton's method on the problem and the defining system of the event together, if it ends
+    inside the bracket at a place where the test does change."""
+    segment, event = samples.segment, samples.event
+    if event.locus is None:
+        return None
+    try:
+        solution, detail = _newton(event.locus, samples.place(u), segment.tolerance)
+        if not solution.converged:
+            return None
+        place, point = segment.corrected(solution, detail.get("tangents", ()))
+        if not left - ASIDE <= place <= right + ASIDE:
+            return None
+        low, high = place - ASIDE, place + ASIDE
+        if not event.crosses:
+            before, after = (
+                event.value_or_nan(segment.at(low)),
+                event.value_or_nan(segment.at(high)),
+            )
+            if before == after if isinstance(before, int) else not before * after <= 0:
+                return None
+    except OUT_OF_DOMAIN:
+        return None  # the system has no value here: location goes on without it
+    return low, high, replace(point, detail=detail)
+
+
+def _newton(
+    locus_at: Callable[[Point], DefiningSystem], guess: Point, tolerance: float
+) -> tuple[Solution, Mapping[str, Any]]:
+    """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
+    if isinstance(locus_at, Crossings):
+        return locus_at.solve(guess)
+    locus = locus_at(guess)
+    # | F_x  0    F_p |
+    # | g_x  g_y  g_p |
+    renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
+    problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
+    curve, n = Curve(problem, ()), guess.curve.size
+    start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
+    # so close, unless the walk asks for a closer one
+    solution = newton(curve, start, tolerance=min(tolerance, 1e-9))
+    solved = Point(curve, solution.z)
+    detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
+    return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
+
+
+# --- double zeros -----------------------------------------------------------------------------
+
+
+def separated(samples: StepSamples) -> Iterator[Point]:
+    """Look between several zeros, where their count changes by more than one, so that each leaves
+    its change of sign. Those that are at one place are doubtful."""
+    event, segment = samples.event, samples.segment
+    if event.count is None or not counts_apart(event, segment.first, segment.last):
+        return
+    counts = {u: count_at(event, samples.place(u)) for u in (0.0, 1.0)}
+    size = _TOUCH * max(abs(samples.values[u]) for u in counts)
+    pieces, looks = [(0.0, 1.0)], 0
+    while pieces:
+        left, right = pieces.pop()
+        if abs(counts[left] - counts[right]) <= 1:
+            continue
+        looks += 1
+        middle = 0.5 * (left + right)
+        # places looked at between several zeros of one step
+        if looks > 400:
+            reason = f"the count of {event.kind} changes too often within one step to tell all"
+            yield _double(samples, left, right, samples.place(middle), reason)
+            return
+        try:
+            point = samples.place(middle)
+            value, counts[middle] = event.value_or_nan(point), event.count(point)
+        except OUT_OF_DOMAIN:  # nothing can be seen there
+            continue
+        if right - left > _ONE:
+            samples.values[middle] = value
+            samples.sure.add(middle)
+            pieces += [(left, middle), (middle, right)]
+        elif abs(value) < size and not samples.changes_sign(left, right):
+            yield _double(samples, left, right, point, not_simple(event.kind))
+
+
+def _double(samples: StepSamples, left: float, right: float, point: Point, reason: str) -> Point:
+    samples.zeros.append(0.5 * (left + right))
+    return special(samples, point, left, right, reason)
+
+
+def has_double_zero(samples: StepSamples) -> bool:
+    """Tell whether a test that keeps its sign dips through zero and back within the step, as smooth
+    tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
+    places = [0.0, 0.5, 1.0]
+    for _ in range(4):
+        values = [samples.deflated(u) for u in places]
+        if not all(math.isfinite(value) and value != 0 for value in values):
+            return False
+        vertex, depth = _parabola(places, values)
+        nearest = min(values, key=abs)
+        # f at the vertex in units of the least value so far: well above zero there is none to come
+        if not places[0] < vertex < places[2] or depth / nearest > 0.3:
+            return False
+        if min(abs(vertex - u) for u in places) < 1e-6:
+            return False
+        # two zeros of one test closer than this, relative to the step, may be one
+        if any(abs(vertex - zero) < 1e-4 for zero in samples.zeros):
+            return False
+        samples.glance(vertex)
+        if samples.changes():
+            return True
+        around = sorted([*places, vertex])
+        lowest = min(range(1, 3), key=lambda i: abs(samples.deflated(around[i])))
+        places = around[lowest - 1 : lowest + 2]
+    return False
+
+
+def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
+    """Place and value of the vertex of the parabola through three points, by divided differences:
+    ``f0 + (x - u0) (slope + curvature (x - u1))``."""
+    slope = (f[1] - f[0]) / (u[1] - u[0])
+    curvature = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
+    if curvature == 0:
+        return math.inf, math.inf
+    vertex = 0.5 * (u[0] + u[1] - slope / curvature)
+    return vertex, f[0] + (vertex - u[0]) * (slope + curvature * (vertex - u[1]))
+
+
+def kinks(samples: StepSamples) -> Iterator[Point]:
+    """Look where the size of a test may have a kink at zero, as the least of several does: on the
+    line through the middle of the step and one end of it, and from there downhill."""
+    size = {u: abs(samples.deflated(u)) for u in (0.0, 0.5, 1.0)}
+    if not all(0 < value < math.inf for value in size.values()):
+        return
+    highest, middle = max(size.values()), size[0.5]
+    for end in (0.0, 1.0):
+        if 2 * middle < size[end]:
+            u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
+            if min(abs(u - v) for v in size) > _ONE:
+                size[u] = _seen_at(samples, u)
+    places = sorted(size)
+    at = min(range(len(places)), key=lambda i: size[places[i]])
+    if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
+        return
+    around = (places[at - 1], places[at + 1])
+    left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
+    u = 0.5 * (left + right)
+    if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
+        least = _seen_at(samples, u)
+        # where the test jumps it is small on one side alone
+        if least < _TOUCH * highest and all(
+            _seen_at(samples, v) < LOW * highest for v in (left, right)
+        ):
+            reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
+            yield _double(samples, left, right, samples.segment.provisional(u), reason)
+
+
+def _seen_at(samples: StepSamples, u: float) -> float:
+    """The size of the test on the cubic, not kept."""
+    return abs(samples.deflated(u, samples.event.value_or_nan(samples.segment.provisional(u))))
+
+
+def _downhill(
+    samples: StepSamples, bracket: tuple[float, float], sizes: list[float], enough: float
+) -> tuple[float, float]:
+    """Bracket of the least size of a test by golden section, unless its sign changes; no closer
+    than shows that it stays above `enough`, even if it fell several times as fast inside."""
+    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
+    golden = 0.5 * (math.sqrt(5) - 1)
+    (left, right), (first, last) = bracket, sizes
+
+    def size(u: float) -> float:
+        return abs(samples.deflated(u, samples.glance(u)))
+
+    inner, outer = right - golden * (right - left), left + golden * (right - left)
+    low, high = size(inner), size(outer)
+    while right - left > _ONE and not samples.changes():
+        steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
+        # no closer than shows this, even if it fell four times as fast inside
+        if min(low, high) - 4.0 * steepest * (right - left) > enough:
+            break
+        if low < high:
+            right, last, outer, high = outer, high, inner, low
+            inner = right - golden * (right - left)
+            low = size(inner)
+        else:
+            left, first, inner, low = inner, low, outer, high
+            outer = left + golden * (right - left)
+            high = size(outer)
+    return left, right

@@ -1,0 +1,286 @@
+"""The curve between two neighbouring points of a walk, and one test sampled along it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
+from ..curve.curve import LEVEL, Curve
+from ..curve.point import Event, Point, Value
+from ..systems.defining_systems import singular_between
+
+ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
+_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
+LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
+
+
+class StepInterpolant:
+    """The curve between two neighbouring points of a walk: u = 0 at the first, 1 at the last."""
+
+    def __init__(self, first: Point, last: Point, tolerance: float) -> None:
+        self.curve: Curve = first.curve
+        self.first, self.last = first, last
+        self.length = last.arclength - first.arclength
+        self.tolerance = tolerance
+        self._known: dict[float, Point] = {0.0: first, 1.0: last}
+
+    @cached_property
+    def _cubic(self) -> tuple[Array, Array, Array]:
+        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic, and
+        dz/du at both ends."""
+        chord = self.last.z - self.first.z
+        dual = self.curve.metric * chord
+        row = np.asarray(dual / dual.dot(chord))
+        # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
+        # the slope 1 at both ends, and is u all along
+        first, last = self.first.direction, self.last.direction
+        return row, first / row.dot(first), last / row.dot(last)
+
+    def guess(self, u: float) -> tuple[Array, Array]:
+        """Position and unit tangent on the cubic through both ends."""
+        z0, z1 = self.first.z, self.last.z
+        _, d0, d1 = self._cubic
+        v = 1 - u
+        # the Hermite basis v^2 (1 + 2u), u v^2, u^2 (1 + 2v), -u^2 v with v = 1 - u
+        z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
+        slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
+        return z, self.curve.normalised(slope)
+
+    def provisional(self, u: float) -> Point:
+        """The point on the cubic, not corrected: close enough to see the sign of a test."""
+        if u in self._known:
+            return self._known[u]
+        z, tangent = self.guess(u)
+        return self._point(u, z, tangent, math.nan)
+
+    def at(self, u: float) -> Point:
+        """The point of the curve at u, solved for across the chord."""
+        if u in self._known:
+            return self._known[u]
+        guess, slope = self.guess(u)
+        row = self._cubic[0]
+        solved = self.curve.corrected(guess, row, self.tolerance)
+        if solved is None:
+            solution = newton(self.curve, guess, row, tolerance=self.tolerance)
+            if not solution.converged:
+                raise Undefined("Newton's iteration failed between two points of the curve")
+            tangent, _ = self.curve.tangent_at(solution.z, slope)
+            solved = solution.z, tangent, solution.residual
+        self._check_near(guess, solved[0])
+        self._known[u] = self._point(u, *solved)
+        return self._known[u]
+
+    def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+        """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
+        the tangent is solved for."""
+        u = float(self._cubic[0].dot(solution.z - self.first.z))
+        guess, slope = self.guess(min(max(u, 0.0), 1.0))
+        self._check_near(guess, solution.z)
+        if tangents:
+            tangent = closest_tangent(tangents, self.curve.metric * slope)
+        else:
+            tangent, _ = self.curve.tangent_at(solution.z, slope)
+        return u, self._point(u, solution.z, tangent, solution.residual)
+
+    def _check_near(self, guess: Array, z: Array) -> None:
+        # so far off the cubic, relative to the step, a point between may lie
+        if self.curve.length(z - guess) > 0.1 * self.length:
+            raise Undefined("the location ended on another curve")
+
+    def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
+        return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
+
+
+def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
+    """The point halfway between two neighbours of a branch, solved for; None where they are one
+    but for rounding, or none is found: on a branch without its equations, for instance.
+    """
+    # neighbours closer than this have nothing between them
+    if last.arclength - first.arclength <= 1e-8 * (1 + first.curve.length(first.z)):
+        return None
+    try:
+        return StepInterpolant(first, last, tolerance).at(0.5)
+    except OUT_OF_DOMAIN:
+        return None
+
+
+def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:
+    """The tangent that makes the smallest angle with a direction, turned to its side: the first one
+    of those that are as close, and as it is if it is at a right angle."""
+    along = [float(tangent.dot(row)) for tangent in tangents]
+    most = max(map(abs, along))
+    i = next(i for i, part in enumerate(along) if abs(part) >= most - LEVEL)
+    return -tangents[i] if along[i] < -LEVEL else tangents[i]
+
+
+# --- a test along it -----------------------------------------------------------------------------
+
+
+def count_at(event: Event, point: Point) -> int | float:
+    """The number beside a test, asked once at each end of a step."""
+    count: int | float = point.curve.cached(
+        f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
+    )
+    return count
+
+
+def counts_apart(event: Event, first: Point, last: Point) -> bool:
+    """Tell whether the number beside a test speaks of two zeros between two points."""
+    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
+
+
+@dataclass
+class StepSamples:
+    """The values of one test along one step, by u from 0 to 1.
+
+    Attributes
+    ----------
+    values : dict
+        By u. Those in `sure` were seen on the curve, the others on its cubic.
+    done, zeros : list
+        Brackets that were dealt with, and the events in them.
+    close : list
+        Pieces on which two zeros may be close together.
+    clear : bool
+        Whether nothing was to be looked for when the step was made.
+    """
+
+    segment: StepInterpolant
+    event: Event
+    values: dict[float, Value]
+    done: list[tuple[float, float]] = field(default_factory=list)
+    zeros: list[float] = field(default_factory=list)
+    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
+    close: list[tuple[float, float]] = field(default_factory=list)
+    clear: bool = False
+
+    # --- values -------------------------------------------------------------------------------
+
+    def place(self, u: float) -> Point:
+        """Place to look for the event at. Next to a branch point the corrector may end on the other
+        curve, so that one is looked for on the cubic."""
+        return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
+
+    def look(self, u: float) -> Value:
+        value = self.event.value_or_nan(self.place(u))
+        if math.isnan(value):
+            raise Undefined("the test has no value between two points of the curve")
+        return value
+
+    def known(self, u: float) -> Value:
+        """Look at the test on the curve, once; NaN where it has no value."""
+        if u not in self.sure:
+            try:
+                self.values[u] = self.look(u)
+            except Undefined:
+                self.values[u] = math.nan
+            self.sure.add(u)
+        return self.values[u]
+
+    def glance(self, u: float) -> Value:
+        """The test on the cubic, close enough to see its sign."""
+        self.values[u] = self.event.value_or_nan(self.segment.provisional(u))
+        return self.values[u]
+
+    def learn(self, u: float, value: Value) -> None:
+        """Take in one more value, unless u is so close to an event that rounding decides it."""
+        if u not in self.values and not any(low <= u <= high for low, high in self.done):
+            self.values[u] = value
+
+    def deflated(self, u: float, value: Value | None = None) -> float:
+        """The value at u with the zeros found so far divided out."""
+        value = self.values[u] if value is None else value
+        # f(u) / prod(u - u_i) is as smooth as f, and what zeros it has are others
+        return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
+
+    # --- where it changes ---------------------------------------------------------------------
+
+    @property
+    def jumps(self) -> bool:
+        """Tell whether the test counts: its values are int, but for NaN where it has none."""
+        for value in self.values.values():  # any() takes longer, and all ask for this
+            if isinstance(value, float) and value == value:
+                return False
+        return True
+
+    def changes(self) -> list[tuple[float, float]]:
+        """Neighbouring places between which the test changes sign, or jumps; not within brackets
+        that were dealt with, in which a place where it was looked at before may lie."""
+        places = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        differ = self._unequal if self.jumps else self.changes_sign
+        return [
+            (left, right)
+            for left, right in itertools.pairwise(places)
+            if differ(left, right)
+            and not any(low <= left and right <= high for low, high in self.done)
+        ]
+
+    def _unequal(self, left: float, right: float) -> bool:
+        return self.values[left] != self.values[right]
+
+    def changes_sign(self, left: float, right: float) -> bool:
+        a, b = self.values[left], self.values[right]
+        return a != 0 and (b == 0 or (a < 0) != (b < 0))
+
+    def remember_event(self, u: float, left: float, right: float) -> None:
+        """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
+        # between these the sign is rounding
+        low, high = max(u - ASIDE, left), min(u + ASIDE, right)
+        self.values[low], self.values[high] = self.values[left], self.values[right]
+        self.sure |= {low, high}
+        self.done.append((low, high))
+        self.zeros.append(u)
+
+    def settle_jump(self, low: float, high: float) -> None:
+        """Remember a jump in a bracket: there may be others to either side."""
+        for u in {low, high} - self.sure:
+            self.values[u] = self.look(u)
+        self.sure |= {low, high}
+        self.done.append((low, high))
+
+    # --- two zeros that leave no change -------------------------------------------------------
+
+    def beside(self, *places: float) -> None:
+        """Remember where two zeros may be to either side, close together."""
+        half = _CLOSE / 2
+        self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
+
+    def brackets(self) -> Iterator[tuple[float, float]]:
+        """Pieces on which two or more zeros may be close together, each once."""
+        for left, right in self.close:
+            if not any(low < right and left < high for low, high in self.done):
+                yield left, right
+
+    def foresee(self) -> bool:
+        """Look between the places where a test should have its zeros, so that each leaves its
+        change of sign; beside an event at the start, where the sign is not known; and towards an
+        end without a value, as where an impact vanishes. Whether there are any."""
+        matrix, segment, look, places = self.event.matrix, self.segment, list[float](), np.empty(0)
+        if matrix and segment.last.tangent is not None:
+            sizes = [abs(value) for value in self.values.values()]
+            small = min(sizes) < LOW * max(sizes)
+            middle = (segment.provisional(0.5),) if small else ()
+            places = singular_between(*map(matrix, (segment.first, *middle, segment.last)))
+            for low, high in itertools.pairwise(places.tolist()):
+                look.append((low + high) / 2)
+                self.beside(*(look[-1:] if high - low < _CLOSE else ()))
+        if self.values[0.0] == 0 and not self.jumps:
+            size = 1 + segment.curve.length(segment.first.z)
+            look.append(ASIDE + 1e-12 * size / segment.length)
+        for u in look:
+            self.glance(u)
+        gaps = [math.isnan(self.values[end]) for end in (0.0, 1.0)]
+        if gaps[0] != gaps[1]:
+            blank = float(gaps[1])
+            known = 1.0 - blank
+            # halvings of the way to where the test has no value
+            for _ in range(6):
+                u = 0.5 * (known + blank)
+                known, blank = (known, u) if math.isnan(self.glance(u)) else (u, blank)
+        return bool(places.size or look)

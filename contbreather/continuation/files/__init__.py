@@ -1,0 +1,3 @@
+"""Branches in files, loaded and extended."""
+
+from __future__ import annotations

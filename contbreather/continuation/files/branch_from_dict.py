@@ -1,0 +1,346 @@
+"""A branch from a nested dict: with its equations, where the dict or the caller has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...checks import brief
+from ...errors import BadInput
+from ...storage.netcdf import check_lengths
+from ...storage.serialise import can_read, check_types, from_dict
+from ..algebra.newton import Undefined
+from ..bifurcations.equilibria import branch_point, fold, hopf
+from ..bifurcations.maps import Iterate, with_period
+from ..branches.boundary import boundary_problem
+from ..curve.branch import Branch, Points, Stop, labelled
+from ..curve.curve import Curve
+from ..curve.point import Event, Point, UnstableDimension
+from ..curve.problem import Problem
+from ..curve.settings import Settings, Steps, active_events
+from ..systems.defining_systems import ExtendedProblem
+
+Array = NDArray[Any]
+Content = Mapping[str, Any]
+
+BRANCH = {  # what `branch_to_dict` writes besides columns and groups
+    "label": str, "stop": str, "reason": str, "began": str | None, "began_reason": str,
+    "unknowns": list[str], "parameters": list[str], "recorded": list[str], "free": list[str],
+    "boundary": dict[str, Any] | None, "image_of": int | None,
+    "kinds": list[str], "detail": dict[str, dict[str, Any]],
+    "parent": bool, "point_label": str, "period": int | None,
+    "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
+    "settings": dict[str, Any] | None,
+}  # fmt: skip
+SETTINGS = {
+    "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
+    "steps": dict[str, Any], "inadmissible": bool,
+}  # fmt: skip
+
+
+def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
+    """Load a result from its dict; `problems` have the equations of its branches."""
+    if content["kind"] == "branch":
+        return branch_from_dict(content, problems)
+    groups = content.get("groups", {}).items()
+    inside = {name: result_from_dict(part, problems) for name, part in groups}
+    return from_dict({**content, "groups": inside} if inside else content)
+
+
+def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Branch:
+    """Load a branch from its dict.
+
+    One of the problems has its equations (of a boundary those of the original problem), in place of
+    those in the dict. If all have other names, or the points do not solve them, `BadInput` says
+    what is wrong with the first.
+    """
+    origin, groups = None, content.get("groups", {})
+    if "origin" in groups:  # it may be on a curve of other equations
+        born = _Stored(groups["origin"])
+        candidates = [problem for problem in problems if set(problem.names) <= set(born.here)]
+        curve, _, events = born.fitted(candidates, None)
+        origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
+    stored = _Stored(content)
+    curve, settings, events = stored.fitted(problems, origin)
+    points = stored.points(curve, events)
+    if content["parent"]:
+        points.made[0] = replace(points[0], parent=origin)
+    doubtful, began = groups.get("doubtful"), content["began"]
+    return Branch(
+        labelled(points),
+        Stop[content["stop"]],
+        Stop[began] if began else None,
+        content["reason"],
+        content["began_reason"],
+        () if doubtful is None else tuple(_Stored(doubtful).points(curve, events)),
+        content["image_of"],
+        settings=settings,
+        origin=origin,
+    )
+
+
+class _Stored:
+    """The points of a dict, to be put on a curve."""
+
+    def __init__(self, content: Content) -> None:
+        self.content, self.columns = content, content["columns"]
+        check_types(content, BRANCH)
+        check_types(content["settings"] or {}, SETTINGS)
+        names = (*content["unknowns"], *content["free"])
+        fixed = {*content["parameters"]} - {*names}  # these are single numbers
+        every = (name for name in self.columns if name not in fixed)
+        check_lengths(self.columns, ["arclength", *every], "points")
+        rows = [self.columns[name].reshape(self.columns["arclength"].size, -1) for name in names]
+        self.z = np.concatenate(rows, axis=1)
+        self._check_places()
+
+    def _check_places(self) -> None:
+        """Refuse kinds and points that there are not, which nothing asks for before it is shown."""
+        content, places = self.content, [*map(str, range(len(self.z)))]
+        codes, known = self.columns["point_kind"], {*content["unknowns"], *content["parameters"]}
+        wrong = {
+            "free": [name for name in content["free"] or [None] if name not in known],
+            "point_kind": [c for c in codes.tolist() if c not in range(len(content["kinds"]))],
+            "detail": [i for i in content["detail"] if i not in places],
+        }
+        for name, values in wrong.items():
+            if values:
+                raise BadInput(
+                    f"its contents are not as `save` writes them: {name} with {brief(values)}"
+                )
+
+    @cached_property
+    def here(self) -> dict[str, Any]:
+        """Unknowns and parameters at the first point."""
+        values = {name: _python(self.columns[name][0]) for name in self.content["unknowns"]}
+        return values | {
+            name: float(self.columns[name].flat[0]) for name in self.content["parameters"]
+        }
+
+    def fitted(
+        self, problems: Sequence[Problem], origin: Point | None
+    ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
+        """Attach the first problem that fits, if any is given."""
+        wrong: list[BadInput] = []
+        for problem in problems or (None,):
+            try:
+                return self.attached(problem, origin)
+            except BadInput as error:
+                wrong.append(error)
+        raise wrong[0]
+
+    def attached(
+        self, problem: Problem | None, origin: Point | None
+    ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
+        """The curve of these points, how it was walked, and what can happen on it."""
+        content, first = self.content, self.here
+        if problem is None and can_read(content["equations"]):
+            start, params = ({name: first[name] for name in names} for names in content["base"])
+            problem = from_dict(content["equations"], start=start, params=params)
+        if problem is None:
+            return self._without_equations(), self._settings(()), ()
+        if content["period"] is not None and isinstance(problem.residual, Iterate):
+            # of the map that was given, another iterate
+            problem = with_period(problem, content["period"])
+        absent = [name for name in problem.names if name not in first]
+        if absent:
+            raise BadInput(
+                f"the problem has {absent}, which the file has not: it has {list(first)}"
+            )
+        problem = problem.sized({name: np.size(first[name]) for name in problem.start})
+        for name, value in problem.start.items():
+            if np.shape(value) != np.shape(first[name]):
+                raise BadInput(
+                    f"{name!r} has shape {np.shape(first[name])} in the file, {np.shape(value)} in "
+                    "the problem; give the one that the branch was begun with"
+                )
+        problem = problem.at(**{name: first[name] for name in problem.names})
+        candidates = (*problem.events, fold(), branch_point(), hopf())
+        settings = self._settings(candidates)
+        used = settings or Settings()
+        if content["boundary"]:
+            longer, events = self._boundary(problem, used, candidates, origin)
+        else:
+            longer, events = active_events(problem, used.events, inadmissible=used.inadmissible)
+        curve = self._curve(longer)
+        curve.asked = used.events
+        if list(longer.start) != content["unknowns"] or set(longer.names) != set(first):
+            raise BadInput(f"the file has {list(first)}, the problem has {list(longer.names)}")
+        if not content["boundary"]:
+            _check_fit(curve)
+        return curve, settings, (*events, *candidates)
+
+    def _boundary(
+        self,
+        problem: Problem,
+        settings: Settings,
+        candidates: tuple[Event, ...],
+        origin: Point | None,
+    ) -> tuple[Problem, tuple[Event, ...]]:
+        """The problem of a boundary: with the conditions that it had, those of its origin."""
+        free, released = self.content["free"][0], self.content["unknowns"][-1]
+        curve = Curve(problem, (released, free))
+        _check_fit(curve)
+        event = _event_from_dict(self.content["boundary"], candidates)
+        if event is None:
+            kind = self.content["boundary"]["kind"]
+            raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
+        born = {} if origin is None else origin.values
+        if set(problem.names) <= set(born):
+            curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
+        event = event.of(problem)
+        base_point = Point(curve, curve.start)
+        if origin is not None:
+            base_point = replace(base_point, kind=origin.base_point.kind, event=event)
+        inadmissible = settings.inadmissible
+        make = partial(
+            boundary_problem, base_point, event, (free, released), inadmissible=inadmissible
+        )
+        longer = make(settings.events)
+        return longer, (*longer.events, *make(candidates).events)
+
+    def _without_equations(self) -> Curve:
+        content = self.content
+        start, params = (
+            {name: self.here[name] for name in content[which]}
+            for which in ("unknowns", "parameters")
+        )
+        bare = _Bare(no_equations, start, params, label=content["label"])
+        curve = self._curve(bare)
+        if content["boundary"]:
+            curve.varied = (content["free"][0], content["unknowns"][-1])
+        return curve
+
+    def _curve(self, problem: Problem) -> Curve:
+        """The curve of a problem, with the columns that were recorded."""
+        z, record = self.z, dict(problem.record)
+        if isinstance(problem, ExtendedProblem):
+            size = problem.residual.n
+            z = np.hstack([z[:, :size], z[:, -2:]])
+        for name in self.content["recorded"]:
+            function = problem.record.get(name, no_equations)
+            column = _Recorded(function, z, self.columns[name])
+            counts = isinstance(function, UnstableDimension)
+            record[name] = UnstableDimension(column, column.rows) if counts else column
+        return Curve(replace(problem, record=record), tuple(self.content["free"]))
+
+    def _settings(self, candidates: Sequence[Event]) -> Settings | None:
+        content = self.content["settings"]
+        if content is None:
+            return None
+        events = content["events"]
+        if events is not None:
+            every = (_event_from_dict(event, candidates) for event in events)
+            events = tuple(event for event in every if event is not None)
+        within = {name: (low, high) for name, (low, high) in content["within"].items()}
+        return Settings(within, events, Steps(**content["steps"]), content["inadmissible"])
+
+    def points(self, curve: Curve, events: Sequence[Event]) -> Points:
+        content, columns = self.content, self.columns
+        tangent, codes, brackets, arclength, residual = (
+            columns[name]
+            for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
+        )
+        points = Points(curve, self.z, tangent, arclength, residual)
+        located, bare = columns["point_located"] != 0, np.isnan(tangent).any(axis=1)
+        more = (codes != 0) | bare | ~located
+        more[[*map(int, content["detail"])]] = True
+        for i in np.flatnonzero(more).tolist():
+            detail = content["detail"].get(str(i))
+            point = replace(
+                points[i],
+                tangent=None if bare[i] else points[i].tangent,
+                kind=content["kinds"][codes[i]],
+                bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
+                located=bool(located[i]),
+                detail=_detail_from_dict(detail) if detail else {},
+            )
+            points.made[i] = replace(point, event=_event_at(point, events))
+        return replace(points)
+
+
+def _detail_from_dict(content: Any) -> Any:
+    if isinstance(content, list):
+        return [_detail_from_dict(inner) for inner in content]
+    if not isinstance(content, Mapping):
+        return content
+    ((kind, value),) = content.items()
+    if kind == "dict":
+        return {name: _detail_from_dict(inner) for name, inner in value.items()}
+    if kind == "complex":
+        return complex(*value)
+    return np.array(value) if kind == "array" else np.array(value[0]) + 1j * np.array(value[1])
+
+
+def _check_fit(curve: Curve) -> None:
+    try:
+        off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
+    except Undefined as error:
+        raise BadInput(f"the points of the file lie outside this problem: {error}") from error
+    # relative to the rows of the derivative
+    if off > 1e-6:
+        raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
+
+
+def no_equations(*_: Any) -> Any:
+    """The equations of a branch that was loaded without them."""
+    raise BadInput(
+        "this branch was loaded without its equations; load(path, problem=...) attaches them"
+    )
+
+
+class _Bare(Problem):
+    """The names and numbers of a branch alone."""
+
+    interpret = staticmethod(no_equations)
+
+
+def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:
+    """An event that was written down: made again, or the candidate of its kind."""
+    if "ends" not in content:
+        event: Event | None = from_dict(content) if can_read(content) else None
+        return event
+    alike = next((event for event in candidates if event.kind == content["kind"]), None)
+    return alike and replace(alike, ends=content["ends"])
+
+
+def _event_at(point: Point, events: Sequence[Event]) -> Event | None:
+    """The event of a special point: of its kind and, if there are several, the one whose test is
+    closest to zero; so where it has another name, as a vanishing impact among grazings."""
+    alike = {id(event): event for event in events if event.kind == point.kind}
+    if not alike and point.kind not in ("", "EP", "MX"):
+        alike = {id(event): event for event in events if event.examine is not None}
+    if len(alike) > 1:
+        off = {key: abs(event.value_or_nan(point)) for key, event in alike.items()}
+        return alike[min(off, key=lambda key: off[key] if off[key] >= 0.0 else math.inf)]
+    return next(iter(alike.values()), None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """A recorded column as it was stored; at other points the function that it was."""
+
+    function: Callable[[Point], Any]
+    z: Array  # of the original problem, on boundaries too
+    values: Array
+
+    def __call__(self, point: Point) -> Any:
+        i = self._numbers.get(point.z.tobytes())
+        return self.function(point) if i is None else _python(self.values[i])
+
+    def rows(self, points: Points) -> Array | None:
+        return self.values if np.array_equal(points.z, self.z) else None
+
+    @cached_property
+    def _numbers(self) -> dict[bytes, int]:
+        return {row.tobytes(): i for i, row in enumerate(self.z)}
+
+
+def _python(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,386 @@
+"""Defining systems: matrices that lose rank, and a problem with such conditions as a longer one.
+
+With the defining system ``g(x, p, y) = 0`` of an event, y what it needs besides (a null vector, an
+angle), the equations ``F(x, p) = 0`` become the longer problem of its curve in two parameters::
+
+    | F_x  0    F_p |
+    | g_x  g_y  g_p |
+
+of n + m + 1 equations for x, y and p: the points of that curve are regular ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInput
+from ..algebra import derivatives
+from ..algebra.linear_algebra import Bordered, LeastSingular, inverses_between, least_singular
+from ..algebra.sparse import Dense, Matrix, above, beside
+from ..curve.curve import Curve, Params
+from ..curve.point import DefiningSystem, Event, Point
+from ..curve.problem import Problem
+
+Array = NDArray[np.float64]
+Values = NDArray[np.complex128]
+
+_NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
+_EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_STEP = 1e-5  # of differences along a null vector, relative to what that moves
+_SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
+
+
+# --- matrices that lose rank ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Singular:
+    """A test by a matrix that is singular at the event.
+
+    Its smallest singular value, with the sign of the determinant, is the test, unless `size` is
+    given; and where between two points the matrix should be singular is looked at, so that two
+    zeros within a step leave their changes of sign.
+    """
+
+    matrix: Callable[[Point], Matrix]
+    size: Callable[[Point], float] | None = None
+
+    def __call__(self, point: Point) -> float:
+        return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
+
+
+def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
+    """Tell on which steps between neighbours of several small matrices no interpolation is
+    singular, by the norms of powers alone."""
+    stack = np.concatenate([[first], stack])
+    try:
+        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
+    except np.linalg.LinAlgError:
+        return np.zeros(len(stack) - 1, dtype=bool)
+
+
+def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which of several matrices have no eigenvalue of size 1: where a power is smaller."""
+    small = np.zeros(len(power), dtype=bool)
+    for _ in range(_SQUARES):
+        small |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        if small.all():
+            break
+        power = power @ power
+    return small
+
+
+def singular_between(first: Matrix, *others: Matrix) -> Array:
+    """Find the places from the first of several matrices, 0, to the last, 1, where they are
+    singular, in order, by linear interpolation of two or quadratic of three.
+
+    Of steep and shallow singular values side by side the smallest alone shows no two zeros.
+    """
+    if isinstance(first, Bordered):
+        return _places(inverses_between(first, *others))
+    change = _pencil(first, *others)
+    if change is None:  # an event is where the first is: seen from the other end
+        change = _pencil(*others[::-1], first)
+        return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
+    return _inverses(change)
+
+
+def _pencil(first: Array, *others: Array) -> Array | None:
+    """A matrix whose eigenvalues are the inverses of these places."""
+    middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
+    if middle is None:
+        return Dense(first).solve(first - last)
+    # M(u) = M0 + u (M1 - M0 - Q) + u^2 Q, Q = 2 (M0 - 2 M1/2 + M1): with w = u x
+    #     | M0^-1 (M0 - M1 + Q)   -M0^-1 Q |  has the eigenvalues 1 / u where M(u) x = 0
+    #     |           1               0    |
+    Q = 2 * (first - 2 * middle + last)
+    change = Dense(first).solve(np.hstack([first + Q - last, -Q]))
+    return change if change is None else np.vstack([change, np.eye(*change.shape)])
+
+
+def _inverses(matrix: Array) -> Array:
+    """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
+    if not (matrix * matrix).sum() < math.inf or _reaches_nothing(matrix[None])[0]:
+        return np.empty(0)
+    return _places(np.linalg.eigvals(matrix))
+
+
+def _places(values: NDArray[Any]) -> Array:
+    # Re(1 / value), 0 where the value is
+    places = values.real / np.maximum(abs(values) ** 2, 1e-300)
+    on_step = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    return np.sort(places[on_step])
+
+
+def signed_smallest(matrix: Matrix) -> float:
+    """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
+    if isinstance(matrix, Bordered):
+        return matrix.signed_least()
+    weak = least_singular(matrix)
+    return weak.sign * weak.size
+
+
+def signed_smallest_of(stack: Array) -> Array:
+    """Least singular values of several small matrices, with the signs of their determinants."""
+    sizes = np.linalg.svd(stack, compute_uv=False)[:, -1]
+    return np.asarray(np.copysign(sizes, np.linalg.slogdet(stack)[0]))
+
+
+def oriented_overlap(matrix: Matrix) -> float:
+    """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
+    where the eigenvalue 0 is double with one eigenvector."""
+    if matrix.shape[0] < 2:
+        return math.nan
+    weak = least_singular(matrix)
+    # adj M = sign (product of the other singular values) v w^T at rank n - 1, and its trace is
+    # d det(M + s) / ds: zero where 0 is a double zero of that
+    return float(weak.sign * weak.left @ weak.right)
+
+
+def overlap(point: Point) -> float:
+    """The test of a double zero where one eigenvalue of F_x is zero all along a curve."""
+    return oriented_overlap(point.base_point.jacobian()[:, : point.base_point.curve.size])
+
+
+# A fold. The null vector is an unknown like any other
+# (G. Moore and A. Spence, SIAM J. Numer. Anal. 17, 567, 1980):
+#     | F_x          0       F_p    |
+#     | (F_x v)_x   F_x   (F_x v)_p |
+#     | 0          2 v^T      0     |
+def null_locus(null: Array) -> DefiningSystem:
+    """``F_x v = 0, |v| = 1``."""
+    return DefiningSystem({"null": null}, _turned, _slopes_of_turned)
+
+
+def _turned(curve: Curve, z: Array, v: Array) -> Array:
+    return np.append(curve.jacobian(z)[:, : curve.size] @ v, v.dot(v) - 1)
+
+
+def _slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
+    n = curve.size
+    rows = np.zeros((n + 1, z.size + n))
+    # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
+    rows[:n, : z.size] = curve.along(z, v)
+    rows[:n, z.size :] = curve.jacobian(z)[:, :n]
+    rows[n, z.size :] = 2 * v
+    return rows
+
+
+def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
+    """The weak end of the derivative in the unknowns, in their scales and balanced."""
+
+    def make(z: Array) -> LeastSingular:
+        return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
+
+    weak: LeastSingular = curve.cached("weak", z, make)
+    return weak
+
+
+def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """Its value and vectors as `rank_locus` takes them."""
+    weak = least_in_unknowns(curve, z)
+    left, right = weak.left / curve.row_scales, weak.right * curve.scales[: curve.size]
+    return weak.sign * weak.size, weak.sign * left, right
+
+
+def rank_locus(weak: Callable[[Curve, Array], tuple[float, Array, Array]]) -> DefiningSystem:
+    """The least singular value of a square matrix B is zero: one equation and no unknown.
+
+    ``weak(curve, z)`` gives it with the sign of the determinant, and its vectors w and v, in the
+    units of the equations and of the unknowns. It is the scalar of a bordered system whose borders
+    are the vectors of each place.
+    """
+    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak))
+
+
+def _least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([weak(curve, z)[0]])
+
+
+def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
+    return along_by_difference(curve, z, *weak(curve, z)[1:])[None, :]
+
+
+def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
+    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
+    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
+    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    way = np.append(right, np.zeros(z.size - right.size))
+    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
+    step = _STEP / max(size, 1e-300)  # one of two null vectors may vanish
+    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
+    return np.asarray(change / (2 * step))
+
+
+# --- problem and defining system as one longer problem ------------------------------------------
+
+
+class Extended:
+    """Residual and derivatives of a problem and the conditions of a locus together.
+
+    The unknowns are those of the problem, the extra ones of the locus, then a parameter that is
+    `released`: the conditions determine it. `base` is the curve of the problem with this parameter
+    free, and perhaps another one that is to be free in the longer problem.
+    """
+
+    def __init__(self, base: Curve, locus: DefiningSystem, event: Event | None = None) -> None:
+        self.locus = locus
+        self.event = event
+        self.problem = base.problem
+        self.released, *others = base.free
+        self.free = tuple(others)
+        self.n = base.size
+        self.extra = sum(np.size(value) for value in locus.extra.values())
+        self._curves = {self.free: base}
+
+    def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
+        """The curve of the shorter problem, and the point on it."""
+        z = np.concatenate([x[: self.n], x[-1:], [params[name] for name in free]])
+        curve = self._curves.get(free)
+        # made anew where a parameter that is not free has another value
+        fixed = (name for name in params if name not in free)
+        if curve is None or any(curve.fixed[name] != params[name] for name in fixed):
+            values = {name: x[slot] for name, slot in self.problem.slots.items()}
+            base = self.problem.at(**values, **params, **{self.released: float(x[-1])})
+            curve = self._curves[free] = Curve(base, (self.released, *free))
+        return curve, z
+
+    def __call__(self, x: Array, params: Params) -> Array:
+        curve, z = self.beneath(x, params, self.free)
+        extra = x[self.n : -1]
+        values = curve.equations(z)
+        if self.locus.unfolding is not None:
+            values = values + self.locus.unfolding(extra)[0]
+        conditions = np.asarray(self.locus.conditions(curve, z, extra))
+        if conditions.shape != (self.extra + 1,):
+            raise BadInput(
+                f"a locus with {self.extra} extra unknowns needs {self.extra + 1} conditions, "
+                f"it gave {conditions.shape}"
+            )
+        return np.concatenate([values, conditions])
+
+    def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
+        """Derivatives of the conditions in z and in the extra unknowns."""
+        if self.locus.derivative is not None:
+            return np.asarray(self.locus.derivative(curve, z, extra))
+        # apart: conditions that ask for derivatives of the problem at one z get those they had
+        in_z = derivatives.differences(
+            lambda y: self.locus.conditions(curve, y, extra), z, scales=curve.scales, one_sided=True
+        )
+        if not extra.size:
+            return in_z
+        in_extra = derivatives.differences(
+            lambda y: self.locus.conditions(curve, z, y),
+            extra,
+            scales=np.ones(extra.size),
+            one_sided=True,
+        )
+        return np.hstack([in_z, in_extra])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExtendedProblem(Problem):
+    """As a problem: `residual` knows its derivatives."""
+
+    residual: Extended
+
+    @property
+    def internals(self) -> frozenset[str]:
+        extra = self.residual.locus.extra.items()
+        vectors = {name for name, value in extra if np.ndim(value)}
+        return self.residual.problem.internals | vectors
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
+        """Columns in the order: unknowns, extra, released, free."""
+        both, n = self.residual, self.residual.n
+        (curve, z), extra, unfolding = both.beneath(x, params, free), x[n:-1], both.locus.unfolding
+        matrix, rows = curve.jacobian(z), both.slopes(curve, z, extra)
+        middle = np.zeros((n, both.extra)) if unfolding is None else unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
+
+    def walker(self, free: tuple[str, ...], params: Params) -> Any:
+        both = self.residual
+        return both.locus.walker and both.locus.walker(both.problem, (both.released, *free), params)
+
+    def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
+        return self.residual.beneath(x, params, free)
+
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
+        curve, z = self.beneath(x, params, ())
+        return curve.problem.modulo(z[: curve.size], curve.params(z))
+
+    def unresolved(self, point: Point) -> str:
+        return point.base_point.problem.unresolved(point.base_point)
+
+
+def extended(
+    base: Curve,
+    locus: DefiningSystem,
+    event: Event | None = None,
+    make: Callable[..., ExtendedProblem] = ExtendedProblem,
+) -> ExtendedProblem:
+    """The problem of a curve with the conditions of `locus` added, and the first of its free
+    parameters made unknown; `event` is what the locus is of, where that is a boundary."""
+    problem, released = base.problem, base.free[0]
+    clash = set(locus.extra) & set(problem.names)
+    if clash:
+        raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
+    # an angle or a squared frequency is measured by its size: it is not what the steps are about
+    scalars = {name: abs(float(v)) for name, v in locus.extra.items() if np.ndim(v) == 0}
+    sizes = {name: size for name, size in scalars.items() if size > 1.0}
+    return make(
+        Extended(base, locus, event),
+        {**problem.start, **locus.extra, released: problem.params[released]},
+        {name: value for name, value in problem.params.items() if name != released},
+        domain={
+            **problem.domain,
+            **{n: d for n, d in locus.domain.items() if n in base.free or n in locus.extra},
+        },
+        scales={**sizes, **problem.scales},
+    )
+
+
+def event_of(problem: Problem) -> Event | None:
+    """The event whose boundary a problem is of, if it is one."""
+    return problem.residual.event if isinstance(problem, ExtendedProblem) else None
+
+
+def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
+    """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
+    return replace(
+        locus,
+        extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
+        conditions=partial(_asked_beneath, together, locus.conditions),
+        derivative=partial(_derivative_beneath, together, locus.derivative)
+        if locus.derivative
+        else None,
+        events=(),
+        walker=None,
+    )
+
+
+def _asked_beneath(
+    together: Extended, conditions: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    base, place = together.beneath(z[: curve.size], curve.params(z), curve.free)
+    return np.asarray(conditions(base, place, extra))
+
+
+def _derivative_beneath(
+    together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
+) -> Array:
+    rows = _asked_beneath(together, derivative, curve, z, extra)
+    n, m = together.n, together.extra
+    return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

@@ -1,0 +1,375 @@
+"""Coefficients of normal forms: which way a bifurcation goes, for flows and for maps.
+
+Each is a contraction of the derivatives A, B, C of the equations (first, second, third order) with
+the critical eigenvectors, on the centre manifold: Yu. A. Kuznetsov, Elements of Applied Bifurcation
+Theory, chapters 5, 8 and 9. B and C are needed along critical directions only, where they are
+differences of the Jacobian; so a coefficient costs some fifty Jacobians, whatever the size.
+
+With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and ``<p, q> = 1``, with
+``<p, q> = conj(p) . q``. Lengths are measured in the units of the problem's `scales`, those
+of cycles of flows as they are.
+
+A map may be given by more equations than it has unknowns, as the return map of a cycle is by all
+that happens on the way around. Then A and the eigenvectors are those of all these equations, and
+``1 - mu``, which stands on the diagonal of a map's, in the few rows where the cycle is closed:
+the matrix T below, the identity otherwise. In place of q and <p, q> it is T q, of length 1, and
+<p, T q> = 1; all else is the same, for what is on the way follows from where it began.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.linear_algebra import least_singular, sense, solved
+from ..algebra.newton import OUT_OF_DOMAIN, Undefined
+from ..algebra.sparse import (
+    Matrix,
+    above,
+    beside,
+    first_columns,
+    is_large,
+    is_sparse,
+    null_vectors,
+    plus_diagonal,
+    scaled,
+)
+from ..curve.curve import Curve
+from ..curve.point import Point
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Seven-point formulas for a first and a second derivative; the steps they are tried with.
+_FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+_SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
+# Five of the same seven places: how far they lead off tells what the step is worth.
+_FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
+_SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
+_STEPS = [0.04 / 4**i for i in range(7)]
+AGREED = 1e-10  # relative error at which no shorter step is tried
+ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
+_FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
+_DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
+_ROUNDING = 1e-11  # and this small it is rounding
+_DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
+
+
+@dataclass(frozen=True)
+class Jet:
+    """First and second derivative of the Jacobian along v: ``B(v, .)`` and ``C(v, v, .)``."""
+
+    B: Matrix
+    C: Matrix
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient and the size of the terms it adds up, to tell a zero by; `rounding` is what is
+    left of them where it vanishes, and `least` what is none where all of them do."""
+
+    value: complex
+    size: float
+    rounding: float = _ROUNDING
+    least: float = 0.0
+
+    @property
+    def degenerate(self) -> bool:
+        """Tell whether its real part has no sign to speak of."""
+        return abs(self.value.real) <= max(_DEGENERATE * self.size, self.least)
+
+    @property
+    def signed(self) -> float:
+        """Its real part as a test function: 0 where that is rounding, all along the curves of
+        conservative systems for instance."""
+        least = max(self.rounding * self.size, self.least)
+        return 0.0 if abs(self.value.real) <= least else float(self.value.real)
+
+
+def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
+    """The square derivative whose null vectors are perturbations that have grown by mu when they
+    come back: ``A - mu`` of a map, with A = F_x + 1."""
+    if curve.problem.closing is not None:
+        return curve.problem.closing(matrix, mu)
+    return plus_diagonal(first_columns(matrix, curve.size), 1 - mu)
+
+
+class Forms:
+    """The derivatives of the equations at a point in their unknowns, in units of their scales."""
+
+    def __init__(self, point: Point, agreed: float = AGREED) -> None:
+        base, self.agreed = point.base_point, agreed
+        self.curve, self.z = base.curve, base.z
+        problem = self.curve.problem
+        self.closing = problem.closing
+        every = np.arange(self.curve.size)
+        self.moved = every if problem.perturbed is None else problem.perturbed
+        self.n = self.moved.size
+        self.scales = self.curve.scales[self.moved]
+        self.x = self.z[self.moved] / self.scales
+        self.A = self._matrix(self.z)
+        if self.closing is None:
+            self.T, self.units = plus_diagonal(0 * self.A, 1.0), np.ones(self.n)
+        else:  # the scale of a cycle is that of one orbit, by which no length should be told
+            self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
+        self.reach = max(1.0, float(abs(self.x).max()))
+        self.parameters = np.maximum(1.0, abs(self.z[self.curve.size :]))
+        # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
+        self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
+
+    def _matrix(self, z: Array) -> Matrix:
+        """The Jacobian between unknowns in their scales: similar to the one in plain units."""
+        return self._scaled(self.curve.in_unknowns(z))
+
+    def _scaled(self, matrix: Matrix) -> Matrix:
+        if self.n < self.curve.size:
+            matrix = matrix[self.moved][:, self.moved]
+        return scaled(matrix, 1 / self.scales, self.scales)
+
+    def closed(self, mu: complex) -> Matrix:
+        """The matrix that takes to zero a perturbation that comes back grown by mu."""
+        return self._scaled(closed(self.curve, self.curve.in_unknowns(self.z), mu))
+
+    def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
+        """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+        of_cycle = self.closing is not None and is_large(matrix)  # most entries are 0
+        if of_cycle or is_sparse(matrix):
+            q, p = null_vectors(matrix)
+        else:
+            left, _, right = np.linalg.svd(matrix)
+            q, p = right[-1].conj(), left[:, -1]
+        began = self.T @ q
+        # on the way around a cycle they may be far larger than where it begins
+        small = _DEFECTIVE if self.closing is None else _DEFECTIVE**2
+        if abs(np.vdot(p, began)) < small * float(np.linalg.norm(began)):
+            raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
+        size = sense(q) * np.linalg.norm(self.units * began)
+        return q / size, p / np.conj(np.vdot(p, began) / size)
+
+    def by_parameters(self, p: Array, v: Array) -> Array:
+        """Changes of ``p F`` by the free parameters, at the point and along v from there."""
+        left, n, direction = np.zeros(self.curve.size), self.curve.size, np.zeros(self.curve.size)
+        left[self.moved], direction[self.moved] = p / self.scales, v * self.scales
+        ways = self.curve.jacobian(self.z), self.curve.along(self.z, direction)
+        return np.asarray(sum(abs(left @ way[:, n:]) for way in ways))
+
+    def jet(self, v: Array) -> Jet:
+        """Derivatives along v, by the step at which they depend least on it."""
+        # relative to the entries that v moves: an idle one of size 100 says nothing of the step
+        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.x)))
+        reach = 1 / max(float(moved), 1e-300)
+        best, doubt, before = None, math.inf, None
+        for jet, rough in self._jets(v, reach):
+            apart = min(self._apart(jet, other, reach) for other in (rough, before or rough))
+            worse = apart > doubt and doubt < _FAIR
+            if apart < doubt:
+                best, doubt = jet, apart
+            # five places are off by h^4, and so far from seven: these are off by h^6
+            if doubt**1.5 < self.agreed or worse:
+                break
+            before = jet
+        if best is None:
+            raise Undefined("the equations have no value around the point: no normal form")
+        return best
+
+    def _jets(self, v: Array, reach: float) -> Iterator[tuple[Jet, Jet]]:
+        """By shorter and shorter steps, each beside one from fewer of its places."""
+        if not v.any():
+            zero = Jet(0 * self.A, 0 * self.A)
+            yield zero, zero
+            return
+        direction = np.zeros(self.z.size)
+        direction[self.moved] = v * self.scales
+        for step in _STEPS:
+            h = step * reach
+            try:
+                aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
+            except OUT_OF_DOMAIN:
+                continue
+            around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
+            if all(math.isfinite(matrix.sum()) for matrix in around):
+                first, rough, second, rougher = (
+                    sum(w * matrix for w, matrix in zip(weights, around, strict=True))
+                    for weights in (_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE)
+                )
+                yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
+
+    def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
+        """Relative difference of two jets; a C that vanishes is measured by B, and a B by both
+        of its neighbours."""
+        a, b, c = (_largest(matrix) for matrix in (self.A, jet.B, jet.C))
+        b, c = b * reach, c * reach**2
+        b, c = b + 1e-3 * (a + c), c + b + 1e-3 * a
+        first = _largest(jet.B - other.B) * reach / max(b, 1e-300)
+        second = _largest(jet.C - other.C) * reach**2 / max(c, 1e-300)
+        return max(first, second)
+
+
+def _largest(matrix: Matrix) -> float:
+    return float(abs(matrix).max())
+
+
+solve = partial(solved, why="a second resonance: no normal form of this kind")
+
+
+def value_or_nan(coefficient: Callable[[], Coefficient]) -> float:
+    """A coefficient as a test function: without value where there is no such normal form."""
+    try:
+        return coefficient().signed
+    except OUT_OF_DOMAIN:
+        return math.nan
+
+
+def _sum(*terms: float) -> Coefficient:
+    return Coefficient(sum(terms), sum(abs(term) for term in terms))
+
+
+def criticality(
+    name: str, make: Callable[[], Coefficient], *, stable_if_negative: bool
+) -> dict[str, Any]:
+    """A coefficient by its name, and what its sign says of the orbits that are born; why it is not
+    known, where there is none."""
+    try:
+        coefficient = make()
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    stable = (coefficient.value.real < 0) == stable_if_negative
+    kind = "degenerate" if coefficient.degenerate else "supercritical" if stable else "subcritical"
+    value = coefficient.value
+    plain = complex(value) if isinstance(value, complex) else float(value)
+    return {name: plain, "criticality": kind}
+
+
+def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
+    """Say that the real part of a cubic coefficient is not zero, unless it is. Its terms may all
+    vanish at once: then it is small against a term of order one."""
+    if abs(coefficient.value.real) <= 1e-6 * (coefficient.size + Forms(point).cubic):
+        return ""
+    return f"{what} {coefficient.value.real:.2g} is not zero"
+
+
+# --- flows ------------------------------------------------------------------------------------
+
+
+def lyapunov_coefficient(point: Point, omega: float, agreed: float = AGREED) -> Coefficient:
+    """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
+
+    Negative: a stable limit cycle appears on the centre manifold (supercritical).
+    """
+    forms = Forms(point, agreed)
+    critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
+    coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
+    return replace(coefficient, value=coefficient.value.real)
+
+
+def _of_pair(
+    forms: Forms, critical: Matrix, double: Matrix, steady: Matrix, unit: complex
+) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude, of the
+    square of that, which turns twice as fast, and of its size, which does not turn."""
+    q, p = forms.eigenvectors(critical)
+    real, imaginary = forms.jet(q.real), forms.jet(q.imag)
+    # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
+    B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+    # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
+    h11 = solve(-steady, B @ q.conj())
+    h20 = solve(-double, B @ q)
+    # <p, C(q, q, cq) + 2 B(q, h11) + B(cq, h20)> / unit, with cq for conj(q): 2 omega for l1 of a
+    # flow, 2 mu for d of a map
+    terms = (C, 2 * B @ h11, B.conj() @ h20)
+    parts = [complex(np.vdot(p, term)) / unit for term in terms]
+    size, least = sum(abs(part) for part in parts), _ROUNDING * forms.cubic
+    return Coefficient(sum(parts), size, least=least)
+
+
+def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
+    """Quadratic and cubic coefficient on the centre manifold of a zero eigenvalue.
+
+    At a cusp the first vanishes and the second does not. They are compared, b a^2 and c a^3, with
+    each other and with what the parameters do, ``p F_p`` and ``p F_xp q a``, at the amplitude a at
+    which the state moves by its own size: whatever the units of equations and unknowns, and however
+    fine the mesh.
+    """
+    forms = Forms(point)
+    q, p = forms.eigenvectors(forms.A)
+    jet, began = forms.jet(q), forms.T @ q
+    bent = jet.B @ q
+    # x' = <p, B(q, q)> x^2 / 2 + (<p, C(q, q, q)> + 3 <p, B(q, h)>) x^3 / 6
+    quadratic = 0.5 * float(p @ bent)
+    # | A     T q |  A h = <p, B> T q - B with <p, T h> = 0
+    # | p T    0  |
+    bordered = above(beside(forms.A, began[:, None]), np.append(p @ forms.T, 0.0)[None, :])
+    h = solve(bordered, np.append(2 * quadratic * began - bent, 0.0))[:-1]
+    size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
+    cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    amplitude = forms.reach / float(abs(q).max())
+    pushed = float(forms.by_parameters(p, amplitude * q) @ forms.parameters)
+    measure = cubic.size * amplitude**3 + size * amplitude**2 + pushed
+    sizes = measure / amplitude**2, measure / amplitude**3
+    return Coefficient(quadratic, sizes[0]), replace(cubic, size=sizes[1])
+
+
+def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
+    """The coefficients a > 0 and b of ``x' = y, y' = a x^2 + b x y`` at a double zero.
+
+    Raises `Undefined` where the zero eigenvalue is not double with one eigenvector.
+    """
+    forms = Forms(point)
+    weak = least_singular(forms.A)
+    q0, p1 = weak.right, weak.left
+    # fine meshes have small singular values everywhere
+    small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
+    if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
+        raise Undefined("no double zero eigenvalue with one eigenvector")
+    # chains: A q0 = 0, A q1 = q0; A^T p1 = 0, A^T p0 = p1 (Kuznetsov, section 8.4)
+    turned = forms.A.T.tocsc() if is_sparse(forms.A) else forms.A.T
+    q1, p0 = weak.rest(q0), least_singular(turned).rest(p1)
+    overlap = p1 @ q1
+    p0, p1 = p0 / overlap, p1 / overlap
+    p0 = p0 - (p0 @ q1) * p1  # then <p0, q1> = 0, and <p0, q0> = <p1, q1> = 1 by the chains
+    jet = forms.jet(q0)
+    a = 0.5 * float(p1 @ jet.B @ q0)
+    b = _sum(float(p0 @ jet.B @ q0), float(p1 @ jet.B @ q1))
+    # where all terms vanish, by symmetry, they are small against one of order one
+    size = float(abs(p1) @ abs(jet.B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
+    sign = math.copysign(1.0, a)  # that of the null vector is free
+    return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
+
+
+# --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
+
+
+def flip(point: Point, agreed: float = AGREED) -> Coefficient:
+    """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
+    appears (supercritical)."""
+    forms = Forms(point, agreed)
+    q, p = forms.eigenvectors(forms.closed(-1.0))
+    jet = forms.jet(q)
+    # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
+    # c = <p, C(q, q, q) + 3 B(q, h)> / 6
+    h = solve(-forms.closed(1.0), jet.B @ q)
+    coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    least = _ROUNDING * forms.cubic
+    return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
+
+
+def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> Coefficient:
+    """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
+
+    Its real part negative: a stable closed curve appears (supercritical).
+
+    Raises `Undefined` at the strong resonances 1:1 to 1:4, where the normal form is another: at 1:4
+    the cube of the conjugate of w decides as well.
+    """
+    mu, forms = np.exp(1j * angle), Forms(point, agreed)
+    if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
+        raise Undefined("a strong resonance: the normal form is another")
+    critical, double, steady = (forms.closed(power) for power in (mu, mu**2, 1.0))
+    coefficient = _of_pair(forms, critical, double, steady, 2 * mu)
+    return replace(coefficient, rounding=max(_ROUNDING, agreed))

@@ -1,0 +1,410 @@
+"""Eigenvalues of equilibria and multipliers of orbits: those that decide about a bifurcation.
+
+Of a small derivative all eigenvalues are known (`Eigenvalues`), of a sparse one those next to the
+imaginary axis (`NearAxis`); `eigenvalues` makes either, and what asks them does not know which.
+
+Along the axis disks are laid, the first around zero, and the eigenvalues in each of them found by
+shift and invert; up to some hundred unknowns it takes no longer to find all. How far up pairs can
+be at all is known beforehand, by the skew part of the matrix (I. Bendixson, Acta Math. 25, 359,
+1902): of a symmetric one there are none. Beyond the last disk nothing is known, and `reach` says
+so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.linear_algebra import least_singular
+from ..algebra.newton import Undefined
+from ..algebra.sparse import (
+    Factors,
+    Matrix,
+    any_vector,
+    factorised,
+    is_sparse,
+    plus_diagonal,
+    scaled,
+)
+from ..curve.curve import Curve
+from ..curve.point import DefiningSystem, Point
+
+Array = NDArray[np.float64]
+Values = NDArray[np.complex128]
+
+# Eigenvalues, and sums of two, this small against the derivative are rounding: twice what is left
+# by differences where they are zero all along, as in conservative systems, area preserving maps.
+ROUNDING = 2e-13
+FEW = 250  # rows up to which all eigenvalues at once take less time
+_ZERO = 1e-6  # relative size of an eigenvalue that is zero: a double zero splits by a root
+_CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root splits double ones
+_PRODUCT = 1e-12  # relative error of a product of two multipliers
+_IN_A_DISK = 12  # eigenvalues that are looked for around one place of the axis
+_DISKS = 4
+_SPLIT = 4.0  # a real double eigenvalue may split into a pair this many times the rounding apart
+_DOUBLE = 10.0  # and where it is next to a place that was solved for
+_TOGETHER = 6  # vectors that are iterated for the two of a pair
+_TURNS = 40  # steps of iteration; close to a Hopf point two are enough
+_EXACT = 1e-12  # relative change of trace and determinant that ends it
+_NONE = 1e-100  # the size of what has a sign only
+
+
+# --- test functions of eigenvalues --------------------------------------------------------------
+
+
+def least_with_sign(factors: Values, rounding: Array | float) -> float:
+    """The size of the smallest factor with the sign of the product of all: it vanishes where the
+    product does, smoothly, and cannot overflow.
+
+    A factor that is rounding, as it is all along the branches of conservative systems, is zero.
+    Several of them have no size, and the sign that the others have: a zero of even order.
+    """
+    sizes = abs(factors)
+    clear = sizes > rounding
+    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
+    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
+
+
+def pairs(values: Values) -> tuple[Values, Values]:
+    """The first and the second eigenvalues of all pairs of them."""
+    first, second = _each_with_later(len(values))
+    return values[first], values[second]
+
+
+_each_with_later = cache(partial(np.triu_indices, k=1))
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalValues:
+    """Critical values of a linearisation: eigenvalues or multipliers, as far as they are known.
+
+    Attributes
+    ----------
+    values : ndarray of complex
+    rounding : float
+        May be left in each of them, or in what a pair is tested by.
+    critical : ndarray of complex
+        Those on the border of stability.
+    beside : float
+        Largest distance of a critical real value from its place.
+    """
+
+    values: Values
+    rounding: float
+
+    def without(self, *everywhere: complex) -> Self:
+        """The others, next to those that a curve has everywhere."""
+        values = self.values
+        for value in everywhere:
+            values = np.delete(values, abs(values - value).argmin()) if values.size else values
+        return replace(self, values=values)
+
+    def factors(self) -> tuple[Values, Array | float]:
+        """A number for each pair that vanishes where the pair is critical, and its rounding."""
+        raise NotImplementedError
+
+    def least_of_pairs(self) -> float:
+        """The smallest of these numbers with the sign of the product of all."""
+        factors, rounding = self.factors()
+        if not (factors.size and np.isfinite(self.values).all()):  # as at VI
+            return math.nan
+        return least_with_sign(factors, rounding)
+
+    def least_beside(self, place: float) -> float:
+        """The distance of the nearest from a place, with the sign of the product of all."""
+        if not (self.values.size and np.isfinite(self.values).all()):
+            return math.nan
+        return least_with_sign(self.values - place, 0.0)
+
+    def nearest_pair(self) -> Values:
+        """The two values that are nearest to a critical pair."""
+        first, second = pairs(self.values)
+        least = int(abs(self.factors()[0]).argmin())
+        return np.array([first[least], second[least]])
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers(CriticalValues):
+    """Multipliers of an orbit but a trivial one; a pair is critical where its product is 1."""
+
+    def factors(self) -> tuple[Values, Array | float]:
+        # mu_i mu_j are the eigenvalues of the bialternate product of the matrix with itself; an
+        # error e in each moves a product by e (|mu_i| + |mu_j|)
+        first, second = pairs(self.values)
+        rounding = _PRODUCT * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
+        return first * second - 1, rounding
+
+    beside = _CIRCLE
+
+    @property
+    def critical(self) -> Values:
+        return self.values[abs(abs(self.values) - 1) < _CIRCLE]
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenvalues(CriticalValues):
+    """Eigenvalues of a flow, all of them; a pair is critical where its sum is 0.
+
+    Attributes
+    ----------
+    matrix : array or csc_array
+    split : float
+        Imaginary parts up to here may be those of real eigenvalues that are double.
+    reach : float
+        Frequency up to which all pairs next to the axis are among them; infinite where it is known
+        that there are no others.
+    """
+
+    matrix: Matrix
+    split: float = 0.0
+    reach: float = math.inf
+
+    @cached_property
+    def beside(self) -> float:
+        return _ZERO * float(np.linalg.norm(self.matrix, 2))
+
+    @property
+    def upper(self) -> Values:
+        """The upper ones of the complex pairs."""
+        return self.values[self.values.imag > self.split]
+
+    @property
+    def critical(self) -> Values:
+        return self.values[abs(self.values.real) < self.beside]
+
+    @property
+    def unstable_pairs(self) -> int:
+        """Half the number of those to the right of the axis, by more than rounding."""
+        return int(np.count_nonzero(self.values.real > self.rounding)) // 2
+
+    def factors(self) -> tuple[Values, Array | float]:
+        # the eigenvalues of the bialternate product of 2 F_x and 1, singular at Hopf points
+        # (W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM, 2000)
+        first, second = pairs(self.values)
+        return first + second, self.rounding
+
+    def square_of_pair(self) -> float:
+        """The squared frequency of the pair nearest the imaginary axis, or of a double zero."""
+        zeros = self.values[abs(self.values) < self.beside]
+        if zeros.size == 2:
+            return float(np.prod(zeros).real)
+        if not self.upper.size:
+            raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
+        return float(abs(self.upper[abs(self.upper.real).argmin()]) ** 2)
+
+    def plane(self, square: float) -> InvariantPlane:
+        """The plane of the two eigenvalues whose squares are closest to ``-square``."""
+        from scipy.linalg.lapack import dtrsyl
+
+        form, Q = _ordered(self.matrix, self.values, square)
+        right = left = Q[:, :2]
+        if len(form) > 2:  # A = Q T Q^T, and T11 Y - Y T22 = T12:  (1, Y) Q^T A = T11 (1, Y) Q^T
+            Y, scale, _ = dtrsyl(form[:2, :2], form[2:, 2:], form[:2, 2:], isgn=-1)
+            left = left + Q[:, 2:] @ Y.T / scale
+        return InvariantPlane(right, left, form[:2, :2])
+
+
+@dataclass(frozen=True, eq=False)
+class NearAxis(Eigenvalues):
+    """Eigenvalues of a sparse matrix next to the imaginary axis, both of each pair."""
+
+    @property
+    def beside(self) -> float:
+        return _DOUBLE * self.split
+
+    @property
+    def unstable_pairs(self) -> int:
+        return int(np.count_nonzero(self.upper.real > self.rounding))
+
+    def factors(self) -> tuple[Values, Array | float]:
+        # complex pairs alone: of all others, and of those further to the left, some are not known
+        return (-self.upper.real).astype(complex), self.rounding
+
+    def nearest_pair(self) -> Values:
+        if self.upper.size:
+            nearest = self.upper[abs(self.upper.real).argmin()]
+            return np.array([nearest, nearest.conjugate()])
+        return self.values[abs(self.values).argsort()[:2]]
+
+    def least_beside(self, place: float) -> float:
+        # some real ones are not known: that of the matrix is asked for itself
+        weak = least_singular(self.matrix)
+        return weak.sign * weak.size
+
+    def plane(self, square: float) -> InvariantPlane:
+        """By subspace iteration with the inverse of ``A^2 + square``, through a system of twice the
+        size whose entries are those of A: it is smooth where the pair meets at zero."""
+        from scipy.sparse import block_array, eye_array
+
+        A, n = self.matrix, self.matrix.shape[0]
+        identity = eye_array(n, format="csc")
+        # A v = u, A u + square v: its solutions are those of (A^2 + square) v
+        factors = Factors(block_array([[A, -identity], [square * identity, A]], format="csc"))
+        right = _iterated(
+            lambda x: factors.solve(np.append(0 * x, x), refined=False)[:n], A, square
+        )
+        left = _iterated(lambda x: factors.transposed(np.append(x, 0 * x))[n:], A.T, square)
+        left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)  # now left^T right = 1
+        return InvariantPlane(right, left, left.T @ (A @ right))
+
+
+def flow(curve: Curve, z: Array) -> Matrix:
+    """The derivative between unknowns in their scales, which keeps the eigenvalues."""
+    scales = curve.scales[: curve.size]
+    return scaled(curve.jacobian(z)[:, : curve.size], 1 / scales, scales)
+
+
+def all_eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
+    """The eigenvalues of the derivative in the unknowns."""
+    matrix = flow(curve, z)
+    dense = matrix.toarray() if is_sparse(matrix) else matrix
+    return Eigenvalues(curve.spectrum(z), ROUNDING * float(np.linalg.norm(dense)), dense)
+
+
+def eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
+    """The eigenvalues of the derivative in the unknowns, of a sparse one those next to the axis."""
+
+    def make(z: Array) -> Eigenvalues:
+        sparse = is_sparse(curve.jacobian(z))
+        return _near(flow(curve, z)) if sparse else all_eigenvalues(curve, z)
+
+    values: Eigenvalues = curve.cached("eigenvalues", z, make)
+    return values
+
+
+def eigenvalues_at(point: Point) -> Eigenvalues:
+    """Eigenvalues for the original problem, at a point of a boundary too."""
+    return eigenvalues(point.base_point.curve, point.base_point.z)
+
+
+# --- of a sparse matrix -------------------------------------------------------------------------
+
+
+def _near(matrix: Matrix) -> NearAxis:
+    norm = float(abs(matrix).sum(axis=0).max())
+    # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
+    highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
+    # a perturbation e moves a double eigenvalue by its root
+    split = _SPLIT * math.sqrt(np.finfo(float).eps * norm)
+    values, reach = np.empty(0, dtype=complex), 0.0
+    for _ in range(_DISKS):
+        if reach >= highest - split:
+            reach = math.inf
+            break
+        if matrix.shape[0] <= FEW:
+            values, reach = np.linalg.eigvals(matrix.toarray()).astype(complex), math.inf
+            break
+        inside, radius = _disk(matrix, reach)
+        apart = abs(inside[:, None] - values).min(axis=1, initial=math.inf)
+        fresh = inside[apart > split]
+        values = np.concatenate([values, fresh, fresh[fresh.imag > split].conj()])
+        reach += radius
+    return NearAxis(values, split**2, matrix, split, reach)
+
+
+def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
+    """The eigenvalues around a place of the upper half of the axis, and how far they reach."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+
+    n = matrix.shape[0]
+    moved = matrix if height == 0 else plus_diagonal(matrix, -1j * height)
+    try:
+        lu = factorised(moved)
+    except RuntimeError:  # an eigenvalue is there to the last digit
+        lu = factorised(plus_diagonal(moved, _EXACT * abs(matrix).max()))
+    operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
+    wanted = min(_IN_A_DISK, n - 2)
+    try:
+        inverse = eigs(operator, wanted, v0=any_vector(n), tol=1e-10, return_eigenvectors=False)
+    except ArpackError as error:
+        raise Undefined(f"no eigenvalues were found next to {height:.3g}i: {error}") from error
+    values = 1 / inverse + 1j * height  # those of (A - i height)^-1, the largest first
+    radius = float(abs(values - 1j * height).max())
+    return values[values.imag >= 0], radius
+
+
+# --- the pair that crosses the axis --------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class InvariantPlane:
+    """The plane that belongs to two eigenvalues: vectors that span it, those of the transposed
+    matrix with ``left.T right = 1``, and the matrix within it."""
+
+    right: Array
+    left: Array
+    within: Array
+
+
+def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) -> Array:
+    """Orthonormal vectors of the plane, out of a few more that grow together with them."""
+    n = matrix.shape[0]
+    starts = [np.roll(any_vector(n), k * n // _TOGETHER) for k in range(min(_TOGETHER, n))]
+    noise = 4 * np.finfo(float).eps * float(abs(matrix).sum(axis=0).max())
+    # trace and determinant do not depend on the basis of the plane, as its vectors do
+    before = np.full(2, math.inf)
+    for _ in range(_TURNS):
+        x = np.asarray(np.linalg.qr(np.stack([apply(v) for v in starts], axis=1))[0])
+        # Rayleigh-Ritz: A within the space of all vectors, and of that the plane wanted
+        small = x.T @ (matrix @ x)
+        form, vectors = _ordered(small, np.linalg.eigvals(small), square)
+        block, turned = form[:2, :2], vectors[:, :2]
+        now, size = np.array([np.trace(block), np.linalg.det(block)]), float(np.linalg.norm(block))
+        if (abs(now - before) <= (_EXACT * size + noise) * np.array([1.0, size])).all():
+            return x @ turned
+        before, starts = now, [*x.T]
+    raise Undefined("no pair of eigenvalues stands out next to the imaginary axis")
+
+
+def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array]:
+    """The Schur form of a matrix of these eigenvalues, and its vectors: first the two whose squares
+    are closest to ``-square``."""
+    from scipy.linalg import schur
+
+    if matrix.shape[0] < 3:
+        return matrix, np.eye(2)
+    off = np.sort(abs(values**2 + square))
+    bound = 0.5 * float(off[1] + off[2])
+    form, vectors, count = schur(
+        matrix, sort=lambda re, im: abs(complex(re, im) ** 2 + square) <= bound
+    )
+    if count != 2:
+        raise Undefined("three eigenvalues are equally close to the imaginary axis")
+    return form, vectors
+
+
+def conditions_in_plane(square: float) -> DefiningSystem:
+    """Trace and determinant of the derivative within the plane of a pair are 0 and omega2: two
+    equations and one unknown, smooth where the pair meets at zero."""
+    return DefiningSystem({"omega2": square}, _conditions, _slopes)
+
+
+def _plane(curve: Curve, z: Array, square: float) -> InvariantPlane:
+    planes: dict[float, InvariantPlane] = curve.cached("planes", z, lambda z: {})
+    if square not in planes:
+        planes[square] = eigenvalues(curve, z).plane(square)
+    return planes[square]
+
+
+def _conditions(curve: Curve, z: Array, extra: Array) -> Array:
+    square = float(extra[0])
+    within = _plane(curve, z, square).within
+    return np.array([np.trace(within), np.linalg.det(within) - square])
+
+
+def _slopes(curve: Curve, z: Array, extra: Array) -> Array:
+    plane, scales = _plane(curve, z, float(extra[0])), curve.scales[: curve.size]
+    # left.T A' right, with the derivative of the Jacobian along each vector of the plane
+    changes = [curve.along(z, vector * scales) for vector in plane.right.T]
+    left = (plane.left / scales[:, None]).T
+    (d11, d12), (d21, d22) = zip(*(left @ change for change in changes), strict=True)
+    (a, b), (c, d) = plane.within
+    # trace' = d11 + d22, det' = d d11 - c d12 - b d21 + a d22 of the matrix ((a, b), (c, d))
+    rows = np.stack([d11 + d22, d * d11 + a * d22 - b * d21 - c * d12])
+    return np.hstack([rows, [[0.0], [-1.0]]])

@@ -1,0 +1,369 @@
+"""Steps along a curve: the next points that are certainly on it, with nothing hidden between.
+
+What is said here of one step holds for all. `walk_kernel` has the same in machine code, many at
+once, for problems that bring their equations so; what is more than a plain step is taken here.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..algebra.newton import FEW, Array, Solution, Undefined, newton, newton_step
+from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
+from ..curve.branch import Points, Stop
+from ..curve.curve import LEVEL, Curve
+from ..curve.derivative_checks import reconsider
+from ..curve.point import Event, Point, Value
+from ..curve.settings import Steps
+from ..events.step_interpolant import StepInterpolant
+from ..systems.branch_points import GAP, crossing
+from .starts import StartOnCurve
+from .window import Bound
+
+LOG = logging.getLogger(__name__)
+
+_OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
+EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
+_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
+_PATIENCE = 200  # so many tiny steps in a row lead nowhere
+_FIRST, _MOST = 8, 256  # steps at once: at first, and at most
+
+
+class StepFailed(Exception):
+    """No further step can be made; carries the reason."""
+
+    def __init__(self, reason: str = "", stop: Stop = Stop.NO_CONVERGENCE) -> None:
+        super().__init__(reason)
+        self.stop, self.reason = stop, reason
+
+
+@dataclass(frozen=True)
+class BranchPiece:
+    """Accepted steps, one or more."""
+
+    points: Points  # their ends
+    crossing: Point | None = None  # branch point on the last: the determinant changes sign
+    stop: Stop | None = None  # why the walk ends with the last
+    tests: Sequence[list[Value]] = ()  # of each event at all points
+    counts: Sequence[Any] = ()  # beside these, or None
+
+    def tested(self, events: Sequence[Event]) -> BranchPiece:
+        asked = [event.values(self.points) for event in events]
+        tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
+        return replace(self, tests=tests, counts=counts)
+
+    @property
+    def first(self) -> tuple[Stop | None, Point | None]:
+        """Reason why the walk ends with the first, and its branch point: what befell the last is
+        not its own."""
+        return (self.stop, self.crossing) if len(self.points) == 1 else (None, None)
+
+    def beyond(self, n: int) -> BranchPiece | None:
+        """Cut off so many steps; None where that is all."""
+        if n == len(self.points):
+            return None
+        counts = [None if row is None else row[n:] for row in self.counts]
+        tests = [row[n:] for row in self.tests]
+        return replace(self, points=self.points[n:], tests=tests, counts=counts)
+
+
+class Stepper:
+    """Steps from one point of a curve to the next, with all that may befall them."""
+
+    def __init__(self, way: StartOnCurve, steps: Steps, home: Point) -> None:
+        self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
+        # loops come back to the start of the branch, across its tangent
+        self.home, self.across = home, self.curve.metric * home.direction
+        self.outset = home is way.point
+        # whether that is a branch point
+        self.crossed = way.sign == 0 if self.outset else home.parent is not None
+        # of the bordered determinant, 0 where unknown; to try next; dt/ds
+        self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
+        self.longest, self.tiny = 0.0, 0
+        self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
+
+    def next(self, point: Point, count: int) -> BranchPiece:
+        """Take the next steps: many at once; or one, or of small problems a few."""
+        if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
+            return BranchPiece(points)
+        step = self._one(point, count)
+        ends, most = [step.points[0]], min(self.few, self.steps.most - count)
+        while len(ends) < most and not (step.crossing or step.stop):
+            try:
+                step = self._one(ends[-1], count + len(ends))
+            except StepFailed:  # it will again, the first of its piece
+                break
+            ends.append(step.points[0])
+        if not self.pieces and point.z.size <= FEW:
+            self.few = min(2 * self.few, _FIRST)
+        return step if len(ends) == 1 else replace(step, points=Points.of(ends))
+
+    def _one(self, point: Point, count: int) -> BranchPiece:
+        """The next step, which may close a loop."""
+        try:
+            step = self._advance(point)
+        except StepFailed as failed:
+            if failed.stop is not Stop.NO_CONVERGENCE:
+                raise
+            # the scheme for derivatives was chosen, or those given were checked, at the start only
+            wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
+            if wrong:
+                raise StepFailed(wrong) from failed
+            step = self._advance(point)
+        last = step.points[0]
+        length = last.arclength - point.arclength
+        # what only takes tiny steps would not get anywhere, at great expense
+        self.longest = max(self.longest, length)
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
+        if self.tiny > _PATIENCE:
+            raise StepFailed(f"{_PATIENCE} steps in a row had to be tiny")
+        if (count > 2 or not self.outset) and (start := self._passed(point, last)):
+            length = point.arclength + self.curve.length(start.z - point.z)
+            end = Points.of([replace(start, arclength=length)])
+            step = replace(step, points=end, stop=Stop.CLOSED)
+        return step
+
+    # --- many at once ---
+
+    def _pieces(self) -> Pieces | None:
+        """Find who takes many steps at once; None where there is no machine code, or each is to
+        have a line of its own among the messages."""
+        curve, steps = self.curve, self.steps
+        plain = all(isinstance(bound.slot, int) for bound in self.bounds)
+        if not plain or LOG.isEnabledFor(logging.DEBUG):
+            return None
+        low = np.array([bound.low for bound in self.bounds])
+        high = np.array([bound.high for bound in self.bounds])
+        for i, bound in enumerate(self.bounds):
+            for side, end, off in bound.ends:
+                # short of a bound: it is landed on, unless the curve begins there
+                if abs(bound.value(curve.start) - end) > off:
+                    (low if side < 0 else high)[i] = end - side * off
+        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
+        sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
+        plane = curve.metric, self.across, self.home.z
+        return curve.pieces(Rules(*sizes, slots, low, high, *plane))
+
+    def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
+        """Take as many steps as come off at once; None where the first is more than a plain one."""
+        state = point.arclength, self.size, self.sign, self.longest
+        start = point.z, point.direction, self.curvature
+        rows = pieces.steps(start, state, min(self.together, most))
+        if not len(rows[0]):
+            return None
+        _, self.size, sign, self.longest = pieces.state.tolist()
+        self.sign, self.tiny, self.curvature = int(sign), 0, pieces.room.curvature.copy()
+        self.together = min(2 * self.together, _MOST)
+        return Points(self.curve, *rows)
+
+    # --- one by one ---
+
+    def _passed(self, point: Point, last: Point) -> Point | None:
+        """The start, if the step passes it in the direction in which the curve left it; its angles
+        as they are there."""
+        start, row = self.curve.turned(self.home.z, last.z), self.across
+        before, after = row.dot(point.z - start), row.dot(last.z - start)
+        # across t0 at the start: from behind it to beyond, within 60 degrees of t0
+        if not before < 0 <= after or row.dot(last.direction) < 0.5:
+            return None
+        segment = StepInterpolant(point, last, self.steps.tolerance)
+        guess, slope = segment.guess(before / (before - after))
+        gap = guess - start
+        if self.curve.length(gap) > 0.1 * segment.length:
+            return None
+        if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
+            off = self.curve.length(gap) / segment.length
+            closes = off <= _PASS and _angle(self.curve, slope, self.home.direction) <= _PASS
+        else:
+            # across the start only: along the curve Newton's linear condition keeps the place
+            guess = start + gap - row.dot(gap) * self.home.direction
+            z = self.correct(guess, row).z
+            # back at the start to this relative distance
+            closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
+        home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
+        return home if closes else None
+
+    def _advance(self, point: Point) -> BranchPiece:
+        failed: StepFailed | None = None
+        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
+        while size >= self.steps.smallest:
+            try:
+                return self._attempt(point, size)
+            except Undefined as error:
+                failed = StepFailed(str(error), Stop.DOMAIN)
+            except StepFailed as reason:
+                if reason.stop is Stop.BOUND:
+                    raise
+                failed = reason
+            LOG.debug("step of %.3g refused: %s", size, failed)
+            size /= 2
+        raise failed or StepFailed()
+
+    def _attempt(self, point: Point, size: float) -> BranchPiece:
+        curve, curvature, sign = self.curve, self.curvature, self.sign
+        # predict: z + s t + s^2/2 dt/ds
+        predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
+        guess, landing = self._within(point.z, predicted, LEVEL * size)
+        # correct
+        if landing is None:
+            row = curve.metric * point.direction
+            rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
+            near = curve.chord(point.z, guess, row, tolerance) if rough else None
+            solution = near or self.correct(guess, row)
+            along = EXACT * (1 + curve.length(point.z))
+            z, landing = self._within(point.z, solution.z, along)
+        if landing is not None:
+            z, solution = self._land(point, predicted, *landing)
+        # examine: one smooth piece of curve, without a branch point that is not known
+        length = curve.length(z - point.z)
+        # the corrector moves across the step: this far it has left for another piece of curve
+        if not 0.0 < length <= 2.0 * size:
+            raise StepFailed("the corrector left the neighbourhood of the step")
+        tangent, side = curve.tangent_at(z, point.direction)
+        turn = _angle(curve, point.direction, tangent)
+        self._examine(point, z, tangent, length, turn)
+        arclength = point.arclength + length
+        last = Point(curve, z, tangent, arclength, solution.residual)
+        branch_point = None
+        if side * sign < 0:
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            branch_point = self._crossing_on(segment, sign)
+            # without any the step ended on another curve, unless it is too short to tell
+            if branch_point is None and size > GAP * (1 + curve.length(last.z)):
+                raise StepFailed("another curve is too close")
+        if self._leaves(point, last, length):
+            raise StepFailed("the curve touches the edge of the window")
+        LOG.debug(
+            "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
+            length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
+        )  # fmt: skip
+        # adapt: the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a
+        # half would trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical
+        # Continuation Methods, section 6.1, bound the factor alike)
+        count = solution.iterations
+        effort = 1.0 if count == EASY else (0.7 if count > EASY else math.inf)
+        self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
+        self.sign = side or sign
+        self.curvature = (tangent - point.direction) / (arclength - point.arclength)
+        return BranchPiece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
+
+    def correct(self, predicted: Array, row: Array) -> Solution:
+        tolerance = self.steps.tolerance
+        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
+        if not solution.converged:
+            raise StepFailed(f"residual {solution.residual:.2g}")
+        return solution
+
+    def _within(
+        self, before: Array, after: Array, along: float
+    ) -> tuple[Array, tuple[Bound, float] | None]:
+        """The end of a step without what rounding may have put beyond a bound, and the first bound
+        that it crosses, with its value there; one that begins on a bound goes along it, or touches
+        it there, unless it ends farther than `along` behind it."""
+        first, nearest = None, math.inf
+        for bound in self.bounds:
+            start, end = bound.value(before), bound.value(after)
+            for side, value, off in bound.ends:
+                on_it, beyond = abs(start - value) <= off, side * (end - value)
+                # a step that ends short of it by rounding ends on it, unless it goes along it
+                if beyond <= (along if on_it else -off):
+                    after = bound.with_value(after, value) if beyond > 0 else after
+                    continue
+                if on_it:
+                    raise StepFailed(stop=Stop.BOUND)
+                fraction = (value - start) / (end - start)
+                if fraction < nearest:
+                    first, nearest = (bound, value), fraction
+        return after, first
+
+    def _land(
+        self, point: Point, predicted: Array, bound: Bound, value: float
+    ) -> tuple[Array, Solution]:
+        """The place on a bound where a step across it ends, and the solution next to it."""
+        start, end = bound.value(point.z), bound.value(predicted)
+        # on the chord of the predictor, where all is linear but norms
+        fraction = (value - start) / (end - start) if end != start else 1.0
+        guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
+        # a norm is not linear: once more from the point it led to, where its error is squared
+        for _ in range(6):
+            solution = self.correct(guess, bound.row(guess))
+            # Newton's linear condition holds to rounding; make it exact
+            z = bound.with_value(solution.z, value)
+            if self.curve.length(z - solution.z) <= EXACT * (1 + self.curve.length(z)):
+                break
+            guess = z
+        others = (other for other in self.bounds if other is not bound)
+        if any(not other.low <= other.value(z) <= other.high for other in others):
+            raise StepFailed("two bounds within one step")
+        return z, solution
+
+    def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
+        """Locate a change of sign of the determinant: by halving, then by a system of its own."""
+        low, high = 0.0, 1.0
+        # from 1/64 of the step on the system of a branch point is solved
+        for _ in range(6):
+            middle = 0.5 * (low + high)
+            _, sign = self.curve.tangent_at(*segment.guess(middle))
+            low, high = (middle, high) if sign == before else (low, middle)
+        try:
+            branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
+            place, point = segment.corrected(branch_point.solution, branch_point.tangents)
+        except Undefined:
+            return None
+        return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
+
+    def _leaves(self, point: Point, last: Point, length: float) -> bool:
+        """Tell whether the curve leaves the window between both ends and comes back."""
+        for bound in self.bounds:
+            first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
+            if not first * then < 0:
+                continue
+            start, size = bound.value(point.z), float(np.max(self.curve.metric[bound.slot])) ** -0.5
+            if bound.low < start - size * length and start + size * length < bound.high:
+                continue  # out of reach
+            # from the first value the cubic rises by d0 u + (3 rise - 2 d0 - d1) u^2
+            # + (d0 + d1 - 2 rise) u^3, with extrema where the derivative of that is zero
+            d0, d1, rise = length * first, length * then, bound.value(last.z) - start
+            extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
+            u = float(extrema[np.argmin(abs(extrema - 0.5))])
+            value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
+            # the extremum is solved for to this tolerance: so far beyond a bound it is on it
+            slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
+            if not bound.low - slack <= value <= bound.high + slack:
+                return True
+        return False
+
+    # --- examine ---
+
+    def _examine(self, point: Point, z: Array, tangent: Array, length: float, turn: float) -> None:
+        """Refuse a step that is no smooth piece of curve, short against its features."""
+        curve = self.curve
+        # the chord as well: between tangents that are parallel a curve may turn and turn back
+        if turn > TURN or _angle(curve, point.direction, (z - point.z) / length) > TURN:
+            raise StepFailed("the curve turns too sharply")
+        # the distance from the Hermite cubic through both ends, a third of the way along (halfway,
+        # tangents that are wrong alike would cancel): at u = 1/3 h00, h01, h10, h11 =
+        # (20, 7, 4, -2) / 27
+        bow = (4 * point.direction - 2 * tangent) * length
+        between = (20 * point.z + 7 * z + bow) / 27
+        row = curve.metric * point.direction
+        # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems the
+        # factors at hand: no more than the size of the answer is asked for
+        value = curve.equations(between, curve.problem.roughly)
+        factors = curve.factors(z if z.size > FEW else between, row)
+        change, singular = newton_step(factors, value, row)
+        # beside a branch point the residual says nothing
+        if not singular and curve.length(change) > CUBIC_ERROR * length:
+            raise StepFailed("the curve is not smooth at the smallest step")
+
+
+def _angle(curve: Curve, t: Array, other: Array) -> float:
+    """Between unit vectors, from their difference: exact for small angles too."""
+    # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
+    return 2.0 * math.asin(min(1.0, 0.5 * curve.length(t - other)))

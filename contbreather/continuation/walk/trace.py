@@ -1,0 +1,435 @@
+"""The one loop that walks curves, and the doors to it."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...checks import one_of
+from ...errors import BadInput
+from ...one_thread import one_thread
+from ...progress import Counter
+from ..algebra.newton import Undefined
+from ..curve.branch import Branch, Points, Stop, labelled, with_ends
+from ..curve.curve import PASSED
+from ..curve.derivative_checks import advice, unlike_scales
+from ..curve.point import Event, Point, Value
+from ..curve.problem import Problem, problem_in
+from ..curve.settings import Settings, Steps, Within, active_events, having
+from ..events.event_detection import Ends, StepEvents, find, quiet_steps
+from ..events.step_interpolant import StepInterpolant
+from .checkpoint import Checkpoint, Save, checkpoint
+from .infinity import Growth
+from .starts import QUIET, StartOnCurve, starts_on_curve
+from .stepper import EXACT, BranchPiece, StepFailed, Stepper
+
+LOG = logging.getLogger(__name__)
+Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
+
+
+class Startable(Protocol):
+    """Anything that knows the problem it solves: an `Orbit`, a `Point`."""
+
+    @property
+    def problem(self) -> Problem: ...
+
+
+@dataclass(frozen=True)
+class End:
+    """Reason why a walk ended, and what failed its verification on the way."""
+
+    stop: Stop
+    reason: str = ""
+    doubtful: tuple[Point, ...] = ()
+
+
+@one_thread
+def trace(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within | None = None,
+    towards: str = "both",
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Counter | None = None,
+    along: ArrayLike | None = None,
+    inadmissible: bool = False,
+    save: Save = None,
+) -> Branch:
+    """Follow the curve of solutions through a start, with one parameter free.
+
+    Parameters
+    ----------
+    start : Problem, Orbit or Point
+        Where to begin. From a point of a boundary in ``("gamma", "a")``, "a" leads to a branch of
+        the original problem, another parameter to the same boundary there. A start that is not a
+        solution is moved onto one at the same parameters; where none is found, onto the nearest
+        with another value of the free one; or it is refused with its residual. How far it was moved
+        says ``branch.moved``.
+    free : str
+        Name of the free parameter. Folds in it are passed without notice.
+    within : dict, optional
+        ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there. The
+        window of an array is one of its Euclidean norm, ``{"norm(u)": (0, 10)}``.
+    towards : {'both', 'up', 'down'}
+        Direction in which `free` changes at first.
+    events : Event or iterable of Event, optional
+        What to look for; the problem's own events by default, ``()`` for none. Its walls (the
+        grazing of a breather) stay in any case.
+    steps : Steps, optional
+        Step sizes and tolerance.
+    progress : bool, optional
+        Show progress on standard error; by default on long walks at a terminal only.
+    along : array_like, shape (n + 1,), optional
+        Direction to set out in, unknowns and then the free parameter, in place of `towards`. The
+        start is then taken as it is: several curves may leave it.
+    inadmissible : bool
+        Lift the walls: go on where solutions mean nothing any more. The branch then says so, and
+        its column ``margin`` is negative beyond them.
+    save : str or Path, optional
+        A file to keep the branch in while it grows, every few seconds and at special points, whole
+        at any moment; `load` reads it.
+
+    Returns
+    -------
+    Branch
+        Points in order of the walk, for ``towards='both'`` from the lower end to the upper.
+
+    Raises
+    ------
+    BadInput
+        For unknown names, empty windows, a start outside its window.
+    NotConverged
+        If the start is not a solution and none is near.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the branch up to there, or None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circle = Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                  start={"x": 1.0}, params={"mu": 0.0})
+    >>> trace(circle, "mu").stop.name
+    'CLOSED'
+    """
+    one_of("towards", towards, ("both", "up", "down"))
+    if isinstance(start, Branch):
+        raise BadInput(
+            "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
+        )
+    settings = Settings.of(within, events, steps, inadmissible)
+    return walk_from(start, free, settings, towards, along, progress, save)
+
+
+def walk_from(
+    start: Problem | Startable,
+    free: str,
+    settings: Settings,
+    towards: str = "both",
+    along: ArrayLike | None = None,
+    progress: bool | Counter | None = None,
+    save: Save = None,
+    *,
+    continues: Branch | None = None,
+) -> Branch:
+    """Walk with these settings; from the end of a branch in its unknowns, and back to its start."""
+    origin = start if isinstance(start, Point) else None
+    if origin and free in origin.base_point.curve.free[:1]:
+        start = origin.base_point
+    walks: list[ContinuationIterator] = []
+    so_far = partial(_joined, walks, settings=settings, origin=origin)
+    with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
+        finer: Finer | None = having(problem_in(start), free), along
+        while finer is not None:
+            coarse, along = finer
+            look = partial(coarse.finer, along=along) if continues is None else lambda point: None
+            walks[:] = _set_out(coarse, free, settings, towards, along, continues)
+            shown.remark = advice(walks[0].curve)
+            for walk in walks:
+                finer = walk.follow(shown, kept, so_far, look)
+                if finer is not None or walk.end.stop is Stop.CLOSED:
+                    break
+        whole = so_far()
+        assert whole is not None
+        if kept:
+            kept.finish(whole)
+    return whole
+
+
+def _joined(walks: Sequence[ContinuationIterator], **about: Any) -> Branch | None:
+    """Join what has been walked to one branch with its ends labelled; None of nothing."""
+    sides = [walk.branch() for walk in walks if walk.walked]
+    if not sides:
+        return None
+    branch = sides[0]
+    if len(sides) == 2:
+        branch = branch.reversed().join(sides[1])
+    elif len(walks) == 2 and branch.stop not in (Stop.INTERRUPTED, Stop.CLOSED):
+        # the other side was to set out from its start
+        branch = replace(branch.reversed(), stop=Stop.INTERRUPTED)
+    return replace(branch if branch.stop is Stop.CLOSED else with_ends(branch), **about)
+
+
+def iterate(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within | None = None,
+    towards: str = "up",
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    along: ArrayLike | None = None,
+    inadmissible: bool = False,
+) -> Generator[Point, None, End]:
+    """Walk a curve in one direction, yielding each point as it is found: `trace` by hand.
+
+    Arguments as for `trace`; ``towards`` is ``'up'`` or ``'down'``. Special points come in their
+    places, with a kind. The generator returns an `End`.
+
+    Examples
+    --------
+    >>> import numpy as np, itertools
+    >>> line = Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})
+    >>> [round(point["mu"], 3) for point in itertools.islice(iterate(line, "mu"), 2)]
+    [0.0, 0.007]
+    """
+    one_of("towards", towards, ("up", "down"))
+    settings = Settings.of(within, events, steps, inadmissible)
+    with one_thread:  # not while the caller has its turn
+        walks = _set_out(having(problem_in(start), free), free, settings, towards, along)
+    return walks[0].run()
+
+
+def _set_out(
+    start: Problem,
+    free: str,
+    settings: Settings,
+    towards: str,
+    along: ArrayLike | None,
+    continues: Branch | None = None,
+) -> list[ContinuationIterator]:
+    """Make the walks from a start, one for each way."""
+    # once: what both find at the start is one event
+    problem, wanted = active_events(start, settings.events, inadmissible=settings.inadmissible)
+    tolerance = settings.steps.tolerance
+    ways = starts_on_curve(problem, free, settings.within, towards, along, tolerance)
+    for way in ways:
+        way.point.curve.asked = settings.events
+    return [ContinuationIterator(way, wanted, settings.steps, continues) for way in ways]
+
+
+class ContinuationIterator:
+    """One curve in one direction, from its start to where it ends."""
+
+    def __init__(
+        self,
+        way: StartOnCurve,
+        events: Sequence[Event],
+        steps: Steps,
+        continues: Branch | None = None,
+    ) -> None:
+        self.way, self.events, self.steps = way, events, steps
+        self.curve, start = way.point.curve, way.point
+        home = continues[0] if continues else start
+        self.stepper = Stepper(way, steps, start if home.tangent is None else home)
+        self.point, self.count = start, 0  # where it is, after how many steps
+        self.walked: list[Points] = []
+        self.doubtful: list[Point] = []
+        self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
+        self.end = End(Stop.INTERRUPTED)
+        self.tests: tuple[Value, ...] = ()
+        for event in events:
+            # a test that fails here, as for a wrong name, is a mistake
+            with np.errstate(**QUIET):
+                value = event.number(event.value(start))
+            self.tests += (value,)
+            if event.ends_domain and value < -1e-9:
+                raise BadInput(
+                    f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
+                    "positive values are admissible; start elsewhere, or lift this rule by "
+                    f"inadmissible=True, with no {event.kind} among events"
+                )
+        self.growth = Growth(self.curve, way.bounds, start.z)
+        self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
+
+    def follow(
+        self,
+        shown: Counter,
+        kept: Checkpoint | None,
+        so_far: Callable[[], Branch | None],
+        look: Callable[[Point], Finer | None],
+    ) -> Finer | None:
+        """Walk to its end, or to where the problem asks for a finer one."""
+        unresolved = self.curve.problem.unresolved
+        for piece in self.pieces():
+            self.walked.append(piece)
+            shown.advance(piece[-1], len(piece))
+            if kept:
+                kept.look(bool(piece.special), so_far)
+            if not unresolved(piece[-1]):
+                continue
+            finer = look(piece[-1])
+            if finer is not None:
+                return finer
+            if not self.unresolved:
+                first = next(filter(unresolved, piece))
+                why = {"reason": unresolved(first)}
+                self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
+        return None
+
+    def branch(self) -> Branch:
+        points, end = labelled(Points.joined(self.walked)), self.end
+        doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
+        return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
+
+    def run(self) -> Generator[Point, None, End]:
+        """Step, look for events, yield: until the curve, the window or the numerics end."""
+        for piece in self.pieces():
+            yield from piece
+        return self.end
+
+    def pieces(self) -> Iterator[Points]:
+        """Walk as `run` does, several points at a time."""
+        stop: Stop | None = None
+        reason, piece = "", None
+        while stop is None and self.count < self.steps.most:
+            try:
+                with one_thread, np.errstate(**QUIET):
+                    # predict   z + s t + s^2/2 dt/ds
+                    #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
+                    # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
+                    # adapt     s, so that the tangent turns by 0.15, in 4 iterations
+                    if piece is None:
+                        piece = self.stepper.next(self.point, self.count).tested(self.events)
+                    # test      at the end of each: a change of sign, or what may hide two of them
+                    plain, quiet = self._without_candidates(piece)
+                    line = passed = piece.points[: plain or 1]
+                    if not plain:
+                        # locate    by the defining system of the event, where it has one
+                        line, stop = self._line_up(piece, self._located(piece, quiet))
+            except StepFailed as failed:
+                stop, reason = failed.stop, failed.reason
+                if stop is Stop.NO_CONVERGENCE:
+                    advice = unlike_scales(self.curve, self.point.z)
+                    reason = "; ".join(filter(None, (reason, advice)))
+                break
+            # record
+            limit = self.growth.end(passed) if stop is None else None
+            self.point, self.count = (line if stop else passed)[-1], self.count + len(passed)
+            piece = piece.beyond(len(passed))
+            if limit:
+                stop, reason = Stop.INFINITY, limit[1]
+                line = line[: limit[0] + 1] if line is passed else line
+                self.point = line[-1]
+            yield line
+        stop = stop or Stop.MOST
+        reason = reason or self._edge(self.point, stop)
+        if self.count == 0:
+            if self.way.directed and stop is Stop.NO_CONVERGENCE:
+                reason = f"no curve leaves the start in this direction: {reason}"
+            yield Points.of([self.point])
+        self.end = End(stop, reason, tuple(self.doubtful))
+
+    # --- test ---
+
+    def _without_candidates(self, piece: BranchPiece) -> tuple[int, Any]:
+        """Count the steps on which no event has anything to look for; and say of each event whether
+        that is so on the first, None where it is not known."""
+        points, more = piece.points, piece.crossing or piece.stop
+        if self.earlier is None:
+            if self.events or not self.count:
+                return 0, None
+            return len(points) - bool(more), None
+        places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
+        rows = zip(self.earlier[1], self.tests, piece.tests, strict=True)
+        tests = [[past, now, *row] for past, now, row in rows]
+        quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
+        matrices = any(event.matrix for event in self.events)
+        clear: Any = quiet.all(axis=0)
+        clear[-1] &= not (more or (matrices and len(points) == 1))
+        n = int(np.append(clear, False).argmin())
+        if n:
+            self.earlier = places[n], [row[n] for row in tests]
+            self.tests = tuple([row[n + 1] for row in tests])
+            for z in points.z[max(n - PASSED, 0) : n]:
+                self.curve.passes(z)
+        return n, quiet[:, 0]
+
+    # --- locate ---
+
+    def _located(self, piece: BranchPiece, quiet: Any) -> StepEvents:
+        """Find what happens on the first step of a piece."""
+        if not self.events:
+            return StepEvents((), (), ())
+        segment = StepInterpolant(self.point, piece.points[0], self.steps.tolerance)
+        stop, crossing = piece.first
+        ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
+        try:
+            self.earlier = self.point.arclength, self.tests
+            tests = self.tests, tuple([row[0] for row in piece.tests])
+            return find(segment, self.events, *tests, crossing=crossing, ends=ends, quiet=quiet)
+        except Undefined as error:
+            raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
+
+    def _line_up(self, piece: BranchPiece, located: StepEvents) -> tuple[Points, Stop | None]:
+        """Put the points of the first step in order, and say whether the walk ends with it."""
+        point, begins, last = self.point, self.count == 0, piece.points[0]
+        reach = 1e-8 * (last.arclength - point.arclength)
+        before, self.tests = self.tests, located.after
+        starts, line = list[Point](), list[Point]()
+        if begins:  # later, what the step before ended short of is found
+            starts = [p for p in located.points if p.arclength <= point.arclength + reach]
+            line = [*starts] or [point]
+        after = zip(self.events, located.after, strict=True)
+        # on whose negative side the step ends, where only the positive one is meant
+        broken = [event for event, value in after if event.ends_domain and value < 0]
+        ended = {id(special.event) for special in starts}
+        if begins:  # what is negative there is rounding: more of it is refused
+            ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
+        stop, _ = piece.first
+        if any(id(event) in ended for event in broken):
+            stop = Stop.EVENT  # it leads out of the meaningful region at once
+        else:
+            for special in located.points[len(starts) :]:
+                LOG.info("found %s: %r", special.kind, special)
+                line.append(special)
+                if special.event is not None and special.event.ends:
+                    stop = Stop.EVENT
+                    break
+            if broken and stop is not Stop.EVENT:
+                names = ", ".join(event.kind for event in broken)
+                reason = f"the end of the meaningful region ({names}) was not located"
+                raise StepFailed(reason)
+        near = bool(line) and abs(line[-1].arclength - last.arclength) <= reach
+        if stop is not Stop.EVENT and not near:
+            line.append(last)
+        # what is singular where an event ends the curve needs no other name: at R1 of a curve of NS
+        # its equations are those of a fold, too
+        end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
+        self.doubtful += [p for p in located.doubtful if p.arclength < end]
+        return Points.of(line), stop
+
+    # --- end ---
+
+    def _edge(self, point: Point, stop: Stop) -> str:
+        """Say more of the end of a branch: by its event, or that a bound is not of the window but
+        of the domain."""
+        if stop is Stop.EVENT:
+            return str(point.detail.get("said", ""))
+        if stop is Stop.MOST:
+            return self.growth.towards(point.z, point.direction)
+        for bound in self.way.bounds if stop is Stop.BOUND else ():
+            value = bound.value(point.z)
+            for edge in self.curve.problem.domain.get(bound.name, ()):
+                if math.isclose(value, edge, rel_tol=EXACT):
+                    return f"the domain of {bound.name} ends at {value:g}"
+        return ""
