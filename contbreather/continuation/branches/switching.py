@@ -27,13 +27,13 @@ from ..curve.kinds import look_of
 from ..curve.point import Event, Point
 from ..curve.problem import Problem
 from ..curve.settings import Steps, Within, all_of, walls_are_lifted
+from ..systems.branch_points import GAP
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from ..walk.trace import trace
 from .duplicates import images, lies_on
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
 _ALIKE = 0.999  # entries of a direction that are equal but for rounding
-_AT_START = 1e-7  # points this close to the start of an arm, relative to its first step, are there
 _APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
 
 
@@ -364,7 +364,7 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
 def _with_parent(arm: Branch, point: Point) -> Branch:
     """The arm with the point as its first; what else was seen there belongs to the point."""
     first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
-    reach = _AT_START * first
+    reach = min(GAP * (1 + arm[0].curve.length(arm[0].z)), 0.5 * first)  # one place with the point
     end = arm[-1].arclength - reach if arm.stop is Stop.CLOSED else math.inf
     start = replace(arm[0], kind="EP", event=None, bracket=None, detail={}, parent=point)
     rest = tuple(p for p in arm.points if p.arclength > reach)
