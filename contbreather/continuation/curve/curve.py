@@ -185,11 +185,7 @@ class Curve:
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
         except KeyError as error:
-            if error.args and error.args[0] not in self.problem.params:
-                raise BadInput(
-                    f"the equations ask for a parameter {error.args[0]!r}; this problem has "
-                    f"{list(self.problem.params)}"
-                ) from error
+            self.problem.check_asked(error)
             raise
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
