@@ -28,7 +28,7 @@ __all__ = front(
             "Branch Event Problem Steps boundary branch_point extend fold hopf trace user"
         ),
         "continuation.branches.diagram": "diagram",
-        "continuation.walk.many": "trace_many",
+        "continuation.walk.trace": "trace_many",
         "continuation.bifurcations.maps": "FixedPoint",
         "continuation.branches.switching": "switch",
         "errors": "BadInput NoSolution NotConverged",

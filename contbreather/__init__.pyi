@@ -25,7 +25,7 @@ from .continuation import user as user
 from .continuation.bifurcations.maps import FixedPoint as FixedPoint
 from .continuation.branches.diagram import diagram as diagram
 from .continuation.branches.switching import switch as switch
-from .continuation.walk.many import trace_many as trace_many
+from .continuation.walk.trace import trace_many as trace_many
 from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, numbers
-from ..continuation.algebra.derivatives import RELATIVE, choose, directional
+from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose, directional
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
@@ -24,7 +24,6 @@ Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, 
 Params = Mapping[str, Any]  # numbers; one may be complex or an array while it is differentiated
 
 _LOG = logging.getLogger(__name__)
-_IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
 _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
@@ -399,14 +398,14 @@ def _complex_steps(
     n, count = x.shape
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    aside = 1j * _IMAGINARY * np.eye(directions)[:, :, None]
+    aside = 1j * IMAGINARY * np.eye(directions)[:, :, None]
     at, times = x[:, None] + aside[:n], t + aside[n]
     value = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
     slope = np.empty((how.rows, directions + len(names), count))
-    slope[:, :directions] = value.imag / _IMAGINARY
+    slope[:, :directions] = value.imag / IMAGINARY
     for j, name in enumerate(names, directions):
-        shifted = {**p, name: p[name] + 1j * _IMAGINARY}
-        slope[:, j] = _call(how, t, x, shifted).imag / _IMAGINARY
+        shifted = {**p, name: p[name] + 1j * IMAGINARY}
+        slope[:, j] = _call(how, t, x, shifted).imag / IMAGINARY
     return np.ascontiguousarray(value[:, 0].real), slope
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import contbreather as cb
 from contbreather.continuation import (
     Branch,
     Event,
@@ -25,7 +26,6 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.walk import many
 from contbreather.errors import BadInput
 
 from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
@@ -154,13 +154,13 @@ def test_many_branches_are_asked_for_as_one_is() -> None:
     starts = [replace(LINE.problem, events=(wall,)).at(x=2 * mu, mu=mu) for mu in (0.1, 0.2)]
     own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": Steps(largest=0.05)}
     own |= {"events": user("mu", 0.25), "inadmissible": True}
-    for start, branch in zip(starts, many.trace_many(starts, "mu", executor=1, **own), strict=True):
+    for start, branch in zip(starts, cb.trace_many(starts, "mu", executor=1, **own), strict=True):
         alone = trace(start, "mu", **own)
         assert repr(branch) == repr(alone)
         assert np.array_equal(branch["mu"], alone["mu"])
     for wrong in (LINE.problem, "line", 3, np.array(1.0)):
         with pytest.raises(BadInput, match="takes several starts, a list of them"):
-            many.trace_many(wrong, "mu")
+            cb.trace_many(wrong, "mu")
 
 
 def test_a_branch_in_trouble_says_why() -> None:

@@ -1,3 +1,1 @@
 """Newton's method, linear systems and derivatives."""
-
-from __future__ import annotations

@@ -87,6 +87,16 @@ class Points(Sequence[Point]):
         """Points of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
+    def measured(self, sense: int, shift: float) -> Points:
+        """Measure arclength from elsewhere on, and for -1 walk them the other way."""
+        rows = self[::sense]
+        return replace(
+            rows,
+            tangent=sense * rows.tangent,
+            arclength=shift + sense * rows.arclength,
+            made={i: _measured(p, sense, shift) for i, p in rows.made.items()},
+        )
+
     @one_thread
     def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
         """Recorded columns; those of numbers are kept. What has to be asked point by point is asked
@@ -121,11 +131,8 @@ class Points(Sequence[Point]):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Points):
             return NotImplemented
-        same = (
-            np.array_equal(*pair, equal_nan=True)
-            for pair in zip(_ROW(self), _ROW(other), strict=True)
-        )
-        return self.made == other.made and all(same)
+        pairs = zip(_ROW(self), _ROW(other), strict=True)
+        return self.made == other.made and all(np.array_equal(*p, equal_nan=True) for p in pairs)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -278,15 +285,11 @@ class Branch(Columns, HtmlRepr):
             )
         first, last = chosen[0], chosen[-1]
         low, high = self.points[first].arclength, self.points[last].arclength
-        return replace(
-            self,
-            points=self.points[key],
-            began=Stop.CUT if first else self.began,
-            began_reason="" if first else self.began_reason,
-            stop=self.stop if last == len(self) - 1 else Stop.CUT,
-            reason=self.reason if last == len(self) - 1 else "",
-            doubtful=tuple(p for p in self.doubtful if low <= p.arclength <= high),
-        )
+        doubtful = tuple(p for p in self.doubtful if low <= p.arclength <= high)
+        piece = replace(self, points=self.points[key], doubtful=doubtful)
+        if first:
+            piece = replace(piece, began=Stop.CUT, began_reason="")
+        return piece if last == len(self) - 1 else replace(piece, stop=Stop.CUT, reason="")
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):
@@ -309,14 +312,16 @@ class Branch(Columns, HtmlRepr):
         """Columns by name, the labels of the special points first. At special points there is no
         count where rounding decides it."""
         columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
-        derived = (name for name in self.problem.record if name not in self.problem.names)
-        recorded = self.points.recorded(*derived)
+        record = self.problem.record
+        recorded = self.points.recorded(
+            *(name for name in record if name not in self.problem.names)
+        )
         for name in self.names:
             columns[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
-        for name in self.problem.record:
+        for name in record:
             # a count is a column of whole numbers, or of floats where some of it is blank
-            counted = isinstance(self.problem.record[name], UnstableDimension)
+            counted = isinstance(record[name], UnstableDimension)
             if (counted or columns[name].dtype.kind in "iu") and verge.any():
                 columns[name] = np.where(verge, math.nan, columns[name])
         return columns
@@ -333,12 +338,14 @@ class Branch(Columns, HtmlRepr):
                 return point
         there = f"no {kind!r} on this branch; it has {[p.label for p in self.special]}"
         asked = self.settings.events if self.settings else None
-        looked = {event.kind for event in (self.problem.events if asked is None else asked)}
-        wanted = str(kind).rstrip("0123456789")
+        wanted, looked = (
+            str(kind).rstrip("0123456789"),
+            self.problem.events if asked is None else asked,
+        )
         constructor = look_of(wanted).constructor
         # breathers, maps and cycles come with their events, a problem of one's own without
         own = type(self.problem) is Problem or not self.problem.events
-        if constructor and wanted not in looked and own:
+        if constructor and own and all(event.kind != wanted for event in looked):
             there += f"; it is looked for with events=[{constructor}]"
         raise BadInput(there)
 
@@ -348,11 +355,7 @@ class Branch(Columns, HtmlRepr):
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
         before, shift = self.points, self.points[-1].arclength - other.points[0].arclength
-        after = replace(
-            other.points,
-            arclength=other.points.arclength + shift,
-            made={i: _measured(p, 1, shift) for i, p in other.points.made.items()},
-        )
+        after = other.points.measured(1, shift)
         seam = before.arclength[-1]
         # within this relative arclength they meet
         reach = 1e-10 * (after.arclength[-1] - before.arclength[0])
@@ -382,16 +385,10 @@ class Branch(Columns, HtmlRepr):
 
     def reversed(self) -> Branch:
         """Walk the same points the other way."""
-        end, rows = self.points[-1].arclength, self.points[::-1]
-        turned = replace(
-            rows,
-            tangent=-rows.tangent,
-            arclength=end - rows.arclength,
-            made={i: _measured(p, -1, end) for i, p in rows.made.items()},
-        )
+        end = self.points[-1].arclength
         return replace(
             self,
-            points=labelled(turned),
+            points=labelled(self.points.measured(-1, end)),
             stop=self.began or Stop.START,
             began=None if self.stop is Stop.START else self.stop,
             reason=self.began_reason,
@@ -400,17 +397,12 @@ class Branch(Columns, HtmlRepr):
         )
 
     def table(self) -> Sheet:
-        """A line for each special point, the free parameters first.
-
-        A count of unstable directions is left blank where one of them is on the verge.
-        """
-        start = self.points[0]
-        free = self.curve.varied
+        """A line for each special point, the free parameters first; a count of unstable directions
+        is left blank where one of them is on the verge."""
+        start, points, free = self.points[0], self.special, self.curve.varied
         unknowns = [name for name in self.curve.slots if name not in free]
-        record = self.problem.record
-        measured = [name for name in record if not isinstance(record[name], Implied)]
-        names = (*free, *unknowns, *measured)
-        points = self.special
+        record = self.problem.record.items()
+        names = (*free, *unknowns, *(n for n, column in record if not isinstance(column, Implied)))
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [
             Column(name, [point.table_value(name) for point in points])
@@ -429,23 +421,18 @@ class Branch(Columns, HtmlRepr):
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
-        free = self.curve.varied
-        fixed = ", ".join(
-            f"{n} = {v:.10g}" for n, v in self.problem.params.items() if n not in free
-        )
-        title = self.problem.label or "branch"
-        if len(free) > 1:
-            head = f"{title} in ({', '.join(free)})" + (f" at {fixed}" if fixed else "")
-        else:
-            head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
+        free, params = self.curve.varied, self.problem.params.items()
+        head = f"{self.problem.label or 'branch'} in "
+        head += f"({', '.join(free)})" if len(free) > 1 else self.free
+        if fixed := ", ".join(f"{n} = {v:.10g}" for n, v in params if n not in free):
+            head += f" at {fixed}" if len(free) > 1 else f" ({fixed})"
         last = self.points[-1].label if self.stop is Stop.EVENT else ""
         said = self.reason and f": {self.reason}"
         end = f"ended at {last}" if last else f"{self.stop.value}{said}"
         if self.began is not None and self.began.failed:
             said = self.began_reason and f": {self.began_reason}"
             end += f"; the other way: {self.began.value}{said}"
-        distance = self.start_correction
-        moved = f"the start was moved by {distance:.2g}" if distance else ""
+        moved = f"the start was moved by {d:.2g}" if (d := self.start_correction) else ""
         more = filter(None, (moved, advice(self.curve)))
         return "; ".join([f"{head}: {len(self)} points", end, *more])
 
@@ -484,7 +471,6 @@ def with_ends(branch: Branch) -> Branch:
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:
-    """Measure arclength from elsewhere on, and the other way for -1."""
     low, high = (shift + sense * end for end in (point.bracket or (0.0, 0.0))[::sense])
     bracket = point.bracket and (low, high)
     tangent = None if point.tangent is None else sense * point.tangent

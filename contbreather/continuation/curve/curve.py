@@ -158,13 +158,7 @@ class Curve:
 
     def equations(self, z: Array, function: Residual | None = None) -> Array:
         """The residual, or `Undefined` where it has none."""
-        try:
-            value = self.residual(z, function)
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-        except KeyError as error:
-            self.problem.check_asked(error)
-            raise
+        value = self._asked(self.residual, z, function)
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
             total = value.sum()
             finite = isinstance(total, complex) or math.isfinite(total)
@@ -182,6 +176,17 @@ class Curve:
         if not finite:
             raise Undefined("the equations are not finite")
         return value
+
+    def _asked(self, function: Callable[..., Any], *given: Any) -> Any:
+        """Ask what a user wrote: `Undefined` where it has no value, `BadInput` where it asks for a
+        parameter that there is not."""
+        try:
+            return function(*given)
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+        except KeyError as error:
+            self.problem.check_asked(error)
+            raise
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         """The solution next to a guess by the derivative at a place near by and by
@@ -226,7 +231,7 @@ class Curve:
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
-        matrix: Matrix = self.cached("jacobian", z, self._derivatives)
+        matrix: Matrix = self.cached("jacobian", z, partial(self._asked, self._derivatives))
         return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
@@ -265,11 +270,8 @@ class Curve:
         return self.normalised(vectors[-1] * sense(vectors[-1])), 0
 
     def in_unknowns(self, z: Array) -> Matrix:
-        """The derivative in the unknowns alone, where none in parameters are wanted; not to be
-        written to."""
-        if self.problem.derivatives is not None:  # which come with those in parameters
-            return first_columns(self.jacobian(z), self.size)
-        return self._derivatives(z, self.size)
+        """The derivative in the unknowns alone; not to be written to."""
+        return first_columns(self.jacobian(z), self.size)
 
     def spectrum(self, z: Array) -> NDArray[np.complex128]:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
@@ -299,45 +301,31 @@ class Curve:
         values = self.cached("spectra", rows, eigenvalues)
         return None if values is False else values.astype(complex)
 
-    def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
-        """The first columns of the derivative, or all of them."""
-        problem, width = self.problem, width or z.size
-        try:
-            if problem.derivatives is not None:
-                whole = problem.derivatives(z[: self.size].copy(), self.params(z), self.free)
-                return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
-            if isinstance(problem.jacobian, Pattern):
-                # unknowns of one colour move together, each in proportion to its size
-                steps = np.maximum(self.scales, abs(z))[: self.size]
-                few = partial(self._by_few, z, columns=range(1))
-                matrix = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
-                return self._with_parameters(z, matrix, width)
-            if problem.jacobian is None:
-                return self._by_trying(self.residual, z, range(width), self.scales)
-            jacobian = problem.jacobian(z[: self.size].copy(), self.params(z))
-            return self._with_parameters(
-                z, canonical(jacobian) if is_sparse(jacobian) else jacobian, width
-            )
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-        except KeyError as error:
-            problem.check_asked(error)
-            raise
-
-    def _with_parameters(self, z: Array, jacobian: Matrix, width: int) -> Matrix:
-        """The derivative in the unknowns, and columns for the parameters beside it."""
-        n = self.size
-        columns = np.empty((n, width - n))
-        for i in range(n, width) if self.problem.sensitivity is not None else ():
-            name = self.free[i - n]
-            columns[:, i - n] = self.problem.sensitivity(z[:n].copy(), self.params(z), name)
-        if self.problem.sensitivity is None and n < width:
-            if is_sparse(jacobian):
-                columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
-            else:
-                columns[:] = self._by_trying(self.residual, z, range(n, width), self.scales)
+    def _derivatives(self, z: Array) -> Matrix:
+        problem, n = self.problem, self.size
+        if problem.derivatives is not None:
+            whole = problem.derivatives(z[:n].copy(), self.params(z), self.free)
+            return whole if is_sparse(whole) else np.asarray(whole)
+        if problem.jacobian is None:
+            return self._by_trying(self.residual, z, range(z.size), self.scales)
+        if isinstance(problem.jacobian, Pattern):
+            # unknowns of one colour move together, each in proportion to its size
+            steps = np.maximum(self.scales, abs(z))[:n]
+            few = partial(self._by_few, z, columns=range(1))
+            jacobian = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
+        else:
+            jacobian = problem.jacobian(z[:n].copy(), self.params(z))
+            jacobian = canonical(jacobian) if is_sparse(jacobian) else jacobian
+        columns = np.empty((n, len(self.free)))  # in the parameters
+        if problem.sensitivity is not None:
+            for i, name in enumerate(self.free):
+                columns[:, i] = problem.sensitivity(z[:n].copy(), self.params(z), name)
+        elif self.free and is_sparse(jacobian):
+            columns[:] = self._by_few(z, np.zeros(n), range(1, len(self.free) + 1))
+        elif self.free:
+            columns[:] = self._by_trying(self.residual, z, range(n, z.size), self.scales)
         if not is_sparse(jacobian):
-            matrix = np.empty((n, width))
+            matrix = np.empty((n, z.size))
             matrix[:, :n], matrix[:, n:] = jacobian, columns
             return matrix
         if not math.isfinite(jacobian.data.sum() + columns.sum()):

@@ -96,8 +96,7 @@ class Point(HtmlRepr):
             return self.detail[name]
         if name in problem.record:
             return problem.record[name](self.base_point)
-        array = problem.normed(name)
-        if array is not None:
+        if array := problem.normed(name):
             return float(np.linalg.norm(self[array]))
         bare = name.removesuffix(f" of {self.kind}")
         if bare != name and bare in self.detail:
@@ -403,18 +402,12 @@ class Event:
 
     def values(self, points: Sequence[Point]) -> tuple[list[Value], Any]:
         """Values at several points of a walk, and the array of counts where it comes with them."""
-        together = self.at_once(points) if len(points) >= MANY else None
-        if together is None:
-            return [self.value_or_nan(point) for point in points], None
-        return together[0].tolist(), together[1]
-
-    def at_once(self, points: Sequence[Point]) -> Many | None:
-        """Arrays of values and counts, as `many` gives them; None where each has to be asked."""
         answer = None
-        with suppress(*OUT_OF_DOMAIN):
-            answer = self.many and self.many(points)
+        if self.many and len(points) >= MANY:
+            with suppress(*OUT_OF_DOMAIN):
+                answer = self.many(points)
         if not answer:
-            return None
+            return [self.value_or_nan(point) for point in points], None
         shapes = [np.shape(column) for column in answer if column is not None]
         wanted = [(len(points),)] * (2 if self.count else 1)
         if shapes != wanted:
@@ -422,7 +415,7 @@ class Event:
                 f"many of {self.kind} gave arrays of shapes {shapes}; {wanted} were expected, a "
                 f"test {'and a count ' if self.count else ''}for each point"
             )
-        return answer
+        return answer[0].tolist(), answer[1]
 
     def __repr__(self) -> str:
         return f"<Event {self.kind}{', terminal' if self.ends else ''}>"

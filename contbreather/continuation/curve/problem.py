@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,92 @@ from ...one_thread import one_thread
 from ..algebra.newton import Array, Solution, Undefined, approach, newton
 from ..algebra.sparse import Matrix, Pattern
 from .curve import Curve, Params, Residual
-from .structure import Structure
+
+
+class Structure:
+    """Structure of equations: what may be known of them besides their values, said by classes that
+    are derived from `Problem`. The engine asks for all of this, and gets by with what stands here.
+    """
+
+    # ``(point) -> object``: what a point is to its user, as ``point.solution`` has it
+    interpret: ClassVar[Callable[[Any], Any] | None] = None
+    # ``(x, params, name) -> (n,) array``: the derivative in one parameter. Used, and checked,
+    # together with `jacobian` only
+    sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
+    # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
+    derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # whether tests of the class hold its derivatives to differences: they are not compared here
+    tested: ClassVar[bool] = False
+    # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
+    # `walk_kernel.walker` and what they ask for
+    walker: ClassVar[Callable[..., Any] | None] = None
+    # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
+    # last point are tried first, the residual to the accuracy that such an iteration needs
+    roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
+    # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
+    # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
+    closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
+    # ``(point) -> (values, error)``: of maps and cycles the multipliers but for a trivial one, and
+    # what rounding may leave in each
+    multipliers: ClassVar[Any] = None
+    # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
+    perturbed: ClassVar[Any] = None
+    # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
+    # by a defining system, as on a boundary, and the point on it
+    beneath: ClassVar[Callable[..., tuple[Any, Array]] | None] = None
+
+    @property
+    def internals(self) -> frozenset[str]:
+        """Unknowns that say nothing by themselves, as the collocation of a cycle, its mesh and null
+        vectors: tables are without them, and no sentence suggests them."""
+        return frozenset()
+
+    @property
+    def serialised(self) -> Mapping[str, Any] | None:
+        """Serialised form, of which files make the equations again: their ``kind``, entered by
+        `contbreather.storage.serialise.serialised`, and the values that its reader takes by name,
+        besides ``start`` and ``params``. None where that cannot be said."""
+        return None
+
+    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """Solutions that a symmetry of the equations makes of one, its mirror image or the
+        other phases of a cycle."""
+        return ()
+
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
+        """Periods of unknowns that are angles, by which they may move at x, of an array for each
+        entry, 0 for those that are none: curves close, and solutions are the same, modulo that."""
+        return {}
+
+    def simpler(self, point: Any) -> Any:
+        """Smaller problem that has a solution too, as its start: of a fixed point among the cycles
+        of period 2 that of fixed points."""
+        return None
+
+    def lift(self, kind: str) -> Callable[[Any], Any] | None:
+        """Maker of the `SwitchingProblem` of a point of this kind, which has the curves that leave
+        it: `switch` follows them. None where there are none."""
+        return None
+
+    def finer(self, point: Any, along: Any) -> tuple[Any, Any] | None:
+        """Refine the problem at a point that is `unresolved`: from its present start in more
+        unknowns, and a direction in these. Its branch is walked anew."""
+        return None
+
+    def unresolved(self, point: Any) -> str:
+        """Say what these unknowns do not resolve of a solution, empty if they do: the first such
+        point of a walk that gets no finer problem is among the doubtful ones of its branch."""
+        return ""
+
+    def sized(self, sizes: Mapping[str, int]) -> Any:
+        """Refine the problem from its present start as `finer` does, to unknowns of these sizes as
+        far as that leads there: a file has points of a branch that was walked anew."""
+        return self
+
+    def with_parameters(self, names: tuple[str, ...]) -> Any:
+        """Add parameters that the problem lacks, from its present start, as far as it can have
+        them: `trace` and `boundary` ask for what is to be free."""
+        return self
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,8 +141,8 @@ class Problem(Structure):
     Notes
     -----
     What else there may be to know of equations is said by methods of a class derived from this
-    one, listed in `contbreather.continuation.curve.structure.Structure`: what a point is to its
-    user, as ``point.solution`` has it, is ``interpret(point)``, and angles repeat by
+    one, listed in `contbreather.continuation.curve.problem.Structure`: what a point is to its user,
+    as ``point.solution`` has it, is ``interpret(point)``, and angles repeat by
     ``modulo(x, params)``, for instance.
 
     Raises
@@ -92,8 +177,7 @@ class Problem(Structure):
             if plain is not None:  # parameters are a dict here
                 object.__setattr__(self, what, plain)
         for what in ("start", "params", "scales", "domain", "record"):
-            values = getattr(self, what)
-            if not isinstance(values, Mapping):
+            if not isinstance(values := getattr(self, what), Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {values!r}")
         form = self.serialised
         known = isinstance(form, Mapping) and isinstance(form.get("kind"), str)
@@ -106,15 +190,13 @@ class Problem(Structure):
             raise BadInput(f"residual must be a function, got {self.residual!r}")
         if not self.start:
             raise BadInput("a problem needs at least one unknown: start is empty")
-        clash = set(self.start) & set(self.params)
-        if clash:
+        if clash := set(self.start) & set(self.params):
             raise BadInput(
                 f"{sorted(clash)} are named both as unknowns and as parameters: give the "
                 "parameters, those of a forcing formula for instance, other names"
             )
         for name, value in (*self.start.items(), *self.params.items()):
-            array = numbers(name, value)
-            if not array.size:
+            if not (array := numbers(name, value)).size:
                 raise BadInput(f"{name!r} is empty; at least one number was expected")
             if array.ndim > (name in self.start):
                 raise BadInput(f"{name!r} has shape {array.shape}; a number was expected")
@@ -258,11 +340,9 @@ class Problem(Structure):
         return self._started(solution.z), solution
 
     def _started(self, x: Array) -> Problem:
-        start = {
-            name: (float(x[at]) if isinstance(at, int) else x[at])
-            for name, at in self.slots.items()
-        }
-        return replace(self, start=start)
+        return self.at(
+            **{n: float(x[i]) if isinstance(i, int) else x[i] for n, i in self.slots.items()}
+        )
 
     def __repr__(self) -> str:
         events = f"; events {[event.kind for event in self.events]}" if self.events else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Integral
 from typing import Self
@@ -57,15 +57,14 @@ class Steps:
     growth: float = 1.5
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if value is None and entry.default is None:
+        for name, value in vars(self).items():
+            if name == "largest" and value is None:
                 continue
             size = real(value)
             if math.isnan(size) and not isinstance(value, float):
-                raise BadInput(f"{entry.name} must be a number, got {brief(value)}")
-            if entry.name != "most" and not 0 < size < math.inf:
-                raise BadInput(f"{entry.name} must be finite and positive, got {brief(value)}")
+                raise BadInput(f"{name} must be a number, got {brief(value)}")
+            if name != "most" and not 0 < size < math.inf:
+                raise BadInput(f"{name} must be finite and positive, got {brief(value)}")
         largest = self.longest(0.0)
         if not self.smallest <= min(self.first, largest):
             raise BadInput(
@@ -86,15 +85,10 @@ class Steps:
         return self.largest or max(0.1, 0.01 * size)
 
 
-_USUAL = Steps()
-
-
 def steps_of(steps: object, usual: Steps | None = None) -> Steps:
-    if steps is None:
-        return usual or _USUAL
-    if not isinstance(steps, Steps):
+    if not (steps is None or isinstance(steps, Steps)):
         raise BadInput(f"steps must be given as Steps(largest=...), got {brief(steps)}")
-    return steps
+    return steps or usual or Steps()
 
 
 @dataclass(frozen=True)
@@ -108,13 +102,9 @@ class Settings:
 
     @classmethod
     def of(
-        cls,
-        within: Within | None,
-        events: Event | Iterable[Event] | None,
-        steps: Steps | None,
-        inadmissible: bool,
-        usual: Steps | None = None,
-    ) -> Self:
+        cls, within: Within | None, events: Event | Iterable[Event] | None, steps: Steps | None,
+        inadmissible: bool, usual: Steps | None = None,
+    ) -> Self:  # fmt: skip
         """Check what a user asks of a walk: behind this nothing asks again."""
         lifted = flag("inadmissible", inadmissible)
         return cls(windows(within), all_of(events), steps_of(steps, usual), lifted)
@@ -124,7 +114,6 @@ class Settings:
 
 
 def windows(within: Within | None) -> dict[str, tuple[float, float]]:
-    """The windows by name, each a pair of numbers."""
     if within is None:
         return {}
     if not isinstance(within, Mapping) or not all(isinstance(name, str) for name in within):
@@ -171,8 +160,7 @@ def active_events(
     solutions mean nothing; only `inadmissible` lifts these.
     """
     asked = tuple(event.of(problem) for event in events or ())
-    if inadmissible:
-        problem = _lifted(problem)
+    problem = _lifted(problem) if inadmissible else problem
     for event in asked:
         if isinstance(event, EventWithRule):
             # what its columns are about stands in the label
@@ -180,17 +168,18 @@ def active_events(
             about = f" ({event.about})" if event.about else ""
             label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
             problem = replace(problem, record={**problem.record, **event.record}, label=label)
-    kinds = [event.kind for event in asked]
-    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-    wanted, walls = (problem.events, ()) if events is None else (asked, walls)
+    wanted = active = problem.events
+    if events is not None:
+        kinds = [event.kind for event in asked]
+        walls = (e for e in problem.events if e.ends_domain and e.kind not in kinds)
+        wanted, active = asked, (*asked, *walls)
     brought = dict[str, Callable[[Point], float]]()
     for event in wanted:
         brought |= event.columns(problem)
     taken = {*problem.names, *problem.record}
-    brought = {name: column for name, column in brought.items() if name not in taken}
-    if brought:
+    if brought := {name: of for name, of in brought.items() if name not in taken}:
         problem = replace(problem, record={**problem.record, **brought})
-    return problem, (*wanted, *walls)
+    return problem, active
 
 
 def walls_are_lifted(problem: Problem) -> bool:

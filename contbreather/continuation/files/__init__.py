@@ -1,3 +1,1 @@
 """Branches in files, loaded and extended."""
-
-from __future__ import annotations

@@ -65,7 +65,7 @@ def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Bran
         born = _Stored(groups["origin"])
         candidates = [problem for problem in problems if set(problem.names) <= set(born.here)]
         curve, _, events = born.fitted(candidates, None)
-        origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
+        origin = replace(born.points(curve, events)[0], label=groups["origin"]["point_label"])
     stored = _Stored(content)
     curve, settings, events = stored.fitted(problems, origin)
     points = stored.points(curve, events)
@@ -98,15 +98,12 @@ class _Stored:
         check_lengths(self.columns, ["arclength", *every], "points")
         rows = [self.columns[name].reshape(self.columns["arclength"].size, -1) for name in names]
         self.z = np.concatenate(rows, axis=1)
-        self._check_places()
-
-    def _check_places(self) -> None:
-        """Refuse kinds and points that there are not, which nothing asks for before it is shown."""
-        content, places = self.content, [*map(str, range(len(self.z)))]
-        codes, known = self.columns["point_kind"], {*content["unknowns"], *content["parameters"]}
+        # kinds and points that there are not, which nothing asks for before it is shown
+        known = {*content["unknowns"], *content["parameters"]}
+        codes, places = self.columns["point_kind"].tolist(), [*map(str, range(len(self.z)))]
         wrong = {
             "free": [name for name in content["free"] or [None] if name not in known],
-            "point_kind": [c for c in codes.tolist() if c not in range(len(content["kinds"]))],
+            "point_kind": [code for code in codes if code not in range(len(content["kinds"]))],
             "detail": [i for i in content["detail"] if i not in places],
         }
         for name, values in wrong.items():
@@ -114,14 +111,9 @@ class _Stored:
                 raise BadInput(
                     f"its contents are not as `save` writes them: {name} with {brief(values)}"
                 )
-
-    @cached_property
-    def here(self) -> dict[str, Any]:
-        """Unknowns and parameters at the first point."""
-        values = {name: _python(self.columns[name][0]) for name in self.content["unknowns"]}
-        return values | {
-            name: float(self.columns[name].flat[0]) for name in self.content["parameters"]
-        }
+        # unknowns and parameters at the first point
+        self.here = {name: _python(self.columns[name][0]) for name in content["unknowns"]}
+        self.here |= {name: float(self.columns[name].flat[0]) for name in content["parameters"]}
 
     def fitted(
         self, problems: Sequence[Problem], origin: Point | None
@@ -183,7 +175,7 @@ class _Stored:
         candidates: tuple[Event, ...],
         origin: Point | None,
     ) -> tuple[Problem, tuple[Event, ...]]:
-        """The problem of a boundary: with the conditions that it had, those of its origin."""
+        """Make the problem of a boundary: with the conditions that it had, those of its origin."""
         free, released = self.content["free"][0], self.content["unknowns"][-1]
         curve = Curve(problem, (released, free))
         _check_fit(curve)
@@ -198,21 +190,16 @@ class _Stored:
         base_point = Point(curve, curve.start)
         if origin is not None:
             base_point = replace(base_point, kind=origin.base_point.kind, event=event)
-        inadmissible = settings.inadmissible
-        make = partial(
-            boundary_problem, base_point, event, (free, released), inadmissible=inadmissible
-        )
+        how = (base_point, event, (free, released))
+        make = partial(boundary_problem, *how, inadmissible=settings.inadmissible)
         longer = make(settings.events)
         return longer, (*longer.events, *make(candidates).events)
 
     def _without_equations(self) -> Curve:
         content = self.content
-        start, params = (
-            {name: self.here[name] for name in content[which]}
-            for which in ("unknowns", "parameters")
-        )
-        bare = _Bare(no_equations, start, params, label=content["label"])
-        curve = self._curve(bare)
+        names = content["unknowns"], content["parameters"]
+        start, params = ({name: self.here[name] for name in some} for some in names)
+        curve = self._curve(_Bare(no_equations, start, params, label=content["label"]))
         if content["boundary"]:
             curve.varied = (content["free"][0], content["unknowns"][-1])
         return curve
@@ -243,11 +230,8 @@ class _Stored:
 
     def points(self, curve: Curve, events: Sequence[Event]) -> Points:
         content, columns = self.content, self.columns
-        tangent, codes, brackets, arclength, residual = (
-            columns[name]
-            for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
-        )
-        points = Points(curve, self.z, tangent, arclength, residual)
+        tangent, codes, brackets = (columns[f"point_{n}"] for n in ("tangent", "kind", "bracket"))
+        points = Points(curve, self.z, tangent, columns["arclength"], columns["residual"])
         located, bare = columns["point_located"] != 0, np.isnan(tangent).any(axis=1)
         more = (codes != 0) | bare | ~located
         more[[*map(int, content["detail"])]] = True

@@ -11,7 +11,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -76,10 +76,8 @@ class Checkpoint:
         now = time.monotonic()
         if now < (self.soonest if special else self.due):
             return
-        result = piece()
-        if result is not None:
-            try:
-                # recorded columns may take as long as the run
+        if (result := piece()) is not None:
+            try:  # without recorded columns, which may take as long as the run
                 self._write(result, recorded=False)
             except BadInput as error:  # a disk that is full now may not be later
                 logging.getLogger("contbreather").warning("%s; the run goes on", error)
@@ -95,10 +93,11 @@ class Checkpoint:
             raise NotKept(str(error), result) from error
 
     def _write(self, result: Any, *, recorded: bool | None) -> None:
-        several = isinstance(result, tuple)
-        named = result if isinstance(result, Mapping) else {self.name: result}
+        several, named = isinstance(result, tuple), {self.name: result}
         if several:
             named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
+        elif isinstance(result, Mapping):
+            named = {**result}
         write_results(self.path, named, alone=len(named) == 1 and not several, recorded=recorded)
 
 
@@ -109,13 +108,10 @@ class Inner(Checkpoint):
         self.outer, self.whole = outer, whole
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
-        def result() -> Any:
-            return None if (inner := piece()) is None else self.whole(inner)
-
-        self.outer.look(special, result)
+        self.outer.look(special, lambda: None if (own := piece()) is None else self.whole(own))
 
     def finish(self, result: Any) -> None:
-        """Nothing: the outermost call does."""
+        """Leave that to the outermost call."""
 
 
 @contextmanager
@@ -175,20 +171,22 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
 
 def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str, Any]:
     """Make a dict of a branch, with its doubtful points and the one it was born from as groups."""
-    points, groups = branch.points, {}
-    if recorded is None:
-        recorded = _base(branch.problem)[1] is None
+    groups = {}
     if branch.doubtful:
-        groups["doubtful"] = _to_dict(branch, Points.of(branch.doubtful))
+        groups["doubtful"] = _to_dict(branch, Points.of(branch.doubtful), False)
     if branch.origin is not None:
         born = Branch(Points.of([branch.origin]), branch.stop)
-        groups["origin"] = _to_dict(born, born.points)
-    return {**_to_dict(branch, points, branch.problem.record if recorded else ()), "groups": groups}
+        groups["origin"] = _to_dict(born, born.points, False)
+    return {**_to_dict(branch, branch.points, recorded), "groups": groups}
 
 
-def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict[str, Any]:
+def _to_dict(branch: Branch, points: Points, recorded: bool | None) -> dict[str, Any]:
     problem, event, settings = branch.problem, event_of(branch.problem), branch.settings
-    base, equations = _base(problem)
+    # of a boundary what the equations of the original problem are made of
+    base: Problem = problem.residual.problem if isinstance(problem, ExtendedProblem) else problem
+    equations = _form(base)
+    record = problem.record if recorded or (recorded is None and equations is None) else ()
+    kinds = ["", *sorted({point.kind for point in points.made.values()} - {""})]
     ends = {
         "label": problem.label,
         "stop": branch.stop.name,
@@ -203,7 +201,6 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "steps": asdict(settings.steps),
         "inadmissible": settings.inadmissible,
     }
-    special = points.made.items()
     return {
         "kind": "branch",
         **ends,
@@ -213,31 +210,23 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "free": list(branch.curve.free),
         "boundary": _event_to_dict(event) if event else None,
         "image_of": branch.image_of,
-        "kinds": _kinds(points),
-        "detail": {i: _detail_to_dict(point.detail) for i, point in special if point.detail},
+        "kinds": kinds,
+        "detail": {i: _detail_to_dict(p.detail) for i, p in points.made.items() if p.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
         "period": getattr(base, "period", None),
         "equations": equations,
         "base": [list(base.start), list(base.params)],
         "settings": asked,
-        "columns": _columns(branch, points, record),
+        "columns": _columns(branch, points, record, kinds),
         "attributes": {**ends, **words, "stop_meaning": branch.stop.value},
     }
 
 
-def _base(problem: Problem) -> tuple[Problem, dict[str, Any] | None]:
-    """The problem, of a boundary the original one, and what its equations are made of."""
-    if isinstance(problem, ExtendedProblem):
-        problem = problem.residual.problem
-    return problem, _form(problem)
-
-
-def _form(thing: Problem | Event) -> dict[str, Any] | None:
+def _form(thing: Problem | Event) -> Any:
     """The serialised form of equations or of an event, None where something in it has none."""
     with suppress(NotSerialisable):
-        form: dict[str, Any] | None = to_dict(thing.serialised)
-        return form
+        return to_dict(thing.serialised)
     return None
 
 
@@ -245,7 +234,9 @@ def _event_to_dict(event: Event) -> dict[str, Any]:
     return _form(event) or {"kind": event.kind, "ends": event.ends}
 
 
-def _columns(branch: Branch, points: Points, record: Iterable[str]) -> dict[str, Column]:
+def _columns(
+    branch: Branch, points: Points, record: Iterable[str], kinds: Sequence[str]
+) -> dict[str, Column]:
     curve, problem = branch.curve, branch.problem
     columns = {name: column(points.z[:, at], name, "unknown") for name, at in curve.slots.items()}
     columns[curve.free[0]][2]["role"] = "free"
@@ -254,7 +245,7 @@ def _columns(branch: Branch, points: Points, record: Iterable[str]) -> dict[str,
             columns[name] = (), float(value), {"role": "fixed"}
     for name, values in points.recorded(*record).items():
         columns[name] = column(values, name, "recorded")
-    more = _columns_of_points(points)
+    more = _columns_of_points(points, kinds)
     if taken := sorted(set(columns) & set(more)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
     return columns | more
@@ -266,20 +257,16 @@ def column(values: Array, name: str = "", role: str = "") -> Column:
     return ("point", *axes), values, {"role": role} if role else {}
 
 
-def _kinds(points: Points) -> list[str]:
-    return ["", *sorted({point.kind for point in points.made.values()} - {""})]
-
-
-def _columns_of_points(points: Points) -> dict[str, Column]:
+def _columns_of_points(points: Points, kinds: Sequence[str]) -> dict[str, Column]:
     """Columns of every point, and of the numbers and words in `detail` of the special ones."""
-    kinds, special, count = _kinds(points), points.made, len(points)
+    special, count = points.made, len(points)
     codes, located = np.zeros(count, dtype="i1"), np.ones(count, dtype=bool)
     brackets = np.full((count, 2), math.nan)
     for i, point in special.items():
         codes[i], located[i] = kinds.index(point.kind), point.located
         brackets[i] = point.bracket or brackets[i]
-    words = ["regular", *("_".join(kind.split()) for kind in kinds[1:])]  # CF parts them at blanks
-    flags = {"flag_values": np.arange(len(kinds), dtype="i1"), "flag_meanings": " ".join(words)}
+    meanings = ["regular", *("_".join(kind.split()) for kind in kinds[1:])]  # CF parts at blanks
+    flags = {"flag_values": np.arange(len(kinds), dtype="i1"), "flag_meanings": " ".join(meanings)}
     columns: dict[str, Column] = {
         "arclength": column(points.arclength),
         "residual": column(points.residual),
@@ -290,15 +277,11 @@ def _columns_of_points(points: Points) -> dict[str, Column]:
     }
     for name in sorted({name for point in special.values() for name in point.detail}):
         values = {i: point.detail[name] for i, point in special.items() if name in point.detail}
-        cells: Array
-        if all(isinstance(value, str) for value in values.values()):
-            cells = np.array([values.get(i, "") for i in range(count)])
-        elif all(isinstance(value, complex | float | int | np.number) for value in values.values()):
-            cells = np.full(count, math.nan, dtype=np.result_type(*values.values(), float))
-            cells[list(values)] = list(values.values())
-        else:
-            continue
-        columns[f"detail_{name}"] = column(cells, role="detail")
+        words = all(isinstance(value, str) for value in values.values())
+        if words or all(isinstance(v, complex | float | int | np.number) for v in values.values()):
+            nothing = "" if words else math.nan
+            cells = np.array([values.get(i, nothing) for i in range(count)])
+            columns[f"detail_{name}"] = column(cells, role="detail")
     return columns
 
 

@@ -23,8 +23,7 @@ from ..curve.point import Event, Point, Value
 from ..curve.settings import Steps
 from ..events.step_interpolant import StepInterpolant
 from ..systems.branch_points import GAP, crossing
-from .starts import StartOnCurve
-from .window import Bound
+from .ends import Bound, StartOnCurve
 
 LOG = logging.getLogger(__name__)
 

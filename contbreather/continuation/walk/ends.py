@@ -1,0 +1,386 @@
+"""Ends of walks: starts that are moved onto the curve, windows, and growth without end.
+
+Where a curve runs to infinity z grows and grows, and parameters tend to limits meanwhile. No single
+step tells: z has to become several times as long. What is asked of a parameter is relative to the
+largest that it was, so that its unit does not matter:
+
+- all of them stay, whatever the limit, as next to a homoclinic orbit while the period grows;
+- or one vanishes while others go on, as on curves of folds along which u grows as eps^-2 and lam
+  falls as exp(-1/eps). It falls as a power of z may, and does not pass zero, which is much steeper.
+
+A window of what grows, or one of what vanishes that ends short of zero, says how far to go instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import BadInput, NotConverged
+from ..algebra.linear_algebra import least_singular, sense
+from ..algebra.newton import Array, Undefined, approach, newton
+from ..algebra.sparse import is_sparse, scaled
+from ..curve.branch import Points
+from ..curve.curve import AHEAD, LEVEL, Curve
+from ..curve.derivative_checks import check_start, reconsider
+from ..curve.point import MANY, Point
+from ..curve.problem import Problem
+from ..curve.settings import Within, windows
+from ..events.step_interpolant import closest_tangent
+from ..systems.branch_points import GAP, crossing
+
+QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
+
+ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
+STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
+SMALL = 1e-3  # if it was no more than this all the while
+POWER = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
+SHARE = 0.1  # the power of |z| from which on something grows with it
+STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
+
+
+# --- windows ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The window of what can change: an unknown, a parameter, the norm of an array.
+
+    Its `ends` are those that are finite: their side, -1 or 1, value, and how far rounding may leave
+    a step that should end there.
+    """
+
+    name: str
+    slot: int | slice
+    low: float
+    high: float
+    ends: list[tuple[int, float, float]]
+
+    def value(self, z: Array) -> float:
+        entries = z[self.slot]
+        return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
+
+    def row(self, z: Array) -> Array:
+        row, alone = np.zeros(z.size), isinstance(self.slot, int)
+        # d|u| = u . du / |u|
+        row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
+        return row
+
+    def with_value(self, z: Array, value: float) -> Array:
+        """z with exactly this value."""
+        z = z.copy()
+        if isinstance(self.slot, int):
+            z[self.slot] = value
+        else:
+            z[self.slot] *= value / self.value(z)
+        return z
+
+
+def bounds_of(curve: Curve, within: Within) -> list[Bound]:
+    """The window and the domain of the problem, of all that can change."""
+    problem = curve.problem
+    wanted = {problem.normed(name) or name: window for name, window in within.items()}
+    for name in wanted.keys() & problem.record.keys() - {*problem.names}:
+        raise BadInput(
+            f"{name!r} is recorded, and has no window; an event ends the branch where it has a "
+            f"value: events=[cb.user({name!r}, value, terminal=True)]"
+        )
+    problem.check_names(wanted)
+    bounds, domains = [], windows(problem.domain)
+    for name in {**domains, **wanted}:
+        low, high = wanted.get(name, (-math.inf, math.inf))
+        domain = domains.get(name, (-math.inf, math.inf))
+        low, high = max(low, domain[0]), min(high, domain[1])
+        value: Any = problem.start.get(name, problem.params.get(name))
+        size = float(np.linalg.norm(value)) if np.ndim(value) else float(value)
+        if not low < high:
+            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
+        what = f"|{name}|" if np.ndim(value) else name
+        if what != name and -math.inf < low < 0:
+            raise BadInput(
+                f"{name!r} is an array: its window is one of its norm, which is never negative; "
+                f"got ({low:g}, {high:g})"
+            )
+        if not low <= size <= high:
+            raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
+        if name in curve.slots:
+            finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
+            ends = [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+            bounds.append(Bound(name, curve.slots[name], low, high, ends))
+    return bounds
+
+
+# --- starts -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StartOnCurve:
+    """Start of a walk on its curve, and the way it sets out."""
+
+    point: Point  # with the tangent along which to set out
+    sign: int  # of the bordered determinant; 0 at a branch point, and where it is not known
+    bounds: list[Bound]
+    directed: bool  # the direction was given
+
+
+@np.errstate(**QUIET)
+def starts_on_curve(
+    problem: Problem,
+    free: str,
+    within: Within,
+    towards: str,
+    along: ArrayLike | None,
+    tolerance: float,
+) -> list[StartOnCurve]:
+    """A start moved onto its curve, in the direction that was asked for; for 'both' downwards, and
+    then upwards."""
+    if along is None:
+        curve, residual = corrected_start(problem, free, tolerance)
+        bounds = bounds_of(curve, within)
+        tangent, sign = first_tangent(curve, bounds)
+        if towards != "up":
+            tangent, sign = -tangent, -sign
+    else:
+        curve, residual, tangent = directed_start(problem, free, along)
+        bounds, sign = bounds_of(curve, within), 0
+    # how far the start that was given had to be moved, if that is worth telling
+    off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
+    detail = {"moved": off} if off > 1e-3 * (1 + curve.length(curve.start)) else {}
+    point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
+    first = StartOnCurve(point, sign, bounds, along is not None)
+    if towards != "both" or first.directed:
+        return [first]
+    back = replace(point, curve=copy(curve), tangent=-tangent)  # on a curve that learns by itself
+    return [first, replace(first, point=back, sign=-sign)]
+
+
+def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
+    """The curve with its start on it, and the residual there.
+
+    A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
+    Newton's iteration at a fixed parameter is singular, it could only get worse. Where none is
+    found at the same parameter, the nearest one with another value of it is.
+    """
+    curve = Curve(problem, (free,))
+    domain = bounds_of(curve, {})  # outside of it there is nothing to solve
+    value = check_start(curve)
+    if (  # a solution already, to rounding of its rows
+        abs(value) <= 1e-14 * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
+    ).all():
+        return curve, float(abs(value).max())
+    try:
+        problem, solution = problem.solve(tolerance=tolerance)
+    except NotConverged:
+        nearest = _nearest(curve, domain, tolerance)
+        if nearest is None:
+            raise
+        return nearest
+    return Curve(problem, (free,)), solution.residual
+
+
+def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[Curve, float] | None:
+    """The curve started at a solution near by, by the least correction in unknowns and parameter:
+    just beyond a fold there is none at the same parameter."""
+    try:
+        z = approach(curve, curve.start)
+        if z is None:
+            return None
+        # across the tangent: at a fixed parameter the iteration is singular at a fold
+        tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
+        solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
+    except Undefined:
+        return None
+    moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
+    off = curve.length(solution.z - curve.start)
+    inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
+    # so far, relative to 1 + |z|, the nearest solution may be
+    if not solution.converged or not inside or off > 0.5 * (1 + curve.length(curve.start)):
+        return None
+    return Curve(moved.problem, curve.free), solution.residual
+
+
+def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
+    """The curve, the residual at its start, and the tangent there, both as they were given."""
+    curve = Curve(problem, (free,))
+    check_start(curve)
+    try:
+        tangent = np.asarray(along, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BadInput(f"a direction of numbers was expected, got {along!r}") from error
+    if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
+        raise BadInput(f"a direction of shape {curve.start.shape} was expected, got {along!r}")
+    tangent, z = curve.normalised(tangent), curve.start
+    # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
+    # little further on
+    ahead = z + AHEAD * (1 + curve.length(z)) * tangent
+    with suppress(Undefined):
+        reconsider(curve, ahead)
+        curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
+    try:
+        value, change = (
+            curve.equations(z) / curve.row_scales,
+            curve.jacobian(z) @ tangent / curve.row_scales,
+        )
+    except Undefined as error:
+        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+    off, skew = abs(value).max(), abs(change).max()
+    if off > GAP * (1 + curve.length(z)) or skew > 1e-3:
+        raise BadInput(
+            f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
+            f"and {skew:.2g} is its change along the direction"
+        )
+    return curve, float(abs(value * curve.row_scales).max()), tangent
+
+
+def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
+    """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
+
+    At a branch point it is that of the curve closest to the direction of the parameter. At a fold,
+    where that does not change at first, the curve leads away from the bound that it starts at, and
+    else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
+    """
+    z, matrix = curve.start, curve.jacobian(curve.start)
+    along = np.eye(1, z.size, z.size - 1)[0]
+    if is_sparse(matrix):  # fine meshes have small singular values everywhere
+        weak = least_singular(scaled(matrix, 1 / curve.row_scales, curve.scales))
+        singular = weak.size < 1e-4 * weak.second
+    else:
+        # with the row of the parameter below: singular at folds as well as where curves cross
+        sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
+        singular = bool(sizes[-1] < 1e-7 * sizes[0])
+    if singular:
+        try:
+            branch_point = crossing(curve, z)
+            if curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z)):
+                return closest_tangent(branch_point.tangents, curve.metric * along), 0
+        except Undefined:
+            pass  # no branch point: a fold, or badly scaled equations
+    tangent, sign = curve.tangent_at(z, along)
+    # a parameter that changes by less, of the length of the curve: nearly a fold
+    if abs(tangent[-1]) > 1e-3:
+        return tangent, sign
+    if abs(tangent[-1]) <= LEVEL:
+        # away from the first bound that the curve starts at and does not go along
+        slopes = [
+            side * float(bound.row(z) @ tangent)
+            for bound in bounds
+            for side, end, off in bound.ends
+            if abs(bound.value(z) - end) <= off
+        ]
+        slope = next((slope for slope in slopes if abs(slope) > LEVEL), -float(sense(tangent)))
+        tangent = -math.copysign(1.0, slope) * tangent
+    # across the parameter that determinant is the less certain the less it changes
+    return curve.tangent_at(z, tangent)
+
+
+# --- infinity ---------------------------------------------------------------------------------
+
+
+@dataclass
+class Tendency:
+    """Course of a parameter while z grows."""
+
+    name: str
+    slot: int  # in z
+    largest: float  # size it had
+    reaches: bool  # its window has zero in it
+    moved: float = math.nan  # value where it last moved
+    since: float = math.inf  # 1 + |z| there
+    small: float = math.inf  # 1 + |z| from where on it has been small; infinite where it is not
+
+    def passes(self, value: float, slope: float, size: float) -> bool:
+        """The next value, its derivative along the curve, and the length of z there; whether it
+        tends to zero: with ``d log|value| / d log|z|`` between -POWER and 0."""
+        self.largest = max(self.largest, abs(value))
+        # what its moves are compared with: where zero is not to be reached, its own size
+        if not abs(value - self.moved) <= STILL * (self.largest if self.reaches else abs(value)):
+            self.moved, self.since = value, 1.0 + size
+        small = abs(value) <= SMALL * self.largest
+        self.small = min(self.small, 1.0 + size) if small else math.inf
+        less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
+        falls = 0.0 < -slope * math.copysign(size, value) < POWER * abs(value)
+        return self.reaches and less and falls
+
+    def moves_on(self, values: Array, sizes: Array) -> bool:
+        """Take several values at once, if each is another than the one before and none is small."""
+        largest = max(self.largest, float(abs(values).max()))
+        unit = largest if self.reaches else abs(values)
+        moves = abs(np.diff(values, prepend=self.moved)) > STILL * unit
+        if not (moves & (abs(values) > SMALL * largest)).all():
+            return False
+        self.largest, self.small = largest, math.inf
+        self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
+        return True
+
+
+class Growth:
+    """Growth of z along a walk."""
+
+    def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
+        self.curve, self.first = curve, 1.0 + curve.length(start)
+        self.bounds, self.tendencies = bounds, list[Tendency]()
+        for name in curve.varied:
+            slot = curve.slots[name]
+            reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
+            self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
+
+    def end(self, points: Points) -> tuple[int, str] | None:
+        """The first of several points beyond which nothing is to come, and what z tends to."""
+        if len(points) >= MANY:
+            sizes = np.sqrt(points.z**2 @ self.curve.metric)
+            if all(param.moves_on(points.z[:, param.slot], sizes) for param in self.tendencies):
+                return None
+        for i, at in enumerate(zip(points.z, points.tangent, strict=True)):
+            if limit := self._tends_to(*at):
+                return i, limit
+        return None
+
+    def _tends_to(self, z: Array, tangent: Array) -> str:
+        """Name the limits where nothing is to come beyond; empty where something is."""
+        size, gone, since = self.curve.length(z), [], 0.0
+        for param in self.tendencies:
+            value = float(z[param.slot])
+            if param.passes(value, float(tangent[param.slot]), size):
+                gone.append(f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}")
+            since = max(since, param.since)
+        if not (gone or size > ENDLESS * since) or self._bounded(z, tangent, size):
+            return ""
+        limits = [f"{param.name} tends to {z[param.slot]:.6g}" for param in self.tendencies]
+        grows = self._growing(z) or "the solution"
+        return f"{grows} grows without bound while {', '.join(gone or limits)}"
+
+    def towards(self, z: Array, tangent: Array) -> str:
+        """Say what grows where a walk took as many steps as allowed; empty if nothing does."""
+        size, along = self.curve.length(z), z * self.curve.metric @ tangent
+        outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
+        if not outwards or self._bounded(z, tangent, size):
+            return ""
+        grows = self._growing(z)
+        window = grows or self.tendencies[-1].name  # of the solution a parameter tells how far
+        return (
+            f"{grows or 'the solution'} grows, and no window ends it; give one, "
+            f"within={{{window!r}: (low, high)}}"
+        )
+
+    def _growing(self, z: Array) -> str:
+        slots = self.curve.slots.items()
+        parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
+        most = max(parts, key=lambda name: parts[name])
+        return "" if most in self.curve.problem.internals else most
+
+    def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
+        """Tell whether a window says how far something may go that grows with z."""
+        for bound in self.bounds:
+            value, rate = bound.value(z), float(bound.row(z) @ tangent)
+            if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
+                return True
+            if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):
+                return True
+        return False
