@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import flag, whole
 from contbreather.continuation.bifurcations import maps
-from contbreather.continuation.bifurcations.maps import multiplier_matrix, shorter, with_period
+from contbreather.continuation.bifurcations.maps import multiplier_matrix, with_period
 from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.point import Event, Point, UnstableDimension
 from contbreather.continuation.curve.problem import Problem
@@ -411,7 +411,7 @@ class MotionProblem(maps.MapCycleProblem):
         return doubled if kind == self.breaks else None
 
     def simpler(self, point: Point) -> Problem | None:
-        problem = shorter(point)
+        problem = super().simpler(point)
         return None if problem is None else _dressed(problem, self.back)
 
 

@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point, load, save
+from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
@@ -373,9 +374,12 @@ def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
 
 # --- in files -----------------------------------------------------------------------------------
 
-SLOPE = knowing(
-    scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}), lift={"ODD": lambda point: point.z}.get
-)
+
+def nothing(point: object) -> SwitchingProblem:
+    raise Undefined("nothing leaves here")
+
+
+SLOPE = knowing(scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}), lift={"ODD": nothing}.get)
 ODD = knowing(scalar(circle_on_axis, 0.0, {"mu": -1.5}), images=lambda x, p: (-x,))
 KEPT = {
     "images": lambda: grown(ODD, within=WIDE),

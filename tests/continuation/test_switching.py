@@ -301,15 +301,6 @@ def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
         switch(replace(point, event=event))
 
 
-@pytest.mark.parametrize("found", [3, "ab", None, (), [3], np.zeros(2), PITCHFORK.problem])
-def test_what_is_no_lift_is_refused(found: object) -> None:
-    event = Event("BP", lambda point: point["mu"] - 0.3)
-    mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: found}.get)
-    point = trace(mine, "mu", within=MU, events=[event]).first("BP")
-    with pytest.raises(BadInput, match=r"the lift of .*; a SwitchingProblem was expected"):
-        switch(point)
-
-
 def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     along = np.array([0.0, 1.0])
     point, seed = with_seed(np.zeros(2), np.array([1e-3, 1.0]), along)
@@ -344,7 +335,6 @@ def test_arms_that_coincide_are_refused_with_both() -> None:
         ([0.0, 0.0], [0.0, 0.0], "a direction of shape"),
         ([0.0, 0.0], [1.0, math.nan], "a direction of shape"),
         ([0.0, 0.0], [1.0, 0.0, 0.0], "a direction of shape"),
-        ([0.0, 0.0, 0.0], [1.0, 0.0], "a seed of shape"),
     ],
 )
 def test_seeds_that_are_on_no_curve_are_refused(

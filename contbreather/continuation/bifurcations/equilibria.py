@@ -109,12 +109,12 @@ def branch_point() -> Event:
 
 
 def _fold_tests(points: Points) -> Many:
+    # dp/ds: zero where the parameter turns back
     return points.tangent[:, -1], None
 
 
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
-        # dp/ds: zero where the parameter turns back
         return float(point.tangent[-1])
     return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
@@ -131,27 +131,24 @@ def _fold_locus(point: Point) -> DefiningSystem:
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
 
-def _vanish(point: Point, left: Array, by_params: Array, reach: Array) -> bool:
-    """Tell whether derivatives in the parameters vanish within a short way, too: where a fold is
-    narrow beside the size of its unknowns, or they are tiny, those in the unknowns alone do."""
-    curve = point.curve
-    for value, unit in zip(by_params, np.diag(curve.scales)[curve.size :], strict=True):
-        change = left @ curve.balanced(curve.along(point.z, unit))
-        if abs(value) > branch_points.GAP + np.linalg.norm(change * reach):
-            return False
-    return True
-
-
 def _examine_fold(point: Point) -> str:
     curve, z, n = point.curve, point.z, point.curve.size
-    whole = branch_points.balanced(point)
     weak = systems.least_in_unknowns(curve, z)
-    change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
     reach = branch_points.GAP * (1 + abs(z) / curve.scales)
-    small = np.linalg.norm(change * reach) + _EXACT * weak.largest
-    by_params = weak.left @ whole[:, n:]
-    if abs(by_params).max(initial=0.0) <= small and _vanish(point, weak.left, by_params, reach):
+
+    def changes(way: Array) -> float:
+        change = weak.left @ curve.balanced(curve.along(z, way))
+        return float(np.linalg.norm(change * reach))
+
+    small = changes(weak.right * curve.scales[:n]) + _EXACT * weak.largest
+    by_params = abs(weak.left @ branch_points.balanced(point)[:, n:])
+    # derivatives in the parameters, too: where a fold is narrow beside the size of its unknowns, or
+    # they are tiny, those in the unknowns alone vanish
+    if by_params.max(initial=0.0) <= small and all(
+        value <= branch_points.GAP + changes(unit)
+        for value, unit in zip(by_params, np.diag(curve.scales)[n:], strict=True)
+    ):
         return "a branch point, not a fold: the whole derivative loses rank"
     if weak.size > small:
         return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
@@ -159,18 +156,13 @@ def _examine_fold(point: Point) -> str:
 
 
 def _cusp_test(point: Point, reference: Array | None = None) -> float:
-    if reference is None:
-        return _quadratic(point.base_point, np.atleast_1d(point["null"]))
-    # a null vector that is no unknown here, on the side of another
-    base = point.base_point
-    weak = systems.least_in_unknowns(base.curve, base.z)
-    null = weak.right * base.curve.scales[: base.curve.size]
-    return _quadratic(base, math.copysign(1.0, null @ reference) * null)
-
-
-def _quadratic(base: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
-    curve, n = base.curve, base.curve.size
+    base, curve, n = point.base_point, point.base_point.curve, point.base_point.curve.size
+    if reference is None:
+        null = np.atleast_1d(point["null"])
+    else:  # no unknown here: on the side of another
+        null = systems.least_in_unknowns(curve, base.z).right * curve.scales[:n]
+        null = math.copysign(1.0, null @ reference) * null
     # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
     # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
     weak = least_singular(base.jacobian()[:, :n])
@@ -220,15 +212,9 @@ def _hopf_tests(points: Points) -> Many | None:
     rounding = spectrum.ROUNDING * np.linalg.norm(flows, axis=(1, 2))
     counts = np.count_nonzero(values.real > rounding[:, None], axis=1) // 2
     first, second = spectrum.pairs(values.T)
-    sums = (first + second).T
-    if not sums.size:
+    if not first.size:
         return np.full(len(points), math.nan), counts
-    sizes = abs(sums)
-    if (sizes > rounding[:, None]).all():
-        sides = np.prod(sums / sizes, axis=1).real
-        return np.copysign(sizes.min(axis=1), sides), counts
-    pairs = zip(sums, rounding, strict=True)
-    return np.array([spectrum.least_with_sign(*pair) for pair in pairs]), counts
+    return spectrum.least_with_sign((first + second).T, rounding[:, None]), counts
 
 
 def unstable(point: Point) -> int:
@@ -310,21 +296,11 @@ _AXIS = Border(
     "eigenvalues", "imaginary axis", {"BP": 0.0, "LP": 0.0}, "HB", eigenvalues_at, _pair_followed,
     ("omega", attrgetter("imag")), names={("LP", "HB"): "ZH"},
 )  # fmt: skip
-_FOLD = Event(
-    "LP",
-    _fold_test,
-    many=_fold_tests,
-    locus=_fold_locus,
-    examine=_examine_fold,
-)
+_FOLD = Event("LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_examine_fold)
 _HOPF = _OfFlow(
-    "HB",
-    partial(_AXIS.least_of_pairs, ""),
-    many=_hopf_tests,
-    count=_unstable_pairs,
-    locus=_hopf_locus,
-    examine=_examine_hopf,
-)
+    "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_unstable_pairs,
+    locus=_hopf_locus, examine=_examine_hopf,
+)  # fmt: skip
 _AXIS.events.update(LP=_FOLD, HB=_HOPF)
 _BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, base=_HOPF)
 _AXIS.double.update(LP=_BT, BP=replace(_BT, examine=_examine_double_zero))

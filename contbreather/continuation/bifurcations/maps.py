@@ -100,17 +100,13 @@ def FixedPoint(
     if not (record is None or isinstance(record, Mapping)):
         raise BadInput(f"record must be a dict of names and functions, got {record!r}")
     iterate = Iterate(map_, period, jacobian)
+    unstable = UnstableDimension(attrgetter("solution.unstable"))
     return MapCycleProblem(
-        iterate,
-        start,
-        params,
-        jacobian=None if jacobian is None else iterate.jacobian,
+        iterate, start, params, jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
-        record={**(record or {}), "unstable": UnstableDimension(attrgetter("solution.unstable"))},
-        domain={} if domain is None else domain,
-        scales={} if scales is None else scales,
-        label=generic(iterate.period) if label == "" else label,
-    )
+        record={**(record or {}), "unstable": unstable}, domain={} if domain is None else domain,
+        scales={} if scales is None else scales, label=generic(period) if label == "" else label,
+    )  # fmt: skip
 
 
 # --- cycles as solutions ----------------------------------------------------------------------
@@ -142,19 +138,18 @@ class Iterate:
         return image
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
-        """The other points of the cycle, each a start of the same one."""
-        points = []
+        """The points of the cycle, each a start of the same one."""
+        points = [x]
         for _ in range(self.period - 1):
-            x = self.image(x, params)
-            points.append(x)
+            points.append(self.image(points[-1], params))
         return tuple(points)
 
     def jacobian(self, x: Array, params: Params) -> Array:
         """By the chain rule from the derivative of the map."""
         assert self.derivative is not None
         product = np.eye(x.size)  # DG^m = DG(x_m-1) ... DG(x_1) DG(x_0)
-        for _ in range(self.period):
-            slopes = self.derivative(x.copy(), params)
+        for place in self.phases(x, params):
+            slopes = self.derivative(place.copy(), params)
             if is_sparse(slopes):
                 raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
             if np.shape(slopes) != product.shape:
@@ -163,7 +158,6 @@ class Iterate:
                     "expected"
                 )
             product = np.asarray(slopes) @ product
-            x = self.image(x, params)
         return product - np.eye(x.size)
 
 
@@ -196,8 +190,7 @@ class MapCycle(HtmlRepr):
         return Sheet.of([("period", self.period), *rows, ("unstable", self.unstable)])
 
     def __repr__(self) -> str:
-        kind = "fixed point" if self.period == 1 else f"cycle of period {self.period}"
-        return f"<{kind} of a map, {self.unstable} unstable>"
+        return f"<{generic(self.period)} of a map, {self.unstable} unstable>"
 
 
 def multiplier_matrix(point: Point) -> Array:
@@ -219,18 +212,6 @@ def with_period(problem: Problem, period: int) -> Problem:
     )
 
 
-def shorter(point: Point) -> Problem | None:
-    """The cycle as one of the smallest period it has, if that is not the one it is written in."""
-    iterate: Iterate = point.curve.problem.residual
-    size = 1 + float(np.linalg.norm(point.x))
-    x = point.x
-    for period in range(1, iterate.period):
-        x = iterate.image(x, point.params)
-        if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
-            return with_period(point.problem, period)
-    return None
-
-
 def units(point: Point) -> Array:
     """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
     scales = point.curve.scales[: point.curve.size]
@@ -249,14 +230,20 @@ class MapCycleProblem(Problem):
         return self.residual.period
 
     def interpret(self, point: Point) -> Any:  # type: ignore[override]
-        points = np.array([point.x, *self.residual.phases(point.x, point.params)])
+        points = np.array(self.residual.phases(point.x, point.params))
         return MapCycle(points, multiplier_matrix(point), point.params)
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
-        return self.residual.phases(x, params)
+        return self.residual.phases(x, params)[1:]
 
     def simpler(self, point: Point) -> Problem | None:
-        return shorter(point)
+        """The cycle as one of the smallest period it has, if that is not the one it is written
+        in."""
+        near = _SAME * (1 + float(np.linalg.norm(point.x)))
+        for period, x in enumerate(self.residual.phases(point.x, point.params)[1:], start=1):
+            if self.period % period == 0 and np.linalg.norm(x - point.x) <= near:
+                return with_period(point.problem, period)
+        return None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return _doubled if kind == "PD" else None
@@ -291,10 +278,11 @@ def _flip_matrix(point: Point) -> Array:
     return units(point) + np.eye(point.curve.size)
 
 
-_PLAIN_FOLD = fold()
-_CIRCLE = linked(
-    replace(_PLAIN_FOLD, examine=partial(_examine_one, _PLAIN_FOLD)), systems.Singular(_flip_matrix)
-)
-_PLAIN_BRANCH_POINT = crossing_event(_CIRCLE.meetings("BP"))
-_BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
+def _with_one(plain: Event) -> Event:
+    """The event, verified for a multiplier that is 1 as well."""
+    return replace(plain, examine=partial(_examine_one, plain))
+
+
+_CIRCLE = linked(_with_one(fold()), systems.Singular(_flip_matrix))
+_BRANCH_POINT = _with_one(crossing_event(_CIRCLE.meetings("BP")))
 EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import by_inverses, least_singular, solved
 from ..algebra.newton import Array, Undefined
-from ..algebra.sparse import Factors, Matrix, above, any_vector, beside, is_large, scaled
+from ..algebra.sparse import Factors, above, any_vector, beside, is_large
 from ..curve.curve import Curve
 from ..curve.point import CodimensionTwo, DefiningSystem, Event, Examined, Point
 from ..systems import normal_forms
 from ..systems.branch_points import RANK, crossed
 from ..systems.defining_systems import along_by_difference, rank_locus
+from ..systems.normal_forms import closed
 from ..systems.spectrum import Multipliers, Values
 from .stability_border import Border
 
@@ -89,14 +90,8 @@ def _count(values: Values, wanted: float) -> int:
     return next((k for k in counts if abs(np.poly(off[:k])[1:]).max() < _NEAR), 0)
 
 
-def scaled_closing(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
-    """The square derivative whose null vectors are perturbations that have grown by mu when they
-    come back, those of a map in their scales."""
-    square, units = normal_forms.closed(curve, matrix, mu), _units(curve)
-    return scaled(square, 1 / units, units)
-
-
 def _units(curve: Curve) -> Array:
+    """Units in which `closed` has its unknowns."""
     plain = curve.problem.closing is None
     return curve.scales[: curve.size] if plain else np.ones(curve.size)
 
@@ -104,7 +99,7 @@ def _units(curve: Curve) -> Array:
 def _eigenvectors(mu: float, point: Point) -> int:
     """Count those of a multiplier that is there, one or two."""
     base = point.base_point
-    matrix, moved = scaled_closing(base.curve, base.jacobian(), mu), base.curve.problem.perturbed
+    matrix, moved = closed(base.curve, base.jacobian(), mu), base.curve.problem.perturbed
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
     return 2 if weak.second < RANK * max(1.0, weak.largest) else 1
@@ -115,27 +110,23 @@ def _eigenvectors(mu: float, point: Point) -> int:
 
 def unresolved(point: Point) -> str:
     """Say why no event is believed, where a mesh resolves no multiplier."""
-    base = point.base_point
-    reason: str = base.curve.problem.unresolved(base)
-    return reason
+    return str(point.base_point.curve.problem.unresolved(point.base_point))
 
 
 def _examine_flip(point: Point) -> Examined:
     if coarse := unresolved(point):
         return coarse
     values = multipliers_at(point).values
-    off, size = abs(values + 1), max(1.0, abs(values).max(initial=0.0))
-    if not off.min(initial=math.inf) < _NEAR * size:
+    off, near = abs(values + 1), _NEAR * max(1.0, abs(values).max(initial=0.0))
+    if not off.min(initial=math.inf) < near:
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
-    if np.count_nonzero(off < _NEAR * size) > 1 and _eigenvectors(-1.0, point) > 1:
+    if np.count_nonzero(off < near) > 1 and _eigenvectors(-1.0, point) > 1:
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
     return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
 def _examine_rotation(circle: Border, point: Point) -> Examined:
-    if coarse := unresolved(point):
-        return coarse
-    upper = circle.pair_at(point)
+    upper = unresolved(point) or circle.pair_at(point)
     if isinstance(upper, str):
         return upper
     angle = cmath.phase(upper)
@@ -153,14 +144,14 @@ def _flipped(curve: Curve, z: Array) -> tuple[float, Array, Array]:
 
     def make(z: Array) -> tuple[float, Array, Array]:
         matrix, units = curve.jacobian(z), _units(curve)
-        B = scaled_closing(curve, matrix, -1.0)
+        B = closed(curve, matrix, -1.0)
         if not is_large(B):
             weak = least_singular(B)
             value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
             weight = min(1.0, weak.second)
             return weight * value, weight * left / units, right * units
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        factors = (Factors(closed(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
@@ -176,7 +167,7 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
     v and w with ``g' = -w* B' v``."""
 
     def make(place: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-        B = scaled_closing(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
+        B = closed(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
         # ( B   a ) (v)   (0)  g = det B / det of all, for any a that is not at right angles to both
         # ( a*  0 ) (g) = (1)  parts of a null vector
         a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
@@ -211,7 +202,7 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     )
     slope = -real - 1j * imaginary
     # affine in mu: the derivative of the closing is the difference of any two
-    in_mu = scaled_closing(curve, matrix, 1.0) - scaled_closing(curve, matrix, 0.0)
+    in_mu = closed(curve, matrix, 1.0) - closed(curve, matrix, 0.0)
     slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
     sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
     below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2

@@ -111,16 +111,14 @@ def boundary(
     base_point, event = _having(point.base_point, _traceable(point), pair)
     settings = Settings.of(within, events, steps, inadmissible, Steps(most=_MOST))
     longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
-
-    def born(line: Branch) -> Branch:
-        return replace(line, settings=settings, origin=point)
-
+    born = partial(replace, settings=settings, origin=point)
     with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:
-        line = trace(
-            longer, pair[0], within=within, towards=towards, steps=settings.steps,
-            progress=progress, save=inner,
+        line = born(
+            trace(
+                longer, pair[0], within=within, towards=towards, steps=settings.steps,
+                progress=progress, save=inner,
+            )
         )  # fmt: skip
-        line = born(line)
         if kept:
             kept.finish(line)
     return line
@@ -168,7 +166,9 @@ def boundary_problem(
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
-    curve, kind = Curve(base, (pair[1], pair[0])), _named(base_point, event)
+    curve, kind, found = Curve(base, (pair[1], pair[0])), event.kind, base_point.event
+    if found and found.kind == kind:  # it may turn out to be another: PF for BP
+        kind = base_point.kind or kind
     try:
         locus = event.locus(replace(base_point, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
@@ -187,14 +187,18 @@ def boundary_problem(
             name: column if isinstance(column, Implied) else partial(_uncounted, column)
             for name, column in record.items()
         }
+    met = [*locus.events]
+    if events is not None and not events:  # only what the curve cannot be followed beyond
+        met = [own for own in met if own.ends]
+    if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
+        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
+    for other in active:
+        if other.kind != event.kind and other.test is not None:
+            met += locus.meets.get(other.kind, (codim_two(kind, other),))
     make = partial(
-        BoundaryProblem,
-        events=_met_on(locus, event, kind, active, events, walls_are_lifted(base)),
-        record=record,
-        label=titled(f"{kind} boundary", base),
-        asked=events,
-        inadmissible=inadmissible,
-    )
+        BoundaryProblem, events=tuple(met), record=record, label=titled(f"{kind} boundary", base),
+        asked=events, inadmissible=inadmissible,
+    )  # fmt: skip
     longer = extended(curve, locus, event, make)
     # those of this package are held to differences by its tests
     if base.derivatives is None and locus.derivative is not None:
@@ -203,33 +207,6 @@ def boundary_problem(
             if wrong := wrong_entry(longer_curve, longer_curve.start):
                 raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
     return longer
-
-
-def _met_on(
-    locus: DefiningSystem,
-    event: Event,
-    kind: str,
-    active: Iterable[Event],
-    asked: tuple[Event, ...] | None,
-    beyond_walls: bool,
-) -> tuple[Event, ...]:
-    """Events to look for on the boundary of an event: those of its locus, and meetings with all
-    others that are active."""
-    met = [*locus.events]
-    if asked is not None and not asked:  # only what the curve cannot be followed beyond
-        met = [own for own in met if own.ends]
-    if beyond_walls and event.ends_domain:  # what ends it is another wall
-        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
-    for other in active:
-        if other.kind != event.kind and other.test is not None:
-            met += locus.meets.get(other.kind, (codim_two(kind, other),))
-    return tuple(met)
-
-
-def _named(base_point: Point, event: Event) -> str:
-    """The kind that a point was found to be, which may be another than its event's: PF for BP."""
-    same = base_point.event is not None and base_point.event.kind == event.kind
-    return base_point.kind if same and base_point.kind else event.kind
 
 
 def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
@@ -246,16 +223,15 @@ def _traceable(point: Point) -> Event:
         event = event.base
     if event is None or event.locus is None:
         event = event_of(point.curve.problem) or event
-    if event is None and point.kind not in ("", "EP", "MX"):
-        raise BadInput(
-            f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
-        )
-    if event is None:
-        raise BadInput(
-            f"{point!r} is no bifurcation: nothing to trace as a boundary; give one of the other "
-            "labelled points of the branch, branch.first('LP') for instance"
-        )
-    return event
+    if event is not None:
+        return event
+    why = (
+        "is no bifurcation: nothing to trace as a boundary; give one of the other labelled points "
+        "of the branch, branch.first('LP') for instance"
+    )
+    if point.kind not in ("", "EP", "MX"):
+        why = "was loaded without its equations; load(path, problem=...) attaches them"
+    raise BadInput(f"{point!r} {why}")
 
 
 def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
@@ -282,15 +258,11 @@ def codim_two(kind: str, event: Event) -> CodimensionTwo:
             name, branch_point_test, locus=Crossings(), examine=_examine_crossing, base=event
         )
     beneath = _Beneath(kind, event)
+    locus, examine = event.locus and beneath.locus, event.examine and beneath.examine
     return CodimensionTwo(
-        name,
-        beneath.test,
-        locus=beneath.locus if event.locus else None,
-        examine=beneath.examine if event.examine else None,
-        ends=event.ends,
-        may_jump=event.may_jump,
-        base=event,
-    )
+        name, beneath.test, locus=locus, examine=examine, ends=event.ends,
+        may_jump=event.may_jump, base=event,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

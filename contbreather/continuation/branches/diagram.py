@@ -24,7 +24,7 @@ from ..curve.problem import Problem
 from ..curve.settings import Steps, Within, all_of, steps_of, windows
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import Startable, trace
-from .duplicates import Duplicate, duplicate_of, same_place, simplest
+from .duplicates import duplicate_of, same_place, simplest
 from .switching import Seed, branches_leave, follow, seeds_at
 
 if TYPE_CHECKING:
@@ -164,35 +164,28 @@ class Diagram(Columns, HtmlRepr):
 
     def describe(self) -> str:
         """One sentence: how much there is, and what was left undone."""
-        parts = [
-            f"{_count(self, 'branch', 'branches')}, {_count(self._distinct(), 'special point')}"
-        ]
-        if self.left:
-            parts.append(f"{_count(self.left, 'point')} not switched at")
-        if self.failed:
-            parts.append(f"{_count(self.failed, 'arm')} not followed")
-        if self.interrupted:
-            parts.append(Stop.INTERRUPTED.value)
-        return "; ".join(parts)
+        branches, points = (
+            _count(self, "branch", "branches"),
+            _count(self._distinct(), "special point"),
+        )
+        left = f"{_count(self.left, 'point')} not switched at" if self.left else ""
+        failed = f"{_count(self.failed, 'arm')} not followed" if self.failed else ""
+        end = Stop.INTERRUPTED.value if self.interrupted else ""
+        return "; ".join(filter(None, [f"{branches}, {points}", left, failed, end]))
 
     def __repr__(self) -> str:
         return f"<Diagram {self.describe()}>"
 
     def table(self) -> Sheet:
         """A line for each branch; in a terminal it is a tree."""
-        branches, places = self.branches, [birth.place for birth in self.births]
-        return Sheet(
-            [
-                Column("branch", [str(i) for i in range(len(branches))]),
-                Column("born at", ["" if place is None else place.name for place in places]),
-                Column("points", [len(branch) for branch in branches]),
-                Column(
-                    "special", [" ".join(p.label for p in branch.special) for branch in branches]
-                ),
-                Column("end", [branch.stop.value for branch in branches]),
-            ],
-            self.describe(),
-        )
+        columns = {
+            "branch": [str(i) for i in range(len(self))],
+            "born at": [birth.place.name if birth.place else "" for birth in self.births],
+            "points": [len(branch) for branch in self],
+            "special": [" ".join(p.label for p in branch.special) for branch in self],
+            "end": [branch.stop.value for branch in self],
+        }
+        return Sheet([Column(name, cells) for name, cells in columns.items()], self.describe())
 
     def __rich__(self) -> Tree:
         """Branches as a tree: under each its special points, under each of these what was born."""
@@ -369,7 +362,15 @@ class _Growth:
         reach = first.curve.length(first[-1].z - first[0].z)
         duplicate = duplicate_of(first[-1], self.tree, reach)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
-            self._meet(place, duplicate, seed)
+            larger = problem.residual is not self.tree[place.branch].problem.residual
+            if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
+                raise NotConverged(
+                    "an arm cannot be distinguished from the branch it was to leave; shorter first "
+                    "steps, or switch by hand"
+                )
+            meeting = Connection(place, duplicate.branch)
+            if meeting not in self.tree.meetings:
+                self._note(meetings=meeting)
             return
         image_of = None if duplicate is None else duplicate.branch
         birth = Bifurcation(self.tree.births[place.branch].depth + 1, place, image_of)
@@ -380,7 +381,7 @@ class _Growth:
         self._grow(birth, walk, within=within, events=events)
 
     def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], **how: Any) -> None:
-        """One more branch, or what there is of it where it is interrupted."""
+        """Follow one more branch; where it is interrupted, keep what there is of it."""
 
         def whole(piece: Branch) -> Diagram | None:
             growth = replace(self, queue=self.queue.copy())
@@ -395,39 +396,26 @@ class _Growth:
     def _within(self, problem: Problem) -> Within:
         return {name: window for name, window in self.within.items() if name in problem.names}
 
-    def _meet(self, place: Place, duplicate: Duplicate, seed: Seed) -> None:
-        larger = seed.problem.residual is not self.tree[place.branch].problem.residual
-        if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
-            raise NotConverged(
-                "an arm cannot be distinguished from the branch it was to leave; shorter first "
-                "steps, or switch by hand"
-            )
-        meeting = Connection(place, duplicate.branch)
-        if meeting not in self.tree.meetings:
-            self._note(meetings=meeting)
-
     def _add(self, branch: Branch, birth: Bifurcation) -> None:
-        index, later = len(self.tree), list[Place]()
-        places: list[Place] = []
+        places, fresh = list[Place](), list[Place]()
         for point in branch.special:
             if point.parent is not None:
                 continue  # where an arm set out is the place it was born at
-            if not branches_leave(point):
-                places.append(Place(index, point))
-                continue
-            # the branch may cross another one there, or itself
-            known = (
-                place
-                for place in chain(*self.tree.places, places)
-                if branches_leave(place.point) and same_place(point, place.point)
-            )
-            earlier = next(known, None)
-            places.append(earlier or Place(index, point))
-            if earlier is None:
-                later.append(places[-1])
+            place = Place(len(self.tree), point)
+            if branches_leave(point):
+                # the branch may cross another one there, or itself
+                known = (
+                    other
+                    for other in chain(*self.tree.places, places)
+                    if branches_leave(other.point) and same_place(point, other.point)
+                )
+                if (earlier := next(known, None)) is None:
+                    fresh.append(place)
+                place = earlier or place
+            places.append(place)
         self._note(branches=branch, births=birth, places=tuple(places))
         # all that leaves an image is the image of what leaves the original
-        for place in later if birth.image_of is None else ():
+        for place in fresh if birth.image_of is None else ():
             if birth.depth < self.depth:
                 self.queue.append(place)
             else:
@@ -436,34 +424,25 @@ class _Growth:
 
 # --- in files -----------------------------------------------------------------------------------
 
+At = tuple[int, int]  # a branch, and the number of a point on it
+
 
 def _to_dict(tree: Diagram) -> dict[str, Any]:
     """Branches as groups, places by the branch they were found on first and their number there."""
-    numbers = {
-        id(place): [place.branch, _number(tree.branches[place.branch], place.point)]
-        for row in tree.places
-        for place in row
-    }
-    births = [
-        [birth.depth, birth.place and numbers[id(birth.place)], birth.image_of]
-        for birth in tree.births
-    ]
+
+    def at(place: Place) -> At:
+        numbers = (i for i, point in enumerate(tree[place.branch]) if point is place.point)
+        return place.branch, next(numbers)
+
     return {
-        "births": births,
-        "places": [[numbers[id(place)] for place in row] for row in tree.places],
-        "meetings": [[numbers[id(meeting.place)], meeting.branch] for meeting in tree.meetings],
-        "failed": [[numbers[id(failure.place)], failure.reason] for failure in tree.failed],
-        "left": [numbers[id(place)] for place in tree.left],
+        "births": [(b.depth, b.place and at(b.place), b.image_of) for b in tree.births],
+        "places": [[at(place) for place in row] for row in tree.places],
+        "meetings": [(at(meeting.place), meeting.branch) for meeting in tree.meetings],
+        "failed": [(at(failure.place), failure.reason) for failure in tree.failed],
+        "left": [at(place) for place in tree.left],
         "interrupted": tree.interrupted,
         "groups": {f"branch{i}": branch for i, branch in enumerate(tree)},
     }
-
-
-def _number(branch: Branch, point: Point) -> int:
-    return next(i for i, other in enumerate(branch) if other is point)
-
-
-At = tuple[int, int]  # a branch, and the number of a point on it
 
 
 @serialised("diagram", Diagram, _to_dict)

@@ -57,9 +57,8 @@ def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool
 
 def _near(z: Array, branch: Branch) -> list[int]:
     """The steps of a branch that pass z at a small distance."""
-    curve = branch.curve
+    curve, places = branch.curve, branch.points.z
     weights = np.sqrt(curve.metric)
-    places = np.stack([point.z for point in branch.points])
     chords = np.diff(places, axis=0) * weights
     lengths = np.maximum((chords**2).sum(axis=1), 1e-300)
     to = (curve.turned(z, places[:-1]) - places[:-1]) * weights
@@ -67,7 +66,7 @@ def _near(z: Array, branch: Branch) -> list[int]:
     u = np.clip((to * chords).sum(axis=1) / lengths, 0.0, 1.0)
     gaps = np.sqrt(((to - u[:, None] * chords) ** 2).sum(axis=1))
     close = gaps <= _OFF * np.sqrt(lengths) + GAP * (1 + curve.length(z))
-    return [int(i) for i in np.flatnonzero(close)]
+    return np.flatnonzero(close).tolist()
 
 
 def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
@@ -76,12 +75,9 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     z = curve.turned(z, first.z)
     if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
         return True
-    if last.arclength - first.arclength < GAP * (1 + curve.length(z)):
-        return False
-    segment = StepInterpolant(first, last, 1e-9)
-    chord = curve.metric * (last.z - first.z)
+    segment, chord = StepInterpolant(first, last, 1e-9), curve.metric * (last.z - first.z)
     u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
-    if not 0.0 < u < 1.0:
+    if segment.length < GAP * (1 + curve.length(z)) or not 0.0 < u < 1.0:
         return False
     guess, _ = segment.guess(u)
     # beside a branch point Newton's iteration finds its solution to rounding over the distance from
@@ -109,18 +105,18 @@ def duplicate_of(
     """The first of `branches` on which a solution lies, itself or one of its images; `reach` as
     for `lies_on`."""
     branches = list(branches)
-    for i, branch in enumerate(branches):
-        if lies_on(point, branch, reach):
-            return Duplicate(i)
+
+    def number(there: Point) -> int | None:
+        return next((i for i, each in enumerate(branches) if lies_on(there, each, reach)), None)
+
+    if (i := number(point)) is not None:
+        return Duplicate(i)
     small = simplest(point, reach)
     if small is not point:
         duplicate = duplicate_of(small, branches, reach)
         return duplicate and replace(duplicate, simpler=True)
-    for image in images(point):
-        for i, branch in enumerate(branches):
-            if lies_on(image, branch, reach):
-                return Duplicate(i, image=True)
-    return None
+    numbers = (i for image in images(point) if (i := number(image)) is not None)
+    return next((Duplicate(i, image=True) for i in numbers), None)
 
 
 def images(point: Point) -> Iterator[Point]:

@@ -130,33 +130,31 @@ class SwitchingProblem:
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
         curve.metric = np.ones(guess.size)  # as exact as a start, whatever the scales
+        residual, why = math.nan, ""
         try:
             solution = newton(curve, guess, row, tolerance=1e-11, most=20)
+            if solution.converged:
+                return Point(curve, solution.z).problem
+            residual, why = solution.residual, f"residual {solution.residual:.3g}"
         except Undefined as error:
-            raise NotConverged(
-                f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
-                "smaller one."
-            ) from error
-        if not solution.converged:
-            raise NotConverged(
-                f"no orbit branches off at the amplitude {amplitude:g} ({self.problem.label}): "
-                f"residual {solution.residual:.3g}; try a smaller one.",
-                residual=solution.residual,
-            )
-        return Point(curve, solution.z).problem
+            why = str(error)
+        raise NotConverged(
+            f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {why}; try a "
+            "smaller one.",
+            residual=residual,
+        )
 
 
 def across(point: Point) -> tuple[Seed, ...]:
     """Seeds in both directions of the curve that crosses the one the point was found on."""
     if "tangents" not in point.detail:
         raise Undefined("no directions are known here: other curves set out where curves cross")
-    row = point.curve.metric * point.direction
+    curve, z, along = point.curve, point.z, point.direction
+    row = curve.metric * along
     other = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
-    return tuple(
-        Seed(point.problem, point.z, leaving(point.curve, point.z, side * other, point.direction),
-             point.tangent)
-        for side in (-1, 1)  # the leading unknown of a tangent grows along it: first where it falls
-    )  # fmt: skip
+    # the leading unknown of a tangent grows along it: first where it falls
+    ways = (leaving(curve, z, side * other, along) for side in (-1, 1))
+    return tuple(Seed(point.problem, z, way, along) for way in ways)
 
 
 def leaving(curve: Curve, z: Array, way: Array, parent: Array) -> Array:
@@ -212,9 +210,8 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         """A line for each, with its special points."""
         labels = [", ".join(point.label for point in branch.special) for branch in self]
         what = [branch.describe() for branch in self]
-        return Sheet(
-            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
-        )
+        columns = {"": list(range(len(self))), "branch": what, "points": labels}
+        return Sheet([Column(name, cells) for name, cells in columns.items()])
 
 
 @one_thread
@@ -307,48 +304,36 @@ def branches_leave(point: Point) -> bool:
 
 def seeds_at(point: Point) -> tuple[Seed, ...]:
     """Find where curves set out from a point, or say why none do."""
-    if why := _nothing(point):
+    why = ""
+    if point.parent is not None:
+        why = " is where this arm sets out; switch at the point of the branch it left, its `parent`"
+    elif point.event is None and point.kind not in ("", "EP", "MX"):
+        why = " was loaded without its equations; load(path, problem=...) attaches them"
+    elif point.event is None:
+        what = "where a branch ends" if point.kind else "not a special point"
+        why = f" is {what}; switch at a BP, PF or PD of a branch"
+    elif not branches_leave(point):
+        reason = look_of(point.kind).nothing_leaves
+        more = f"; {reason}" if reason else ""
+        why = f": no other branch is known to leave points of kind {point.kind}{more}"
+    elif not point.located:
+        reason = point.detail.get("reason", "no reason kept")
+        why = f" was seen, not located ({reason}): where others would leave it is not known"
+    if why:
         raise NothingToSwitch(f"{point!r}{why}", point)
     lift = point.curve.problem.lift(point.kind)
     try:
         if lift is None:
             return across(point)
-        lifted = lift(point)
-        if isinstance(lifted, SwitchingProblem):
-            return lifted.seeds()
+        return lift(point).seeds()
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    raise BadInput(f"the lift of {point!r} is {lifted!r}; a SwitchingProblem was expected")
-
-
-def _nothing(point: Point) -> str:
-    """Say why no curve can be followed from a point."""
-    if point.parent is not None:
-        return (
-            " is where this arm sets out; switch at the point of the branch it left, its `parent`"
-        )
-    if point.event is None and point.kind not in ("", "EP", "MX"):
-        return " was loaded without its equations; load(path, problem=...) attaches them"
-    if point.event is None:
-        what = "where a branch ends" if point.kind else "not a special point"
-        return f" is {what}; switch at a BP, PF or PD of a branch"
-    if not branches_leave(point):
-        reason = look_of(point.kind).nothing_leaves
-        more = f"; {reason}" if reason else ""
-        return f": no other branch is known to leave points of kind {point.kind}{more}"
-    if not point.located:
-        reason = point.detail.get("reason", "no reason kept")
-        return f" was seen, not located ({reason}): where others would leave it is not known"
-    return ""
 
 
 def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: Any) -> Branch:
     """One arm from a point, which is its first; how is as for `trace`."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
-    curve = Curve(seed.problem, (free,))
-    if np.shape(seed.z) != curve.start.shape:
-        raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
-    start = Point(curve, np.array(seed.z, dtype=float)).problem
+    start = Point(Curve(seed.problem, (free,)), seed.z.copy()).problem
     with piece_of(save, lambda arm: _with_parent(arm, point)) as inner:
         arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
     if len(arm) == 1 and arm.stop.failed:
@@ -380,25 +365,19 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
 def _refuse_parent(arm: Branch, seed: Seed, point: Point) -> None:
     """Refuse an arm whose first step goes along the branch it was to leave."""
     curve = arm.curve
-    if seed.parent is None or len(arm) < 2 or curve.start.shape != np.shape(seed.z):
+    if seed.parent is None or len(arm) < 2 or curve.start.shape != seed.z.shape:
         return  # a finer problem has other unknowns
-    chord = curve.normalised(arm[1].z - arm[0].z)
-    away, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
-    if _aside(curve, chord, parent) < _aside(curve, chord, away):
-        distance = _aside(curve, chord, parent)
+    chord, away, parent = map(curve.normalised, (arm[1].z - arm[0].z, seed.tangent, seed.parent))
+
+    def aside(direction: Array, line: Array) -> float:  # |d - (d . W l) l|
+        return curve.length(direction - float(direction @ (curve.metric * line)) * line)
+
+    if (distance := aside(chord, parent)) < aside(chord, away):
         raise ArmsCoincide(
             f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
-            f"{distance:.2g}, {_aside(curve, away, parent):.2g} apart as they were given",
-            arm,
-            seed.parent,
-            distance,
-        )
-
-
-def _aside(curve: Curve, direction: Array, line: Array) -> float:
-    """Distance of a unit vector from a line."""
-    # d - (d . W l) l
-    return curve.length(direction - float(direction @ (curve.metric * line)) * line)
+            f"{distance:.2g}, {aside(away, parent):.2g} apart as they were given",
+            arm, seed.parent, distance,
+        )  # fmt: skip
 
 
 def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
@@ -413,17 +392,14 @@ def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
             raise ArmsCoincide(
                 f"two arms of {arm[0].parent!r} coincide: after the first step, "
                 f"{reach:.2g}, they are {distance * reach:.2g} apart",
-                arm,
-                other,
-                distance,
-            )
+                arm, other, distance,
+            )  # fmt: skip
 
 
 def comes_back(arm: Branch, seed: Seed) -> bool:
     """Tell whether an arm that has been walked came back to its start along another seed."""
-    start = arm[0]
-    if arm.stop is not Stop.CLOSED or np.shape(seed.z) != start.z.shape:
+    start, curve = arm[0], arm.curve
+    if arm.stop is not Stop.CLOSED or seed.z.shape != start.z.shape:
         return False
-    curve = arm.curve
-    tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
-    return bool(np.allclose(seed.z, start.z) and start.direction @ (curve.metric * tangent) < -0.5)
+    way = curve.metric * curve.normalised(seed.tangent)
+    return bool(np.allclose(seed.z, start.z) and start.direction @ way < -0.5)

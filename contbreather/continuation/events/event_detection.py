@@ -115,12 +115,12 @@ def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     events that were asked for."""
     order = {id(event): i for i, event in enumerate(events)}
     places: list[list[Point]] = []
+    before = -math.inf
     for point in sorted(points, key=lambda point: point.arclength):
-        since = point.arclength - places[-1][-1].arclength if places else math.inf
-        if since <= _AT_END * (1 + point.curve.length(point.z)):
-            places[-1].append(point)
-        else:
-            places.append([point])
+        if point.arclength - before > _AT_END * (1 + point.curve.length(point.z)):
+            places.append([])
+        places[-1].append(point)
+        before = point.arclength
     # a branch point that the walk found by itself has no event among them
     return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
 
@@ -176,19 +176,20 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     """On a boundary: one label for all that is seen at one place, where several tests vanish at
     once. An event that ends the curve goes before one where others cross it, and that before the
     rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
+
+    def first_of(p: Point) -> tuple[bool, bool, bool]:
+        return p.located, bool(p.event and p.event.ends), "tangents" in p.detail
+
     left = list(points)
     while left:
-        first = left.pop(0)
-        curve, together = first.curve, [first]
-        if first.event and first.event.examine:
-            reach = GAP * (1 + curve.length(first.z))
-            around = [p for p in left if curve.length(p.z - first.z) <= reach]
-            together += [point for point in around if point.event and point.event.examine]
-        left = [point for point in left if point not in together]
-        best = max(
-            together,
-            key=lambda p: (p.located, bool(p.event and p.event.ends), "tangents" in p.detail),
-        )
+        point = left.pop(0)
+        curve, together = point.curve, [point]
+        if point.event and point.event.examine:
+            reach = GAP * (1 + curve.length(point.z))
+            verified = (p for p in left if p.event and p.event.examine)
+            together += [p for p in verified if curve.length(p.z - point.z) <= reach]
+        left = [p for p in left if p not in together]
+        best = max(together, key=first_of)
         also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
@@ -250,7 +251,9 @@ def _closer(samples: StepSamples) -> Iterator[Point]:
     """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
     be further off than they are apart."""
     segment = samples.segment
-    for left, right in samples.brackets():
+    for left, right in samples.close:
+        if any(low < right and left < high for low, high in samples.done):
+            continue
         if segment.length < GAP * (1 + segment.curve.length(segment.first.z)):
             samples.done.append((0.0, 1.0))
             point = segment.provisional(0.5 * (left + right))

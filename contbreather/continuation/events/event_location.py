@@ -280,7 +280,8 @@ def separated(samples: StepSamples) -> Iterator[Point]:
         # places looked at between several zeros of one step
         if looks > 400:
             reason = f"the count of {event.kind} changes too often within one step to tell all"
-            yield _double(samples, left, right, samples.place(middle), reason)
+            samples.zeros.append(middle)
+            yield special(samples, samples.place(middle), left, right, reason)
             return
         try:
             point = samples.place(middle)
@@ -292,12 +293,8 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             samples.sure.add(middle)
             pieces += [(left, middle), (middle, right)]
         elif abs(value) < size and not samples.changes_sign(left, right):
-            yield _double(samples, left, right, point, not_simple(event.kind))
-
-
-def _double(samples: StepSamples, left: float, right: float, point: Point, reason: str) -> Point:
-    samples.zeros.append(0.5 * (left + right))
-    return special(samples, point, left, right, reason)
+            samples.zeros.append(middle)
+            yield special(samples, point, left, right, not_simple(event.kind))
 
 
 def has_double_zero(samples: StepSamples) -> bool:
@@ -305,18 +302,23 @@ def has_double_zero(samples: StepSamples) -> bool:
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
-        values = [samples.deflated(u) for u in places]
-        if not all(math.isfinite(value) and value != 0 for value in values):
+        (u0, u1, u2), (f0, f1, f2) = places, [samples.deflated(u) for u in places]
+        if not all(math.isfinite(value) and value != 0 for value in (f0, f1, f2)):
             return False
-        vertex, depth = _parabola(places, values)
-        nearest = min(values, key=abs)
-        # f at the vertex in units of the least value so far: well above zero there is none to come
-        if not places[0] < vertex < places[2] or depth / nearest > 0.3:
+        # by divided differences: f0 + (x - u0) (slope + curvature (x - u1))
+        slope = (f1 - f0) / (u1 - u0)
+        curvature = ((f2 - f1) / (u2 - u1) - slope) / (u2 - u0)
+        vertex = 0.5 * (u0 + u1 - slope / curvature) if curvature else math.inf
+        if not u0 < vertex < u2:
             return False
-        if min(abs(vertex - u) for u in places) < 1e-6:
-            return False
-        # two zeros of one test closer than this, relative to the step, may be one
-        if any(abs(vertex - zero) < 1e-4 for zero in samples.zeros):
+        depth = f0 + (vertex - u0) * (slope + curvature * (vertex - u1))
+        # well above zero, in units of the least value so far, there is none to come; and two zeros
+        # of one test closer than 1e-4, relative to the step, may be one
+        if (
+            depth / min(f0, f1, f2, key=abs) > 0.3
+            or min(abs(vertex - u) for u in places) < 1e-6
+            or any(abs(vertex - zero) < 1e-4 for zero in samples.zeros)
+        ):
             return False
         samples.glance(vertex)
         if samples.changes():
@@ -327,20 +329,14 @@ def has_double_zero(samples: StepSamples) -> bool:
     return False
 
 
-def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
-    """Place and value of the vertex of the parabola through three points, by divided differences:
-    ``f0 + (x - u0) (slope + curvature (x - u1))``."""
-    slope = (f[1] - f[0]) / (u[1] - u[0])
-    curvature = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
-    if curvature == 0:
-        return math.inf, math.inf
-    vertex = 0.5 * (u[0] + u[1] - slope / curvature)
-    return vertex, f[0] + (vertex - u[0]) * (slope + curvature * (vertex - u[1]))
-
-
 def kinks(samples: StepSamples) -> Iterator[Point]:
     """Look where the size of a test may have a kink at zero, as the least of several does: on the
     line through the middle of the step and one end of it, and from there downhill."""
+
+    def seen(u: float) -> float:  # on the cubic, not kept
+        value = samples.event.value_or_nan(samples.segment.provisional(u))
+        return abs(samples.deflated(u, value))
+
     size = {u: abs(samples.deflated(u)) for u in (0.0, 0.5, 1.0)}
     if not all(0 < value < math.inf for value in size.values()):
         return
@@ -349,54 +345,30 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - v) for v in size) > _ONE:
-                size[u] = _seen_at(samples, u)
+                size[u] = seen(u)
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
-    around = (places[at - 1], places[at + 1])
-    left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
-    u = 0.5 * (left + right)
-    if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
-        least = _seen_at(samples, u)
-        # where the test jumps it is small on one side alone
-        if least < _TOUCH * highest and all(
-            _seen_at(samples, v) < LOW * highest for v in (left, right)
-        ):
-            reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
-            yield _double(samples, left, right, samples.segment.provisional(u), reason)
-
-
-def _seen_at(samples: StepSamples, u: float) -> float:
-    """The size of the test on the cubic, not kept."""
-    return abs(samples.deflated(u, samples.event.value_or_nan(samples.segment.provisional(u))))
-
-
-def _downhill(
-    samples: StepSamples, bracket: tuple[float, float], sizes: list[float], enough: float
-) -> tuple[float, float]:
-    """Bracket of the least size of a test by golden section, unless its sign changes; no closer
-    than shows that it stays above `enough`, even if it fell several times as fast inside."""
-    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
-    golden = 0.5 * (math.sqrt(5) - 1)
-    (left, right), (first, last) = bracket, sizes
-
-    def size(u: float) -> float:
-        return abs(samples.deflated(u, samples.glance(u)))
-
-    inner, outer = right - golden * (right - left), left + golden * (right - left)
-    low, high = size(inner), size(outer)
+    # golden section, g^2 = 1 - g, unless the sign changes
+    golden, left, right = 0.5 * (math.sqrt(5) - 1), places[at - 1], places[at + 1]
+    first, last = size[left], size[right]
     while right - left > _ONE and not samples.changes():
+        inner, outer = right - golden * (right - left), left + golden * (right - left)
+        low, high = (abs(samples.deflated(u, samples.glance(u))) for u in (inner, outer))
         steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
-        # no closer than shows this, even if it fell four times as fast inside
-        if min(low, high) - 4.0 * steepest * (right - left) > enough:
+        # no closer than shows that it stays above zero, even if it fell four times as fast inside
+        if min(low, high) - 4.0 * steepest * (right - left) > _TOUCH * highest:
             break
         if low < high:
-            right, last, outer, high = outer, high, inner, low
-            inner = right - golden * (right - left)
-            low = size(inner)
+            right, last = outer, high
         else:
-            left, first, inner, low = inner, low, outer, high
-            outer = left + golden * (right - left)
-            high = size(outer)
-    return left, right
+            left, first = inner, low
+    u = 0.5 * (left + right)
+    if samples.changes() or not _ONE < u < 1 - _ONE:  # at an end it only approaches zero
+        return
+    # where the test jumps it is small on one side alone
+    if seen(u) < _TOUCH * highest and max(seen(left), seen(right)) < LOW * highest:
+        reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
+        samples.zeros.append(u)
+        yield special(samples, samples.segment.provisional(u), left, right, reason)

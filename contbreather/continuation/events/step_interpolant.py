@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +36,11 @@ class StepInterpolant:
     def _cubic(self) -> tuple[Array, Array, Array]:
         """The linear functional of ``z - z_first`` that is u on the chord and on its cubic, and
         dz/du at both ends."""
-        chord = self.last.z - self.first.z
+        chord, first, last = self.last.z - self.first.z, self.first.direction, self.last.direction
         dual = self.curve.metric * chord
         row = np.asarray(dual / dual.dot(chord))
         # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
         # the slope 1 at both ends, and is u all along
-        first, last = self.first.direction, self.last.direction
         return row, first / row.dot(first), last / row.dot(last)
 
     def guess(self, u: float) -> tuple[Array, Array]:
@@ -54,10 +55,7 @@ class StepInterpolant:
 
     def provisional(self, u: float) -> Point:
         """The point on the cubic, not corrected: close enough to see the sign of a test."""
-        if u in self._known:
-            return self._known[u]
-        z, tangent = self.guess(u)
-        return self._point(u, z, tangent, math.nan)
+        return self._known[u] if u in self._known else self._point(u, *self.guess(u), math.nan)
 
     def at(self, u: float) -> Point:
         """The point of the curve at u, solved for across the chord."""
@@ -79,14 +77,13 @@ class StepInterpolant:
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
         the tangent is solved for."""
-        u = float(self._cubic[0].dot(solution.z - self.first.z))
+        z, row = solution.z, self.curve.metric
+        u = float(self._cubic[0].dot(z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        self._check_near(guess, solution.z)
-        if tangents:
-            tangent = closest_tangent(tangents, self.curve.metric * slope)
-        else:
-            tangent, _ = self.curve.tangent_at(solution.z, slope)
-        return u, self._point(u, solution.z, tangent, solution.residual)
+        self._check_near(guess, z)
+        crosses = closest_tangent(tangents, row * slope) if tangents else None
+        tangent = self.curve.tangent_at(z, slope)[0] if crosses is None else crosses
+        return u, self._point(u, z, tangent, solution.residual)
 
     def _check_near(self, guess: Array, z: Array) -> None:
         # so far off the cubic, relative to the step, a point between may lie
@@ -122,12 +119,10 @@ def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:
 # --- a test along it -----------------------------------------------------------------------------
 
 
-def count_at(event: Event, point: Point) -> int | float:
+def count_at(event: Event, point: Point) -> Any:
     """The number beside a test, asked once at each end of a step."""
-    count: int | float = point.curve.cached(
-        f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
-    )
-    return count
+    ask = event.count
+    return point.curve.cached(f"count {id(event)}", point.z, lambda z: ask and ask(point))
 
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
@@ -176,10 +171,9 @@ class StepSamples:
     def known(self, u: float) -> Value:
         """Look at the test on the curve, once; NaN where it has no value."""
         if u not in self.sure:
-            try:
+            self.values[u] = math.nan
+            with suppress(Undefined):
                 self.values[u] = self.look(u)
-            except Undefined:
-                self.values[u] = math.nan
             self.sure.add(u)
         return self.values[u]
 
@@ -213,16 +207,13 @@ class StepSamples:
         """Neighbouring places between which the test changes sign, or jumps; not within brackets
         that were dealt with, in which a place where it was looked at before may lie."""
         places = sorted(u for u, value in self.values.items() if not math.isnan(value))
-        differ = self._unequal if self.jumps else self.changes_sign
+        jumps, values = self.jumps, self.values
         return [
             (left, right)
             for left, right in itertools.pairwise(places)
-            if differ(left, right)
+            if (values[left] != values[right] if jumps else self.changes_sign(left, right))
             and not any(low <= left and right <= high for low, high in self.done)
         ]
-
-    def _unequal(self, left: float, right: float) -> bool:
-        return self.values[left] != self.values[right]
 
     def changes_sign(self, left: float, right: float) -> bool:
         a, b = self.values[left], self.values[right]
@@ -251,12 +242,6 @@ class StepSamples:
         half = _CLOSE / 2
         self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
 
-    def brackets(self) -> Iterator[tuple[float, float]]:
-        """Pieces on which two or more zeros may be close together, each once."""
-        for left, right in self.close:
-            if not any(low < right and left < high for low, high in self.done):
-                yield left, right
-
     def foresee(self) -> bool:
         """Look between the places where a test should have its zeros, so that each leaves its
         change of sign; beside an event at the start, where the sign is not known; and towards an
@@ -275,10 +260,8 @@ class StepSamples:
             look.append(ASIDE + 1e-12 * size / segment.length)
         for u in look:
             self.glance(u)
-        gaps = [math.isnan(self.values[end]) for end in (0.0, 1.0)]
-        if gaps[0] != gaps[1]:
-            blank = float(gaps[1])
-            known = 1.0 - blank
+        known, blank = sorted((0.0, 1.0), key=lambda end: math.isnan(self.values[end]))
+        if math.isnan(self.values[blank]) and not math.isnan(self.values[known]):
             # halvings of the way to where the test has no value
             for _ in range(6):
                 u = 0.5 * (known + blank)

@@ -119,13 +119,9 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
 def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
     """BP, with the names of what else happens on its curves."""
     return Event(
-        "BP",
-        Singular(bordered_matrix),
-        many=_tests,
-        count=_unstable,
-        locus=Crossings(meets),
+        "BP", Singular(bordered_matrix), many=_tests, count=_unstable, locus=Crossings(meets),
         examine=_examine,
-    )
+    )  # fmt: skip
 
 
 def _unstable(point: Point) -> int:
@@ -186,16 +182,29 @@ class Crossings:
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
     def __call__(self, point: Point) -> DefiningSystem:
-        # all along a curve of branch points the derivative in the unknowns is singular
-        return replace(_branch_point_locus(point), meets={"LP": (), **self.meets})
+        """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the
+        two parameters leaves the curve of branch points.
+
+        H alone is singular at every branch point, so it is unfolded by `split`: by how much
+        branches that do not quite cross miss each other. Curves of branch points need three
+        parameters in general. With two there are some where a symmetry or an invariant subspace
+        holds the branches together, and then `split` stays 0.
+        """
+        rank = _LostRank(*_held_together(point))
+        return DefiningSystem(
+            {"split": 0.0}, rank.conditions, rank.derivative, unfolding=rank.unfolding,
+            events=(Event("BP", _refuse_to_part, ends="branch"),),
+            # all along a curve of branch points the derivative in the unknowns is singular
+            meets={"LP": (), **self.meets},
+        )  # fmt: skip
 
     @staticmethod
     def solve(point: Point) -> tuple[Solution, Mapping[str, Any]]:
         branch_point = crossing(point.curve, point.z)
+        detail: dict[str, Any] = {"tangents": branch_point.tangents}
         if branch_point.double:
-            reason = "the derivative loses more than one rank: not a simple branch point"
-            return branch_point.solution, {"tangents": branch_point.tangents, "reason": reason}
-        return branch_point.solution, {"tangents": branch_point.tangents}
+            detail["reason"] = "the derivative loses more than one rank: not a simple branch point"
+        return branch_point.solution, detail
 
 
 def branches_cross(base: Point) -> bool:
@@ -215,22 +224,6 @@ def _lost(matrix: Matrix, weak: LeastSingular) -> float:
 def crossed(base: Point) -> dict[str, str]:
     """Note that branches cross, where they do: any other normal form is degenerate there."""
     return {"degenerate": CROSSED} if branches_cross(base) else {}
-
-
-def _branch_point_locus(point: Point) -> DefiningSystem:
-    """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the two
-    parameters leaves the curve of branch points.
-
-    H alone is singular at every branch point, so it is unfolded by `split`: by how much branches
-    that do not quite cross miss each other. Curves of branch points need three parameters in
-    general. With two there are some where a symmetry or an invariant subspace holds the branches
-    together, and then `split` stays 0.
-    """
-    rank = _LostRank(*_held_together(point))
-    stays = Event("BP", _refuse_to_part, ends="branch")
-    return DefiningSystem(
-        {"split": 0.0}, rank.conditions, rank.derivative, events=(stays,), unfolding=rank.unfolding
-    )
 
 
 @dataclass(frozen=True)
@@ -274,8 +267,7 @@ def _columns(rows: Matrix, direction: Array) -> Matrix:
     n = rows.shape[0]
     if rows.shape[1] != n + 2:
         raise Undefined("a branch point is followed in two parameters")
-    last = (rows[:, n:] @ direction)[:, None]
-    return beside(rows[:, :n], last)
+    return beside(rows[:, :n], (rows[:, n:] @ direction)[:, None])
 
 
 def _held_together(point: Point) -> tuple[Array, Array, Array]:
@@ -313,16 +305,15 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
 def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
-    base = point.base_point
-    split = abs(point["split"])
-    if split > _SPLIT * (1 + base.curve.length(base.z)) ** 2:
-        values = ", ".join(f"{name} = {point[name]:.6g}" for name in base.curve.free)
-        raise NotConverged(
-            f"no curve of branch points: at {values} the branches have come apart (they miss each "
-            f"other by {split:.2g} in the equations); it needs a third parameter",
-            residual=split,
-        )
-    return float("nan")
+    base, split = point.base_point, abs(point["split"])
+    if split <= _SPLIT * (1 + base.curve.length(base.z)) ** 2:
+        return math.nan
+    values = ", ".join(f"{name} = {point[name]:.6g}" for name in base.curve.free)
+    raise NotConverged(
+        f"no curve of branch points: at {values} the branches have come apart (they miss each "
+        f"other by {split:.2g} in the equations); it needs a third parameter",
+        residual=split,
+    )
 
 
 def balanced(point: Point) -> Matrix:

@@ -86,16 +86,17 @@ def singular_between(first: Matrix, *others: Matrix) -> Array:
     if isinstance(first, Bordered):
         return _places(inverses_between(first, *others))
     change = _pencil(first, *others)
-    if change is None:  # an event is where the first is: seen from the other end
-        change = _pencil(*others[::-1], first)
-        return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
-    return _inverses(change)
+    if change is not None:
+        return _inverses(change)
+    # an event is where the first is: seen from the other end
+    change = _pencil(*others[::-1], first)
+    return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
 
 
 def _pencil(first: Array, *others: Array) -> Array | None:
     """A matrix whose eigenvalues are the inverses of these places."""
-    middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
-    if middle is None:
+    middle, last = others[0], others[-1]
+    if len(others) == 1:
         return Dense(first).solve(first - last)
     # M(u) = M0 + u (M1 - M0 - Q) + u^2 Q, Q = 2 (M0 - 2 M1/2 + M1): with w = u x
     #     | M0^-1 (M0 - M1 + Q)   -M0^-1 Q |  has the eigenvalues 1 / u where M(u) x = 0
@@ -224,7 +225,7 @@ def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Ar
 
 
 class Extended:
-    """Residual and derivatives of a problem and the conditions of a locus together.
+    """Residual of a problem and the conditions of a locus together.
 
     The unknowns are those of the problem, the extra ones of the locus, then a parameter that is
     `released`: the conditions determine it. `base` is the curve of the problem with this parameter
@@ -269,21 +270,15 @@ class Extended:
 
     def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
         """Derivatives of the conditions in z and in the extra unknowns."""
-        if self.locus.derivative is not None:
-            return np.asarray(self.locus.derivative(curve, z, extra))
+        conditions, slopes = self.locus.conditions, self.locus.derivative
+        if slopes is not None:
+            return np.asarray(slopes(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
-        in_z = derivatives.differences(
-            lambda y: self.locus.conditions(curve, y, extra), z, scales=curve.scales, one_sided=True
-        )
+        difference, ones = partial(derivatives.differences, one_sided=True), np.ones(extra.size)
+        in_z = difference(lambda y: conditions(curve, y, extra), z, scales=curve.scales)
         if not extra.size:
             return in_z
-        in_extra = derivatives.differences(
-            lambda y: self.locus.conditions(curve, z, y),
-            extra,
-            scales=np.ones(extra.size),
-            one_sided=True,
-        )
-        return np.hstack([in_z, in_extra])
+        return np.hstack([in_z, difference(lambda y: conditions(curve, z, y), extra, scales=ones)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

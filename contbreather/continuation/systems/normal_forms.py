@@ -19,7 +19,7 @@ the matrix T below, the identity otherwise. In place of q and <p, q> it is T q, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -61,12 +61,7 @@ _ROUNDING = 1e-11  # and this small it is rounding
 _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
 
 
-@dataclass(frozen=True)
-class Jet:
-    """First and second derivative of the Jacobian along v: ``B(v, .)`` and ``C(v, v, .)``."""
-
-    B: Matrix
-    C: Matrix
+Jet = tuple[Matrix, Matrix]  # derivatives of the Jacobian along v: B(v, .) and C(v, v, .)
 
 
 @dataclass(frozen=True)
@@ -94,10 +89,11 @@ class Coefficient:
 
 def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu when they
-    come back: ``A - mu`` of a map, with A = F_x + 1."""
+    come back: ``A - mu`` of a map, with A = F_x + 1, between unknowns in their scales."""
     if curve.problem.closing is not None:
         return curve.problem.closing(matrix, mu)
-    return plus_diagonal(first_columns(matrix, curve.size), 1 - mu)
+    scales = curve.scales[: curve.size]
+    return scaled(plus_diagonal(first_columns(matrix, curve.size), 1 - mu), 1 / scales, scales)
 
 
 class Forms:
@@ -119,7 +115,6 @@ class Forms:
         else:  # the scale of a cycle is that of one orbit, by which no length should be told
             self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
-        self.parameters = np.maximum(1.0, abs(self.z[self.curve.size :]))
         # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
         self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
 
@@ -134,7 +129,8 @@ class Forms:
 
     def closed(self, mu: complex) -> Matrix:
         """The matrix that takes to zero a perturbation that comes back grown by mu."""
-        return self._scaled(closed(self.curve, self.curve.in_unknowns(self.z), mu))
+        matrix = closed(self.curve, self.curve.in_unknowns(self.z), mu)
+        return matrix if self.closing is None else self._scaled(matrix)
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
         """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
@@ -152,21 +148,32 @@ class Forms:
         size = sense(q) * np.linalg.norm(self.units * began)
         return q / size, p / np.conj(np.vdot(p, began) / size)
 
-    def by_parameters(self, p: Array, v: Array) -> Array:
-        """Changes of ``p F`` by the free parameters, at the point and along v from there."""
-        left, n, direction = np.zeros(self.curve.size), self.curve.size, np.zeros(self.curve.size)
-        left[self.moved], direction[self.moved] = p / self.scales, v * self.scales
-        ways = self.curve.jacobian(self.z), self.curve.along(self.z, direction)
-        return np.asarray(sum(abs(left @ way[:, n:]) for way in ways))
-
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
+        if not v.any():
+            return 0 * self.A, 0 * self.A
         # relative to the entries that v moves: an idle one of size 100 says nothing of the step
-        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.x)))
-        reach = 1 / max(float(moved), 1e-300)
-        best, doubt, before = None, math.inf, None
-        for jet, rough in self._jets(v, reach):
-            apart = min(self._apart(jet, other, reach) for other in (rough, before or rough))
+        reach = 1 / max(float(np.linalg.norm(v / np.maximum(1.0, abs(self.x)))), 1e-300)
+        direction = np.zeros(self.z.size)
+        direction[self.moved] = v * self.scales
+        best: Jet | None = None
+        before: Jet | None = None
+        doubt = math.inf
+        for step in _STEPS:
+            h = step * reach
+            try:
+                aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
+            except OUT_OF_DOMAIN:
+                continue
+            around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
+            if not all(math.isfinite(matrix.sum()) for matrix in around):
+                continue
+            first, rough, second, rougher = (
+                sum(w * matrix for w, matrix in zip(weights, around, strict=True))
+                for weights in (_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE)
+            )
+            jet, of_five = (first / h, second / h**2), (rough / h, rougher / h**2)
+            apart = min(self._apart(jet, other, reach) for other in (of_five, before or of_five))
             worse = apart > doubt and doubt < _FAIR
             if apart < doubt:
                 best, doubt = jet, apart
@@ -178,41 +185,14 @@ class Forms:
             raise Undefined("the equations have no value around the point: no normal form")
         return best
 
-    def _jets(self, v: Array, reach: float) -> Iterator[tuple[Jet, Jet]]:
-        """By shorter and shorter steps, each beside one from fewer of its places."""
-        if not v.any():
-            zero = Jet(0 * self.A, 0 * self.A)
-            yield zero, zero
-            return
-        direction = np.zeros(self.z.size)
-        direction[self.moved] = v * self.scales
-        for step in _STEPS:
-            h = step * reach
-            try:
-                aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
-            except OUT_OF_DOMAIN:
-                continue
-            around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
-            if all(math.isfinite(matrix.sum()) for matrix in around):
-                first, rough, second, rougher = (
-                    sum(w * matrix for w, matrix in zip(weights, around, strict=True))
-                    for weights in (_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE)
-                )
-                yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
-
     def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
         """Relative difference of two jets; a C that vanishes is measured by B, and a B by both
         of its neighbours."""
-        a, b, c = (_largest(matrix) for matrix in (self.A, jet.B, jet.C))
+        (B, C), (B2, C2) = jet, other
+        a, b, c, db, dc = (float(abs(matrix).max()) for matrix in (self.A, B, C, B - B2, C - C2))
         b, c = b * reach, c * reach**2
         b, c = b + 1e-3 * (a + c), c + b + 1e-3 * a
-        first = _largest(jet.B - other.B) * reach / max(b, 1e-300)
-        second = _largest(jet.C - other.C) * reach**2 / max(c, 1e-300)
-        return max(first, second)
-
-
-def _largest(matrix: Matrix) -> float:
-    return float(abs(matrix).max())
+        return max(db * reach / max(b, 1e-300), dc * reach**2 / max(c, 1e-300))
 
 
 solve = partial(solved, why="a second resonance: no normal form of this kind")
@@ -274,9 +254,9 @@ def _of_pair(
     """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude, of the
     square of that, which turns twice as fast, and of its size, which does not turn."""
     q, p = forms.eigenvectors(critical)
-    real, imaginary = forms.jet(q.real), forms.jet(q.imag)
+    (B_real, C_real), (B_imag, C_imag) = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
-    B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+    B, C = B_real + 1j * B_imag, (C_real + C_imag) @ q
     # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
     h11 = solve(-steady, B @ q.conj())
     h20 = solve(-double, B @ q)
@@ -298,18 +278,22 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     """
     forms = Forms(point)
     q, p = forms.eigenvectors(forms.A)
-    jet, began = forms.jet(q), forms.T @ q
-    bent = jet.B @ q
+    (B, C), began = forms.jet(q), forms.T @ q
+    bent = B @ q
     # x' = <p, B(q, q)> x^2 / 2 + (<p, C(q, q, q)> + 3 <p, B(q, h)>) x^3 / 6
     quadratic = 0.5 * float(p @ bent)
     # | A     T q |  A h = <p, B> T q - B with <p, T h> = 0
     # | p T    0  |
     bordered = above(beside(forms.A, began[:, None]), np.append(p @ forms.T, 0.0)[None, :])
     h = solve(bordered, np.append(2 * quadratic * began - bent, 0.0))[:-1]
-    size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
-    cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    size = 0.5 * float(abs(p) @ abs(B) @ abs(q))
+    cubic = _sum(float(p @ C @ q) / 6, float(p @ B @ h) / 2)
     amplitude = forms.reach / float(abs(q).max())
-    pushed = float(forms.by_parameters(p, amplitude * q) @ forms.parameters)
+    left, n, along = np.zeros(forms.curve.size), forms.curve.size, np.zeros(forms.curve.size)
+    left[forms.moved], along[forms.moved] = p / forms.scales, amplitude * q * forms.scales
+    changes = forms.curve.jacobian(forms.z)[:, n:], forms.curve.along(forms.z, along)[:, n:]
+    by_parameters = sum(abs(left @ change) for change in changes)
+    pushed = float(by_parameters @ np.maximum(1.0, abs(forms.z[n:])))
     measure = cubic.size * amplitude**3 + size * amplitude**2 + pushed
     sizes = measure / amplitude**2, measure / amplitude**3
     return Coefficient(quadratic, sizes[0]), replace(cubic, size=sizes[1])
@@ -333,11 +317,11 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     overlap = p1 @ q1
     p0, p1 = p0 / overlap, p1 / overlap
     p0 = p0 - (p0 @ q1) * p1  # then <p0, q1> = 0, and <p0, q0> = <p1, q1> = 1 by the chains
-    jet = forms.jet(q0)
-    a = 0.5 * float(p1 @ jet.B @ q0)
-    b = _sum(float(p0 @ jet.B @ q0), float(p1 @ jet.B @ q1))
+    B, _ = forms.jet(q0)
+    a = 0.5 * float(p1 @ B @ q0)
+    b = _sum(float(p0 @ B @ q0), float(p1 @ B @ q1))
     # where all terms vanish, by symmetry, they are small against one of order one
-    size = float(abs(p1) @ abs(jet.B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
+    size = float(abs(p1) @ abs(B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
     sign = math.copysign(1.0, a)  # that of the null vector is free
     return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
 
@@ -350,11 +334,11 @@ def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     appears (supercritical)."""
     forms = Forms(point, agreed)
     q, p = forms.eigenvectors(forms.closed(-1.0))
-    jet = forms.jet(q)
+    B, C = forms.jet(q)
     # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
-    h = solve(-forms.closed(1.0), jet.B @ q)
-    coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    h = solve(-forms.closed(1.0), B @ q)
+    coefficient = _sum(float(p @ C @ q) / 6, float(p @ B @ h) / 2)
     least = _ROUNDING * forms.cubic
     return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
 

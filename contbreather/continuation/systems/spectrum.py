@@ -58,17 +58,19 @@ _NONE = 1e-100  # the size of what has a sign only
 # --- test functions of eigenvalues --------------------------------------------------------------
 
 
-def least_with_sign(factors: Values, rounding: Array | float) -> float:
-    """The size of the smallest factor with the sign of the product of all: it vanishes where the
-    product does, smoothly, and cannot overflow.
+def least_with_sign(factors: Values, rounding: Array | float) -> Any:
+    """The size of the smallest factor, along the last axis, with the sign of the product of all: it
+    vanishes where the product does, smoothly, and cannot overflow.
 
     A factor that is rounding, as it is all along the branches of conservative systems, is zero.
     Several of them have no size, and the sign that the others have: a zero of even order.
     """
     sizes = abs(factors)
     clear = sizes > rounding
-    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
-    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
+    zeros = np.count_nonzero(~clear, axis=-1)
+    least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, _NONE))
+    signs = np.divide(factors, sizes, out=np.ones_like(factors), where=clear)
+    return np.copysign(least, signs.prod(axis=-1).real)
 
 
 def pairs(values: Values) -> tuple[Values, Values]:
@@ -114,13 +116,13 @@ class CriticalValues:
         factors, rounding = self.factors()
         if not (factors.size and np.isfinite(self.values).all()):  # as at VI
             return math.nan
-        return least_with_sign(factors, rounding)
+        return float(least_with_sign(factors, rounding))
 
     def least_beside(self, place: float) -> float:
         """The distance of the nearest from a place, with the sign of the product of all."""
         if not (self.values.size and np.isfinite(self.values).all()):
             return math.nan
-        return least_with_sign(self.values - place, 0.0)
+        return float(least_with_sign(self.values - place, 0.0))
 
     def nearest_pair(self) -> Values:
         """The two values that are nearest to a critical pair."""
