@@ -19,7 +19,7 @@ from contbreather.continuation.algebra.derivatives import RELATIVE, differences
 from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
-from contbreather.continuation.curve.point import DefiningSystem, Point
+from contbreather.continuation.curve.point import DefiningSystem, Event, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
@@ -27,12 +27,6 @@ from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.response import Resonant, resonant_modes
-from contbreather.orbits.asymmetric_breather import (
-    EQUAL,
-    LEAST,
-    asymmetric_problem,
-    pitchfork_of_arms,
-)
 from contbreather.orbits.closure import general_roots
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit
@@ -44,6 +38,7 @@ from contbreather.orbits.orbit_problem import (
     momentum,
     of_whole_period,
     read_by,
+    ring_label,
     unstable_by,
 )
 from contbreather.orbits.section import (
@@ -62,6 +57,9 @@ from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
+
+LEAST = 1e-12  # an impulse smaller than this is none
+EQUAL = 1e-9  # flights that differ by less are equal
 
 
 @dataclass(frozen=True)
@@ -124,13 +122,6 @@ class ByImpacts:
         impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
         moving = tuple(amplitudes.tolist())
         return cls(on.at(params), section, impacts, tuple(offsets.tolist()), resonant, moving)
-
-    @classmethod
-    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
-        """Make the orbit of ``p, t1, t2, c`` of two impacts."""
-        p, t1, t2, c = x
-        # (4): -2p on the wall +1, 2p on the wall -1
-        return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
 
     @classmethod
     def through(
@@ -302,15 +293,9 @@ class ByImpacts:
         return on.lattice.sites is not None or plain
 
     def problem(self, threshold: float) -> Problem:
-        orbit, on = Orbit(self), self.conditions
-        plain = not (on.damping or on.spring or self.resonant) and on.walls == Walls()
-        arms = plain and (on.lattice.sites is None or isinstance(on.lattice, Ring))
-        if arms and self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
-            return asymmetric_problem(orbit, threshold)
-        return impact_problem(orbit, threshold)
-
-    def guess(self, threshold: float) -> Problem:
         return impact_problem(Orbit(self), threshold)
+
+    guess = problem
 
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
@@ -340,9 +325,6 @@ def resonant_of(on: Conditions, section: Section) -> Resonant:
 
 
 # --- as a problem to trace ------------------------------------------------------------------------
-
-
-read_by("asymmetric breather", ByImpacts.arm)(asymmetric_problem)
 
 
 @read_by("orbit with impacts", ByImpacts.of)
@@ -376,12 +358,18 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=params if endless else on.params,
         jacobian=equations.jacobian,
         equations=equations,
-        events=(fold(), from_arms(branch_point()), *events),
+        events=(fold(), from_arms(section, branch_point()), *events),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
-        label="orbit with impacts"
-        + ("" if endless else f", {on.lattice.describe()}, {section.describe()}"),
+        label=_label(on.lattice, section, threshold),
     )
+
+
+def _label(lattice: Any, section: Section, threshold: float) -> str:
+    if section.two_impacts and (lattice.sites is None or isinstance(lattice, Ring)):
+        return f"asymmetric breather{ring_label(lattice, threshold)}"
+    where = "" if lattice.sites is None else f", {lattice.describe()}, {section.describe()}"
+    return f"orbit with impacts{where}"
 
 
 def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, Any]:
@@ -444,7 +432,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     if abs(asymmetry) <= EQUAL:
         return replace(followed, meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)
-    pitchfork = codim_two("GR", pitchfork_of_arms())
+    pitchfork = codim_two("GR", Event("PF", _asymmetry))
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
     return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
@@ -467,13 +455,13 @@ def _motion_slopes(
 
 
 def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
-    """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
-    if "p" in names:  # of two impacts J = -2p and 2p
-        signs = np.sign(orbit.impulses)
-        by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
-        slopes = {**slopes, "p": by_p}
+    """Slopes by names of unknowns and parameters side by side."""
     still = np.zeros_like(slopes["t1"])
     return np.column_stack([slopes.get(name, still) for name in names])
+
+
+def _asymmetry(point: Point) -> float:
+    return float(point.solution.asymmetry)
 
 
 def _towards(side: float, point: Point) -> float:

@@ -208,10 +208,7 @@ class ClosedForm:
         """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
-        """That of asymmetric breathers, in which a pitchfork is a regular point."""
-        from contbreather.orbits.asymmetric_breather import asymmetric_problem
-
-        return asymmetric_problem(Orbit(self).unfolded())
+        return Orbit(self).unfolded().problem
 
     def problem(self, threshold: float) -> Problem:
         from contbreather.orbits.closed_problem import symmetric_problem

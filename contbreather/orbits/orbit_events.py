@@ -151,19 +151,21 @@ def _examine_real(mu: float, point: Point) -> Examined:
     return bends(point)
 
 
-def from_arms(event: Event) -> Event:
-    """BP of the whole period, which is PF where an arm comes to the symmetric orbit it left."""
-    return replace(event, examine=partial(_examine_crossing, event))
+def from_arms(section: Section, event: Event) -> Event:
+    """BP of the whole period; PF where an arm comes to the symmetric orbit that it left."""
+    if not section.mirrored:
+        return event
+    return replace(event, kind="PF", examine=partial(_examine_crossing, event))
 
 
 def _examine_crossing(event: Event, point: Point) -> Examined:
     why, orbit = event.examine(point) if event.examine else "", point.solution
-    if why or point.tangent is None or not orbit.section.mirrored:
+    if why or point.tangent is None:
         return why
     # unknowns begin with the times; along symmetric orbits those of both halves move alike
     first, second = point.tangent[: orbit.section.count].reshape(2, -1)
     leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
-    return {"kind": "PF"} if leaves else ""
+    return {"kind": "PF" if leaves else "BP"}
 
 
 # --- of any problem, by their kinds ---------------------------------------------------------------
