@@ -61,6 +61,11 @@ Params = Mapping[str, float]
 LEAST = 1e-12  # an impulse smaller than this is none
 EQUAL = 1e-9  # flights that differ by less are equal
 
+# t1, t2, J1, J2, c of two impacts by p, t1, t2, c: by (4) -2p on the wall +1, 2p on the wall -1
+BY_MOMENTUM = np.array(
+    [[0, 1, 0, 0], [0, 0, 1, 0], [-2, 0, 0, 0], [2, 0, 0, 0], [0, 0, 0, 1]], dtype=float
+)
+
 
 @dataclass(frozen=True)
 class ByImpacts:
@@ -122,6 +127,11 @@ class ByImpacts:
         impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
         moving = tuple(amplitudes.tolist())
         return cls(on.at(params), section, impacts, tuple(offsets.tolist()), resonant, moving)
+
+    @classmethod
+    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
+        """Make the orbit of ``p, t1, t2, c`` of two impacts."""
+        return cls.of(on, section, BY_MOMENTUM @ x, params)
 
     @classmethod
     def through(
@@ -293,9 +303,15 @@ class ByImpacts:
         return on.lattice.sites is not None or plain
 
     def problem(self, threshold: float) -> Problem:
-        return impact_problem(Orbit(self), threshold)
+        orbit, on = Orbit(self), self.conditions
+        plain = not (on.damping or on.spring or self.resonant) and on.walls == Walls()
+        arms = plain and (on.lattice.sites is None or isinstance(on.lattice, Ring))
+        if arms and self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
+            return arm_problem(orbit, threshold)
+        return impact_problem(orbit, threshold)
 
-    guess = problem
+    def guess(self, threshold: float) -> Problem:
+        return impact_problem(Orbit(self), threshold)
 
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
@@ -361,15 +377,9 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(fold(), from_arms(section, branch_point()), *events),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
-        label=_label(on.lattice, section, threshold),
+        label="orbit with impacts"
+        + ("" if endless else f", {on.lattice.describe()}, {section.describe()}"),
     )
-
-
-def _label(lattice: Any, section: Section, threshold: float) -> str:
-    if section.two_impacts and (lattice.sites is None or isinstance(lattice, Ring)):
-        return f"asymmetric breather{ring_label(lattice, threshold)}"
-    where = "" if lattice.sites is None else f", {lattice.describe()}, {section.describe()}"
-    return f"orbit with impacts{where}"
 
 
 def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, Any]:
@@ -410,6 +420,61 @@ def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -
 
 
 read_by("shooting", _by_times)(impact_problem)
+
+
+@dataclass(frozen=True)
+class ArmEquations:
+    """Equations of two impacts in ``p, t1, t2, c``: nothing holds the lattice, so both impulses are
+    the same but for their sign, and their balance is no equation."""
+
+    of: OrbitEquations
+
+    def residual(self, x: FloatArray, params: Params) -> FloatArray:
+        return self.of.residual(BY_MOMENTUM @ x, params)[:4]
+
+    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
+        return np.asarray(self.of.jacobian(BY_MOMENTUM @ x, params)[:4] @ BY_MOMENTUM)
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
+        return self.of.sensitivity(BY_MOMENTUM @ x, params, name)[:4]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmProblem(OrbitProblemByEquations):
+    def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+        images = super().images(x, params)
+        return tuple(np.array((-0.5 * J1, t1, t2, c)) for t1, t2, J1, _, c in images)
+
+
+@read_by("asymmetric breather", ByImpacts.arm)
+def arm_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The equations of one site that hits both walls once in 2 pi, on the infinite chain or a ring.
+
+    Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
+    t2 - t1 - pi, ``unstable`` the number of multipliers outside.
+    """
+    on, section, first = orbit.conditions, orbit.section, orbit.impacts[0].time
+    later = first + math.pi + orbit.asymmetry  # times count modulo the period
+    equations = ArmEquations(impact_equations(section, on.forcing, on.lattice, on.walls))
+    return ArmProblem.of(
+        "asymmetric breather",
+        partial(ByImpacts.arm, on, section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start={"p": orbit.p, "t1": first, "t2": later, "c": orbit.c},
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
+        jacobian=equations.jacobian,
+        equations=equations,
+        events=(
+            fold(),
+            from_arms(section, branch_point()),
+            *events_without_losses(section, on.lattice, threshold),
+        ),
+        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
+        domain={**{name: NUMBERS[name].domain for name in NEEDED}, "p": (LEAST, math.inf)},
+        label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
+    )
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
@@ -455,7 +520,9 @@ def _motion_slopes(
 
 
 def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
-    """Slopes by names of unknowns and parameters side by side."""
+    """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
+    if "p" in names:
+        slopes = {**slopes, "p": 2.0 * (slopes["J2"] - slopes["J1"])}
     still = np.zeros_like(slopes["t1"])
     return np.column_stack([slopes.get(name, still) for name in names])
 

@@ -208,7 +208,9 @@ class ClosedForm:
         """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
-        return Orbit(self).unfolded().problem
+        from contbreather.orbits.by_impacts import arm_problem
+
+        return arm_problem(Orbit(self).unfolded())
 
     def problem(self, threshold: float) -> Problem:
         from contbreather.orbits.closed_problem import symmetric_problem

@@ -162,8 +162,9 @@ def _examine_crossing(event: Event, point: Point) -> Examined:
     why, orbit = event.examine(point) if event.examine else "", point.solution
     if why or point.tangent is None:
         return why
-    # unknowns begin with the times; along symmetric orbits those of both halves move alike
-    first, second = point.tangent[: orbit.section.count].reshape(2, -1)
+    # along symmetric orbits the times of both halves move alike
+    times = [point.curve.slots[f"t{j + 1}"] for j in range(orbit.section.count)]
+    first, second = point.tangent[times].reshape(2, -1)
     leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
     return {"kind": "PF" if leaves else "BP"}
 

@@ -29,10 +29,7 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
         lambda: cb.symmetric(0.5, 0.05, 0.8).problem,
         {"p", "phi", "t1", "t2", "c", "asymmetry"},
     ),
-    "arm": (
-        lambda: asymmetric(0.8, 0.04, 0.8).problem,
-        {"p", "t1", "t2", "J1", "J2", "c", "asymmetry"},
-    ),
+    "arm": (lambda: asymmetric(0.8, 0.04, 0.8).problem, {"p", "t1", "t2", "c", "asymmetry"}),
     "general": (
         lambda: impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()),
         {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},

@@ -32,6 +32,8 @@ def test_halves_that_are_alike() -> None:
     assert [late(B.unfolded().doubled(), by).repeats for by in (1e-9, -1e-9, 1e-5)] == [1, 1, 0]
     whole = B.unfolded()
     assert [simpler_than(late(whole, by)) is None for by in (1e-9, -1e-9, 1e-5)] == [0, 0, 1]
+    labels = [late(whole, by).problem.label for by in (1e-11, -1e-11, 1e-7)]
+    assert labels == ["orbit with impacts", "orbit with impacts", "asymmetric breather"]
     assert late(whole, 0.0, 1e-11).p == pytest.approx(B.p)
     with pytest.raises(cb.BadInput, match="different momenta"):
         _ = late(whole, 0.0, 1e-7).p

@@ -195,15 +195,13 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
 
 def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, ...]:
     """Candidates that failed, each place once for each event: what was seen there twice is two of
-    them. A branch point may have been located where one was seen, too: at the start of a walk
-    rounding decides from which side it is come upon, and at a pitchfork a branch turns back."""
+    them. A branch point may have been located where it was seen, too: at the start of a walk
+    rounding decides from which side it is come upon."""
     kept: list[Point] = []
     latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
     for point in failed:
         reach = GAP * (1 + point.curve.length(point.z))
-        # what ends the domain where branches cross is another matter
-        known = good if point.event and point.event.bifurcates else ()
-        same = [p for p in known if p.event and p.event.crosses]
+        same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
         if any(abs(p.arclength - point.arclength) <= reach for p in same):
             continue
         i = latest.get(id(point.event))
