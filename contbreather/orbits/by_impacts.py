@@ -467,7 +467,7 @@ def arm_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         jacobian=equations.jacobian,
         equations=equations,
         events=(
-            fold(),
+            replace(fold(), test=_fold_of_arms, many=None),
             from_arms(section, branch_point()),
             *events_without_losses(section, on.lattice, threshold),
         ),
@@ -475,6 +475,12 @@ def arm_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         domain={**{name: NUMBERS[name].domain for name in NEEDED}, "p": (LEAST, math.inf)},
         label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
     )
+
+
+def _fold_of_arms(point: Point) -> float:
+    """The test of a fold per asymmetry: at their pitchfork arms turn back, and both vanish."""
+    asymmetry = _asymmetry(point.base_point)
+    return fold().value(point) / asymmetry if asymmetry else math.nan
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
