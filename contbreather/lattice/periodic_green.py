@@ -332,3 +332,33 @@ def _bernoulli() -> FloatArray:
         even = bernoulli(2 * order + 2, -math.pi)[: 2 * EVEN_POWERS : 2]
         table[: even.size, order] = even
     return table[::-1]
+
+
+# --- through mid period -------------------------------------------------------------------------
+
+
+def slope_ratio(responses: Responses, y: float) -> tuple[float, float]:
+    """``slope/y`` of the first row and its derivative in the time y from mid period, smooth through
+    y = 0, for n = 1."""
+    *powers, first, second = responses.table[0].tolist()
+    P = dP = curvature = 0.0  # and its derivatives in y^2, over 1 and 2
+    for c in powers:
+        curvature = curvature * y * y + dP
+        dP = dP * y * y + P
+        P = P * y * y + c
+    (s1, d1), (s2, d2) = sinc(y), sinc(2.0 * y)
+    value = 2.0 * dP - first * s1 - 4.0 * second * s2
+    return value, 8.0 * y * curvature - first * d1 - 8.0 * second * d2
+
+
+def sinc(y: float) -> tuple[float, float]:
+    """``sin(y)/y`` and its derivative."""
+    if abs(y) < 0.2:
+        z = y * y
+        value = 1.0 - z / 6.0 * (
+            1.0 - z / 20.0 * (1.0 - z / 42.0 * (1.0 - z / 72.0 * (1.0 - z / 110.0)))
+        )
+        slope = -y / 3.0 * (1.0 - z / 10.0 * (1.0 - z / 28.0 * (1.0 - z / 54.0 * (1.0 - z / 88.0))))
+        return value, slope
+    value = math.sin(y) / y
+    return value, (math.cos(y) - value) / y

@@ -19,7 +19,7 @@ from contbreather.continuation.algebra.derivatives import RELATIVE, differences
 from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
-from contbreather.continuation.curve.point import DefiningSystem, Event, Point
+from contbreather.continuation.curve.point import DefiningSystem, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
@@ -27,6 +27,12 @@ from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.response import Resonant, resonant_modes
+from contbreather.orbits.asymmetric_breather import (
+    EQUAL,
+    LEAST,
+    asymmetric_problem,
+    pitchfork_of_arms,
+)
 from contbreather.orbits.closure import general_roots
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit
@@ -38,7 +44,6 @@ from contbreather.orbits.orbit_problem import (
     momentum,
     of_whole_period,
     read_by,
-    ring_label,
     unstable_by,
 )
 from contbreather.orbits.section import (
@@ -57,14 +62,6 @@ from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
-
-LEAST = 1e-12  # an impulse smaller than this is none
-EQUAL = 1e-9  # flights that differ by less are equal
-
-# t1, t2, J1, J2, c of two impacts by p, t1, t2, c: by (4) -2p on the wall +1, 2p on the wall -1
-BY_MOMENTUM = np.array(
-    [[0, 1, 0, 0], [0, 0, 1, 0], [-2, 0, 0, 0], [2, 0, 0, 0], [0, 0, 0, 1]], dtype=float
-)
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,9 @@ class ByImpacts:
     @classmethod
     def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
         """Make the orbit of ``p, t1, t2, c`` of two impacts."""
-        return cls.of(on, section, BY_MOMENTUM @ x, params)
+        p, t1, t2, c = x
+        # (4): -2p on the wall +1, 2p on the wall -1
+        return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
 
     @classmethod
     def through(
@@ -307,7 +306,7 @@ class ByImpacts:
         plain = not (on.damping or on.spring or self.resonant) and on.walls == Walls()
         arms = plain and (on.lattice.sites is None or isinstance(on.lattice, Ring))
         if arms and self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
-            return arm_problem(orbit, threshold)
+            return asymmetric_problem(orbit, threshold)
         return impact_problem(orbit, threshold)
 
     def guess(self, threshold: float) -> Problem:
@@ -343,6 +342,9 @@ def resonant_of(on: Conditions, section: Section) -> Resonant:
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
+read_by("asymmetric breather", ByImpacts.arm)(asymmetric_problem)
+
+
 @read_by("orbit with impacts", ByImpacts.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
@@ -374,7 +376,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=params if endless else on.params,
         jacobian=equations.jacobian,
         equations=equations,
-        events=(fold(), from_arms(section, branch_point()), *events),
+        events=(fold(), from_arms(branch_point()), *events),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
         label="orbit with impacts"
@@ -422,67 +424,6 @@ def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -
 read_by("shooting", _by_times)(impact_problem)
 
 
-@dataclass(frozen=True)
-class ArmEquations:
-    """Equations of two impacts in ``p, t1, t2, c``: nothing holds the lattice, so both impulses are
-    the same but for their sign, and their balance is no equation."""
-
-    of: OrbitEquations
-
-    def residual(self, x: FloatArray, params: Params) -> FloatArray:
-        return self.of.residual(BY_MOMENTUM @ x, params)[:4]
-
-    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
-        return np.asarray(self.of.jacobian(BY_MOMENTUM @ x, params)[:4] @ BY_MOMENTUM)
-
-    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
-        return self.of.sensitivity(BY_MOMENTUM @ x, params, name)[:4]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ArmProblem(OrbitProblemByEquations):
-    def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
-        images = super().images(x, params)
-        return tuple(np.array((-0.5 * J1, t1, t2, c)) for t1, t2, J1, _, c in images)
-
-
-@read_by("asymmetric breather", ByImpacts.arm)
-def arm_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
-    """The equations of one site that hits both walls once in 2 pi, on the infinite chain or a ring.
-
-    Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
-    t2 - t1 - pi, ``unstable`` the number of multipliers outside.
-    """
-    on, section, first = orbit.conditions, orbit.section, orbit.impacts[0].time
-    later = first + math.pi + orbit.asymmetry  # times count modulo the period
-    equations = ArmEquations(impact_equations(section, on.forcing, on.lattice, on.walls))
-    return ArmProblem.of(
-        "asymmetric breather",
-        partial(ByImpacts.arm, on, section),
-        orbit,
-        threshold,
-        residual=equations.residual,
-        start={"p": orbit.p, "t1": first, "t2": later, "c": orbit.c},
-        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
-        jacobian=equations.jacobian,
-        equations=equations,
-        events=(
-            replace(fold(), test=_fold_of_arms, many=None),
-            from_arms(section, branch_point()),
-            *events_without_losses(section, on.lattice, threshold),
-        ),
-        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
-        domain={**{name: NUMBERS[name].domain for name in NEEDED}, "p": (LEAST, math.inf)},
-        label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
-    )
-
-
-def _fold_of_arms(point: Point) -> float:
-    """The test of a fold per asymmetry: at their pitchfork arms turn back, and both vanish."""
-    asymmetry = _asymmetry(point.base_point)
-    return fold().value(point) / asymmetry if asymmetry else math.nan
-
-
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
 
 
@@ -503,7 +444,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     if abs(asymmetry) <= EQUAL:
         return replace(followed, meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)
-    pitchfork = codim_two("GR", Event("PF", _asymmetry))
+    pitchfork = codim_two("GR", pitchfork_of_arms())
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
     return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
@@ -527,14 +468,12 @@ def _motion_slopes(
 
 def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
     """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
-    if "p" in names:
-        slopes = {**slopes, "p": 2.0 * (slopes["J2"] - slopes["J1"])}
+    if "p" in names:  # of two impacts J = -2p and 2p
+        signs = np.sign(orbit.impulses)
+        by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
+        slopes = {**slopes, "p": by_p}
     still = np.zeros_like(slopes["t1"])
     return np.column_stack([slopes.get(name, still) for name in names])
-
-
-def _asymmetry(point: Point) -> float:
-    return float(point.solution.asymmetry)
 
 
 def _towards(side: float, point: Point) -> float:

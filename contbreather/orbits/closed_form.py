@@ -208,9 +208,10 @@ class ClosedForm:
         """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
-        from contbreather.orbits.by_impacts import arm_problem
+        """That of asymmetric breathers, in which a pitchfork is a regular point."""
+        from contbreather.orbits.asymmetric_breather import asymmetric_problem
 
-        return arm_problem(Orbit(self).unfolded())
+        return asymmetric_problem(Orbit(self).unfolded())
 
     def problem(self, threshold: float) -> Problem:
         from contbreather.orbits.closed_problem import symmetric_problem

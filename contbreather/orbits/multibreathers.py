@@ -255,7 +255,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again, and behind a branch point where it meets its image
-    ends = (replace(fold(), ends="branch"), from_arms(section, branch_point()), GRAZING, CATCHING)
+    ends = (replace(fold(), ends="branch"), from_arms(branch_point()), GRAZING, CATCHING)
     return trace(start, "gamma", within={"gamma": (0.0, on.gamma)}, towards="up", events=ends)
 
 

@@ -151,22 +151,19 @@ def _examine_real(mu: float, point: Point) -> Examined:
     return bends(point)
 
 
-def from_arms(section: Section, event: Event) -> Event:
-    """BP of the whole period; PF where an arm comes to the symmetric orbit that it left."""
-    if not section.mirrored:
-        return event
-    return replace(event, kind="PF", examine=partial(_examine_crossing, event))
+def from_arms(event: Event) -> Event:
+    """BP of the whole period, which is PF where an arm comes to the symmetric orbit it left."""
+    return replace(event, examine=partial(_examine_crossing, event))
 
 
 def _examine_crossing(event: Event, point: Point) -> Examined:
     why, orbit = event.examine(point) if event.examine else "", point.solution
-    if why or point.tangent is None:
+    if why or point.tangent is None or not orbit.section.mirrored:
         return why
-    # along symmetric orbits the times of both halves move alike
-    times = [point.curve.slots[f"t{j + 1}"] for j in range(orbit.section.count)]
-    first, second = point.tangent[times].reshape(2, -1)
+    # unknowns begin with the times; along symmetric orbits those of both halves move alike
+    first, second = point.tangent[: orbit.section.count].reshape(2, -1)
     leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
-    return {"kind": "PF" if leaves else "BP"}
+    return {"kind": "PF"} if leaves else ""
 
 
 # --- of any problem, by their kinds ---------------------------------------------------------------

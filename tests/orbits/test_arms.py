@@ -13,14 +13,21 @@ from contbreather.continuation import Steps, Stop, boundary, trace
 from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
-from contbreather.lattice import Fourier, InfiniteChain, Ring
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
+from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
 from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit_equations import OrbitEquations
+from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.runs import load, save
+
+from .by_hand import derivatives
+
+RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
 
 
 @cache
@@ -33,6 +40,42 @@ def pitchfork_point(gamma, k, lattice=InfiniteChain(), **options):
 @cache
 def arms(gamma, k, lattice=InfiniteChain(), top=0.999):
     return switch(pitchfork_point(gamma, k, lattice), within={"a": (0, top)})
+
+
+# --- the equations --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("forcing", [Harmonic(), RICH])
+def test_they_are_sums_and_differences_of_the_general_ones(lattice, forcing):
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **forcing.params}
+    p, t1, t2, c = 1.1, -2.9, 0.8, 0.05
+    own = AsymmetricEquations(forcing, lattice).residual(np.array([p, t1, t2, c]), params)
+    general = OrbitEquations(Section(((0, 1), (0, -1))), forcing=forcing, lattice=lattice)
+    r = general.residual(np.array([t1, t2, -2 * p, 2 * p, c]), params)
+    delta = t2 - t1 - math.pi
+    # r: wall +1, wall -1, reset, reset, balance
+    assert own[0] == pytest.approx((r[0] - r[1]) / 2, abs=1e-14)
+    assert own[1] == pytest.approx((r[2] - r[3]) / 2, abs=1e-14)
+    assert own[2] * delta == pytest.approx(-(r[2] + r[3]), abs=1e-14)
+    assert own[3] == pytest.approx((r[0] + r[1]) / 2, abs=1e-14)
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("delta", [-0.7, 1e-3, 0.0, 0.3])
+def test_derivatives_are_those_of_the_residual_also_where_flights_are_equal(lattice, delta):
+    equations = AsymmetricEquations(RICH, lattice)
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **RICH.params}
+    x = np.array([1.1, -2.9, -2.9 + math.pi + delta, 0.05])
+    for name, found, wanted in derivatives(equations, x, params, 2e-4):
+        assert np.abs(found - wanted).max() < (1e-9 if name else 2e-10)
+
+
+def test_difference_quotient_of_the_forcing_is_smooth_where_both_times_meet():
+    for t1, t2 in ((0.3, 1.1), (0.3, 0.3 + 1e-4)):
+        value = divided(RICH, t1, t2)[0]
+        assert value == pytest.approx((RICH.df(t2) - RICH.df(t1)) / (t2 - t1), rel=1e-11)
+    assert divided(RICH, 0.3, 0.3)[0] == pytest.approx(RICH.d2f(0.3), rel=1e-15)
 
 
 # --- figures --------------------------------------------------------------------------------------
@@ -222,6 +265,14 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
     assert abs(beyond.displacement(1, error.time)) > 1.09
     with pytest.raises(BadInput, match="arm must be 1 or -1, got 2"):
         asymmetric(0.82, 0.04, 0.8, arm=2)
+    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+        AsymmetricEquations().sensitivity(
+            np.array([1.0, 0.0, 3.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}, "c3"
+        )
+    with pytest.raises(BadInput, match=r"t1 < t2 < t1 \+ 2 pi"):
+        AsymmetricEquations().residual(
+            np.array([1.0, 0.0, 7.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}
+        )
 
 
 # --- events and boundaries ------------------------------------------------------------------------
@@ -383,17 +434,15 @@ def test_fold_line_of_a_subcritical_arm():
 
 
 def test_fold_line_of_an_arm_meets_its_mirror_image_at_the_pitchfork():
-    """There the pitchfork changes its criticality, and the equations of both are singular; no cusp,
-    though two folds of arms meet."""
+    """There the pitchfork changes its criticality; no cusp, though two folds of arms meet."""
     turn = subcritical_arm().first("LP")
     line = boundary(turn, ("k", "a"), within={"k": (0.75, 0.96), "a": (0, 1.2)}, towards="down")
-    assert [point.kind for point in line.special] == ["EP", "CP", "CP", "EP"]
-    (meeting,) = line.doubtful
-    assert meeting.kind == "LP-PF"
+    assert [point.kind for point in line.special] == ["EP", "CP", "LP-PF", "CP", "EP"]
+    meeting = line.first("LP-PF")
     near = symmetric(meeting["a"] - 0.02, 0.01, meeting["k"], forcing=BENT)
     fork = trace(near, "a", within={"a": (0.6, 0.7)}).first("PF")
-    assert fork["a"] == pytest.approx(meeting["a"], abs=1e-6)
-    assert abs(fork["coefficient"]) > 1e4  # of asymmetry^2 over distance: a pole there
+    assert fork["a"] == pytest.approx(meeting["a"], abs=1e-8)
+    assert abs(fork["coefficient"]) > 1e6  # of asymmetry^2 over distance: a pole there
 
 
 def test_doubling_line_reaches_elastic_impacts():
@@ -439,7 +488,7 @@ def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
     shot = lift(trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
     for lifted, amplitude, why in (
         (chain, 2.0, "no orbit at the amplitude 2.*amplitude of the forcing"),
-        (chain, 2.5, "no orbit branches off at the amplitude 2.5"),
+        (chain, 2.5, "no orbit at the amplitude 2.5.*must follow the one on"),
         (shot, -3.0, "is no orbit of .* ring of 8.* out of order"),
     ):
         with pytest.raises(NotConverged, match=why):

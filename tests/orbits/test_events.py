@@ -11,6 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.algebra.newton import Undefined
+from contbreather.orbits.asymmetric_breather import symmetric_again
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
@@ -344,6 +345,7 @@ def test_what_cannot_be_followed_from_a_point_says_why() -> None:
         (lambda: ring.locus(alike[0]), "no complex multipliers on this"),
         (lambda: event_of(shot.problem, "NS").locus(shot[0]), "no complex multipliers on this"),
         (lambda: event_of(alone.problem, "NS").locus(alone[0]), "no band for a pair to come out"),
+        (lambda: symmetric_again(arm[0]), "the flights are not equal here"),
         (lambda: shallow_impact(plastic[0].solution), "with k = 0 a site rests on its wall"),
     ):
         with pytest.raises(Undefined, match=words):

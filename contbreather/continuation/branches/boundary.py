@@ -259,12 +259,8 @@ def _traceable(point: Point) -> Event:
 
 
 def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
-    """The point, and its event, in equations that have both parameters; where branches cross, in
-    those of the one with fewer unknowns, of which the crossing is an event like any other."""
-    smaller = base_point.curve.problem.simpler(base_point) if event.crosses else None
-    if smaller is None or not any(e.kind == event.kind and not e.crosses for e in smaller.events):
-        smaller = base_point.problem
-    problem = having(smaller, *pair)
+    """The point, and its event, in equations that have both parameters."""
+    problem = having(base_point.problem, *pair)
     if problem.residual is base_point.curve.problem.residual:
         return base_point, event
     alike = next((e for e in problem.events if e.kind == event.kind), event)

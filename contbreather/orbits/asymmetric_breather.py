@@ -1,0 +1,297 @@
+"""Asymmetric breathers: one site hits both walls once in 2 pi, after flights of unequal length.
+
+Their equations, two impacts of `OrbitEquations` in sums and differences, and the problem to trace:
+what leaves the pitchfork of symmetric breathers, which is a regular point of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation.algebra.newton import Undefined
+from contbreather.continuation.bifurcations.equilibria import fold
+from contbreather.continuation.branches.switching import SwitchingProblem
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Always, DefiningSystem, Event, Point
+from contbreather.continuation.curve.problem import Problem
+from contbreather.errors import BadInput
+from contbreather.lattice.band_averages import UniformLattice
+from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.conditions import restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
+from contbreather.orbits.closure import forcing_at
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_events import events_without_losses
+from contbreather.orbits.orbit_problem import OrbitProblemByEquations, ring_label, unstable_by
+from contbreather.orbits.symmetries import simpler_than
+from contbreather.parameters import NEEDED, NUMBERS
+from contbreather.stability.verdict import THRESHOLD
+
+FloatArray = NDArray[np.float64]
+Params = Mapping[str, float]
+
+LEAST = 1e-12  # an impulse smaller than this is none
+NAMES = ("p", "t1", "t2", "c")
+EQUAL = 1e-9  # flights that differ by less are equal
+
+
+@dataclass(frozen=True)
+class AsymmetricEquations:
+    """Asymmetric breathers: one site hits both walls once in 2 pi, after flights of unequal length.
+
+    Two impacts of the general problem, on the wall +1 at t1 with the impulse -2p and on -1 at t2
+    with +2p, ``x = (p, t1, t2, c)``. With ``s2 = t2 - pi``, ``delta = s2 - t1`` (0 for a symmetric
+    breather) and h the periodic Green's function as a function of the time ``delta`` off mid
+    period, sums and differences of its equations are
+
+        ``a [f(t1) + f(s2)]/2 + 2p [h(delta) - h(pi)] = 1``,
+        ``a [f'(t1) + f'(s2)]/2 = p q``,
+        ``a [f'(s2) - f'(t1)] + 4p h'(delta) = 0``,
+        ``c = a [f(s2) - f(t1)]/2``.
+
+    The third holds for every symmetric breather. We divide it by delta, exactly at delta = 0 too:
+    what is left has asymmetric breathers for solutions and no others, and their pitchfork is an
+    ordinary point of their branch, where the branch turns back in its parameter and both arms meet.
+
+    Examples
+    --------
+    >>> x = np.array([1.093139, -3.284360, 0.453958, 0.037354])
+    >>> off = AsymmetricEquations().residual(x, {"a": 0.82, "gamma": 0.04, "k": 0.8})
+    >>> bool(abs(off).max() < 1e-5)
+    True
+    """
+
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
+
+    def residual(self, x: FloatArray, params: Params) -> FloatArray:
+        """All equations, shape (4,)."""
+        at = self._at(x, params)
+        return np.array(
+            (
+                # h is h(delta) - h(pi); ratio and pull are f'(s2) - f'(t1) and h'(delta), per delta
+                0.5 * at.a * (at.f1 + at.f2) + 2.0 * at.p * at.h - 1.0,
+                0.5 * at.a * (at.df1 + at.df2) - at.p * at.q,
+                at.a * at.ratio + 4.0 * at.p * at.pull,
+                at.c - 0.5 * at.a * (at.f2 - at.f1),
+            )
+        )
+
+    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
+        """Derivatives with respect to (p, t1, t2, c), shape (4, 4)."""
+        at = self._at(x, params)
+        a, f = at.a, at.forcing
+        # delta = s2 - t1: t1 moves it by -1, t2 by 1, and either the middle of both by 1/2
+        h, pull = 2.0 * at.p * at.h_slope, 4.0 * at.p * at.pull_slope
+        middle, across = 0.5 * a * at.ratio_middle, a * at.ratio_across
+        return np.array(
+            (
+                (2.0 * at.h, 0.5 * a * at.df1 - h, 0.5 * a * at.df2 + h, 0.0),
+                (-at.q, 0.5 * a * f.d2f(at.t1), 0.5 * a * f.d2f(at.s2), 0.0),
+                (4.0 * at.pull, middle - across - pull, middle + across + pull, 0.0),
+                (0.0, 0.5 * a * at.df1, -0.5 * a * at.df2, 1.0),
+            )
+        )
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``, shape (4,)."""
+        at = self._at(x, params)
+        if name == "a":
+            means = 0.5 * (at.f1 + at.f2), 0.5 * (at.df1 + at.df2)
+            return np.array((*means, at.ratio, -0.5 * (at.f2 - at.f1)))
+        if name == "gamma":
+            slope = periodic_green(self.lattice, at.gamma, (0,), by="gamma")
+            h, own = slope.at([math.pi - at.delta, 0.0])[0]
+            pull = slope_ratio(slope, at.delta)[0]
+            h -= own
+            return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
+        if name == "k":
+            return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
+        if name not in self.forcing.params:
+            have = ", ".join(("a", "gamma", "k", *self.forcing.params))
+            raise BadInput(f"unknown parameter {name!r}: this breather has {have}.")
+
+        def change(t: float, order: int) -> float:
+            return at.a * at.forcing.f_param(name, t, order)
+
+        f1, f2, df1, df2 = (change(t, order) for order in (0, 1) for t in (at.t1, at.s2))
+        # the quotient rounds to EPS/delta, 2e-13 at this bound; what is left out below it is of the
+        # size delta^4/1920, 5e-16
+        if abs(at.delta) > 1e-3:
+            ratio = (df2 - df1) / at.delta
+        else:  # to order delta^4
+            middle = 0.5 * (at.t1 + at.s2)
+            ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
+        return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
+
+    def _at(self, x: FloatArray, params: Params) -> Any:
+        return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
+
+
+@lru_cache(maxsize=16)
+def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
+    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+    return _Place(of.forcing, of.lattice, np.frombuffer(unknowns), dict(params))
+
+
+class _Place:
+    """All that the equations are made of, at one point."""
+
+    def __init__(
+        self, forcing: Forcing, lattice: UniformLattice, x: FloatArray, params: Params
+    ) -> None:
+        self.p, self.t1, t2, self.c = (float(value) for value in x)
+        self.s2 = t2 - math.pi
+        self.delta = self.s2 - self.t1
+        self.a, self.gamma, self.k = (float(params[name]) for name in ("a", "gamma", "k"))
+        if not math.isfinite(self.a + self.p + self.delta + self.t1 + self.c):
+            raise BadInput(f"a = {self.a}, x = {x}: the breather needs finite numbers.")
+        self.q = restitution_ratio(self.k)
+        if not -math.pi < self.delta < math.pi:
+            raise BadInput(
+                f"t1 = {self.t1:.6g}, t2 = {t2:.6g}: the impact on -1 must follow the one on +1 "
+                "within a period, t1 < t2 < t1 + 2 pi."
+            )
+        f = self.forcing = forcing_at(forcing, params)
+        self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
+        self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
+        # times off mid period: delta since the impact on the other wall, pi since the site's own
+        answer = periodic_green(lattice, self.gamma, (0,))
+        (value, own), (slope, _) = answer.at([math.pi - self.delta, 0.0])[:2].tolist()
+        self.h, self.h_slope = value - own, -slope
+        self.pull, self.pull_slope = slope_ratio(answer, self.delta)
+        self.ratio, self.ratio_middle, self.ratio_across = divided(f, self.t1, self.s2)
+
+
+def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float]:
+    """``[f'(t2) - f'(t1)]/(t2 - t1)``, smooth where both times meet; and its derivatives in their
+    middle at fixed distance, and in the distance at fixed middle."""
+    middle, half = 0.5 * (t1 + t2), 0.5 * (t2 - t1)
+    value = slope = across = 0.0
+    for m, A, B in forcing.harmonics:
+        # f'(t2) - f'(t1) = -2 m sin(m half) (A c + B s): the sinc is its quotient, at half = 0 too
+        c, s = math.cos(m * middle), math.sin(m * middle)
+        share, change = sinc(m * half)
+        even, odd = A * c + B * s, B * c - A * s
+        value -= m * m * share * even
+        slope -= m**3 * share * odd
+        across -= 0.5 * m**3 * change * even
+    return value, slope, across
+
+
+# --- as a problem to trace ------------------------------------------------------------------------
+
+
+def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The four equations with an orbit of two impacts as their start, and all its events.
+
+    Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
+    t2 - t1 - pi, ``unstable`` the number of multipliers outside.
+    """
+    on, first = orbit.conditions, orbit.impacts[0].time
+    times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
+    equations = AsymmetricEquations(on.forcing, on.lattice)
+    return _Asymmetric.of(
+        "asymmetric breather",
+        partial(type(orbit.representation).arm, on, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
+        jacobian=equations.jacobian,
+        equations=equations,
+        events=(
+            pitchfork_of_arms(),
+            fold_of_arms(),
+            *events_without_losses(orbit.section, on.lattice, threshold),
+        ),
+        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
+        domain={
+            **{name: NUMBERS[name].domain for name in NEEDED},
+            "p": (LEAST, math.inf),
+        },
+        label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
+    )
+
+
+def _asymmetry(point: Point) -> float:
+    return float(point["t2"] - point["t1"] - math.pi)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Asymmetric(OrbitProblemByEquations):
+    def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+        p, t1, t2, c = x
+        # u(t) -> -u(t + pi): the impacts change places, the offset its sign
+        return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
+
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        return symmetric_again if kind == "PF" else super().lift(kind)
+
+
+def pitchfork_of_arms() -> Event:
+    """PF of an orbit with two impacts: both flights become equal, ``t2 - t1 = pi``.
+
+    Nothing changes sign there but the asymmetry itself: both arms are mirror images.
+    """
+    return Event(
+        "PF", _unequal, locus=Always(DefiningSystem({}, _equal_flights, _equal_flights_slope))
+    )
+
+
+def _unequal(point: Point) -> float:
+    return point.solution.asymmetry
+
+
+def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    return np.array([z[curve.slots["t2"]] - z[curve.slots["t1"]] - math.pi])
+
+
+def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    row = np.zeros((1, z.size))
+    row[0, curve.slots["t2"]], row[0, curve.slots["t1"]] = 1.0, -1.0
+    return row
+
+
+def symmetric_again(point: Point) -> SwitchingProblem:
+    """The branch of symmetric breathers, in its own problem."""
+    breather = simpler_than(point.solution)
+    if breather is None:
+        raise Undefined("the flights are not equal here")
+    return SwitchingProblem(breather.problem, point.curve.free[-1])
+
+
+def fold_of_arms() -> Event:
+    """LP of an orbit with two impacts and unequal flights.
+
+    Where its flights become equal the branch turns back as well, but that is its pitchfork. There
+    the test of a fold and the asymmetry vanish together, and their ratio does not.
+    """
+    return replace(_off_pitchfork(fold()), locus=_fold_locus)
+
+
+def _off_pitchfork(event: Event) -> Event:
+    return replace(event, test=partial(_per_asymmetry, event))
+
+
+def _per_asymmetry(event: Event, point: Point) -> float:
+    asymmetry = _unequal(point.base_point)
+    # 0/0 at the pitchfork itself
+    return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
+
+
+def _fold_locus(point: Point) -> DefiningSystem:
+    # on its curve, so does the test of a cusp where both folds of mirror images meet
+    locus_of = fold().locus
+    assert locus_of is not None
+    locus = locus_of(point)
+    return replace(locus, events=tuple(map(_off_pitchfork, locus.events)))
