@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,74 +38,32 @@ class Hit(NamedTuple):
     acceleration: float
 
 
+def _of(path: str) -> Any:
+    return property(attrgetter(path))
+
+
 class ImpactSequence:
     """Impacts with the conditions they happen under, read off a representation."""
 
     representation: Any
 
-    # ------------------------------------------------------------------------------ what it is
-
-    @property
-    def conditions(self) -> Conditions:
-        return self.representation.conditions
-
-    @property
-    def section(self) -> Section:
-        return self.representation.section
-
-    @property
-    def impacts(self) -> tuple[Impact, ...]:
-        return self.representation.impacts
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        return self.representation.offsets
-
-    @property
-    def a(self) -> float:
-        return self.conditions.a
-
-    @property
-    def gamma(self) -> float:
-        return self.conditions.gamma
-
-    @property
-    def k(self) -> float:
-        return self.conditions.k
-
-    @property
-    def damping(self) -> float:
-        return self.conditions.damping
-
-    @property
-    def spring(self) -> float:
-        return self.conditions.spring
-
-    @property
-    def forcing(self) -> Forcing:
-        return self.conditions.forcing
-
-    @property
-    def walls(self) -> Walls:
-        return self.conditions.walls
-
-    @property
-    def lattice(self) -> Any:
-        return self.conditions.lattice
-
-    @property
-    def period(self) -> float:
-        return self.section.period
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether ``u(t + period/2) = -u(t)`` is made use of."""
-        return self.section.symmetric
-
-    @property
-    def residual(self) -> float:
-        """Largest error of its equations: rounding, unless it was put together by hand."""
-        return self.representation.error
+    conditions: Conditions = _of("representation.conditions")
+    section: Section = _of("representation.section")
+    impacts: tuple[Impact, ...] = _of("representation.impacts")
+    offsets: tuple[float, ...] = _of("representation.offsets")
+    accelerations: FloatArray = _of("representation.accelerations")  # before each impact
+    residual: float = _of("representation.error")  # rounding, unless it was put together by hand
+    c: float = _of("representation.c")  # by how much the lattice as a whole sits off centre
+    a: float = _of("conditions.a")
+    gamma: float = _of("conditions.gamma")
+    k: float = _of("conditions.k")
+    damping: float = _of("conditions.damping")
+    spring: float = _of("conditions.spring")
+    forcing: Forcing = _of("conditions.forcing")
+    walls: Walls = _of("conditions.walls")
+    lattice: Any = _of("conditions.lattice")
+    period: float = _of("section.period")
+    symmetric: bool = _of("section.symmetric")  # whether ``u(t + period/2) = -u(t)`` is used
 
     # ---------------------------------------------------------------------------- its impacts
 
@@ -130,25 +89,20 @@ class ImpactSequence:
         """Velocity of the site just before each impact, ``-J/(1 + k)``."""
         return -self.impulses / (1.0 + self.conditions.k)  # u' -> -k u'
 
-    @property
-    def accelerations(self) -> FloatArray:
-        """Acceleration of the site just before each impact."""
-        return self.representation.accelerations
-
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        on, accelerations = self.conditions, self.representation.accelerations
+        on = self.conditions
         c = 1.0 + on.k  # b = (1 + k) u''/u' of (19), with losses
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * accelerations / self.incoming + c * on.damping
+        b: FloatArray = c * self.accelerations / self.incoming + c * on.damping
         b.setflags(write=False)
         return b
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """All impacts of a period in order of time."""
-        on, w = self.conditions, self.representation.accelerations
+        on, w = self.conditions, self.accelerations
         w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
         for (site, wall, time, J), acceleration in zip(
@@ -188,11 +142,6 @@ class ImpactSequence:
         """The entry of the saltation matrix (19), the same at every impact."""
         self._need_one("b")
         return float(self.entries[0])
-
-    @property
-    def c(self) -> float:
-        """By how much the lattice as a whole sits off centre."""
-        return self.representation.c
 
     @property
     def asymmetry(self) -> float:

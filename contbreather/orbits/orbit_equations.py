@@ -35,7 +35,7 @@ from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.response import HELD, Resonant, answers_of
 from contbreather.orbits.closure import forcing_at
-from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
+from contbreather.orbits.section import Section, check_both_walls
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -132,7 +132,10 @@ class OrbitEquations:
         at = self.terms(x, params)
         k, response = float(params["k"]), at.response
         resets = at.f[1] + at.h[1] @ at.impulses + 0.5 * restitution_ratio(k) * at.impulses
-        parts = [self._beyond_walls(at), resets]  # the mean velocity at an impact is -q J/2
+        beyond = at.f[0] + at.h[0] @ at.impulses - self.walls
+        if self.offsets:
+            beyond = beyond + at.offsets[self.own]
+        parts = [beyond, resets]  # the mean velocity at an impact is -q J/2
         if self.offsets:
             pull = self.section.period * (response.links() @ at.offsets)
             parts.append(np.bincount(self.own, at.impulses) - pull)
@@ -168,9 +171,6 @@ class OrbitEquations:
             out[modes, walls] = (self.masses * swing[1] * impulses[:, None]).T
             out[modes, resets] = (self.masses * swing[0]).T
             out[modes, modes] = -response.gaps()
-        if self.section.repeats:
-            beyond = self._beyond_walls(at)
-            out[walls] = told_apart_slopes(self.section, at.times, beyond, out[walls])
         return out
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
@@ -186,8 +186,7 @@ class OrbitEquations:
                 balance = -self.section.period * (links @ at.offsets)
             if self.resonant:
                 driven = -at.response.gaps(name) @ at.amplitudes
-        walls = told_apart(self.section, at.times, moved[0])
-        return np.concatenate([walls, moved[1], balance, driven])
+        return np.concatenate([*moved, balance, driven])
 
     def terms(self, x: FloatArray, params: Params) -> Any:
         """All that the equations are made of, at one place."""
@@ -212,24 +211,6 @@ class OrbitEquations:
         """Mass of the site of each impact, in a column."""
         return np.asarray(self.lattice.masses[list(self.sites)][:, None])
 
-    def _beyond_walls(self, at: Any) -> FloatArray:
-        """How far sites are beyond their walls at their impacts."""
-        times, impulses = at.times, at.impulses
-
-        def speed(i: int, j: int, since: FloatArray) -> FloatArray:
-            then, sites = times[i] + since, (self.sites[i],) * since.size
-            h = at.response.at(self.sites[i], then[:, None] - times)
-            late = times[j] < times[i]
-            free = h[1] @ impulses + (impulses[i] - impulses[j] if late else 0.0)
-            if self.resonant:
-                free = free + at.response.swing(sites, then)[1] @ at.amplitudes
-            return np.asarray(at.a * at.response.forced(sites, then)[1] + free)
-
-        walls = at.f[0] + at.h[0] @ impulses - self.walls
-        if self.offsets:
-            walls = walls + at.offsets[self.own]
-        return told_apart(self.section, times, walls, speed)
-
 
 class _Place:
     """Responses and forced motion at the impacts, at one set of unknowns and parameters."""
@@ -242,12 +223,6 @@ class _Place:
         self.times, self.impulses, self.offsets, self.amplitudes = of.split(x)
         self.response = of.response(params)
         self.h = self.response.interactions(self.times)
-        for i, j in of.section.repeats:
-            # as if impacts of one site at one wall kept their order: smooth where they become one
-            if (late := self.times[j] - self.times[i]) < 0.0:
-                # the branches of h at an impact differ by <sin(w t)/w> = t + O(t^3)
-                self.h[:2, j, i] += late, 1.0
-                self.h[:2, i, j] += late, -1.0
         self.forced = self.response.forced(of.sites, self.times)
         self.f = self.a * self.forced  # with modes in resonance
         if of.resonant:

@@ -7,13 +7,12 @@ An orbit of period 2 pi n is a list of impacts ``(site, wall)``. A symmetric one
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbreather.checks import one_of
 from contbreather.errors import BadInput
@@ -21,13 +20,10 @@ from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 
-FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
 
 AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
 SHORT = 1e-2  # a flight this short, from a wall back to it, is a cubic: rounding would be all else
-Speed = Callable[[int, int, FloatArray], FloatArray | None]
-
 WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
 
 
@@ -313,56 +309,3 @@ def check_order(section: Section, times: Any) -> None:
             f"{section.length:.6g} after t{early}, so it has been overtaken by the next one of "
             f"those; list the impacts from t{late} on."
         )
-
-
-# --- impacts of one site at one wall -----------------------------------------------------------
-
-
-def in_turn(section: Section, times: FloatArray) -> list[int]:
-    """The impacts by time, by index: those of one site at one wall that follow each other keep
-    their order, so that what is flown is smooth where two become one; all others may overtake."""
-    keys = [float(time) for time in times]
-    for i, j in section.repeats:
-        keys[j] = max(keys[i], keys[j])
-    return sorted(range(len(keys)), key=lambda j: (keys[j], j))
-
-
-# Two impacts at once would solve the conditions that both are on their wall, whatever the velocity:
-# along there Newton's iteration is singular, and walks get lost. The mean velocity between them,
-# which takes the place of the second condition, vanishes there with that of the impact alone.
-
-
-@cache
-def _gauss() -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of Gauss's rule, exact for polynomials of degree 5."""
-    return np.polynomial.legendre.leggauss(3)
-
-
-def told_apart(
-    section: Section, times: FloatArray, walls: FloatArray, speed: Speed | None = None
-) -> FloatArray:
-    """Conditions that impacts are on their walls, those of impacts that repeat at a wall per time
-    since the one before: a mean velocity, from `speed` where a quotient would be all rounding."""
-    conditions, (nodes, weights) = walls.copy(), _gauss()
-    for i, j in section.repeats:
-        gap = times[j] - times[i]
-        near = speed is not None and abs(gap) < SHORT
-        # Gauss's rule over the gap; its weights add up to 2
-        mean = speed(i, j, 0.5 * gap * (1.0 + nodes)) if near and speed else None
-        if mean is None and gap == 0.0:
-            raise ArithmeticError(f"impacts {i + 1} and {j + 1} of one site come at one time")
-        conditions[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * weights @ mean
-    return conditions
-
-
-def told_apart_slopes(
-    section: Section, times: FloatArray, told: FloatArray, slopes: FloatArray
-) -> FloatArray:
-    """Derivatives of what is told apart, from those of the conditions; unknowns begin with the
-    times."""
-    rows = told_apart(section, times, slopes)
-    for i, j in section.repeats:
-        change = told[j] / (times[j] - times[i])  # d(w/gap) = dw/gap - (w/gap) d(gap)/gap
-        rows[j, i] += change
-        rows[j, j] -= change
-    return rows

@@ -39,16 +39,6 @@ def test_a_curve_ends_where_two_impacts_of_one_wall_become_one(twice) -> None:
     assert abs(once.hits[0].acceleration) < 1e-4  # just after it
 
 
-def test_three_impacts_become_two_on_a_fold_with_damping_free() -> None:
-    seed = {"t1": -2.541, "t2": -1.9654, "t3": -1.5121}
-    on = {"a": 3.28, "gamma": 0.0, "k": 0.46096, "damping": 1.7573557}
-    start = cb.shooting(seed, sites=1, sequence=[(0, 1)] * 3, symmetric=True, **on)
-    fold = cb.trace(start, "a", within={"a": (3.27, 3.3)}, events=[cb.fold()]).first("LP")
-    line = cb.boundary(fold, ("damping", "k"), towards="up")
-    assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")
-    assert line[-1]["t3"] - line[-1]["t2"] == pytest.approx(1e-4)
-
-
 def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
     """With the Green's function of a ring: without an end the times would agree to rounding."""
     section = Section(((0, 1), (0, 1), (0, -1)))
