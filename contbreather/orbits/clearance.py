@@ -139,14 +139,13 @@ def measured_margins(
     rows = FOUND + motion.flights + len(sites) + 2
     # the longest grid is that of a flight as long as the period, with its steep start and both ends
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP + 2))
-    answers = np.full((len(motion.places), work.shape[1]), math.nan)
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
     if along is None:
         along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
     lowest = np.full(len(along[0]), math.inf)
     if only_closest:  # finite, and beyond all others, where there is no far field
         lowest[:] = orbit.far_of(along[0]) if orbit.endless else 1e300
-    MARGINS(motion, *along, wanted, which, time, work, answers, lowest)
+    MARGINS(motion, *along, wanted, which, time, work, lowest)
     return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
 
 

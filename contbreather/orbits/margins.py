@@ -17,7 +17,6 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
-from contbreather.lattice.periodic_green import response_since
 from contbreather.orbits.section import SHORT
 from contbreather.orbits.site_motion import (
     HIGH,
@@ -41,75 +40,9 @@ CONTACT = 1e-4  # times this close to a contact, or phases to half of it, belong
 STEEP = 12  # points that lie closer together at the start of a flight: for small k it is flat there
 NONE = -1.0  # no contact
 
-# rows of the workspace: places and quotients on a grid, displacements of two sites and of the
-# forced motion; then, from FOUND on, what is found of each flight and site
-PLACE, RATIO, PATH, TOUCHING, FORCED, FOUND = range(6)
+# rows of the workspace: places and quotients on a grid; then what is found of each flight and site
+PLACE, RATIO, FOUND = range(3)
 MARGIN, WHEN, LENGTH, NEXT = range(4)  # columns of what is found
-
-
-# --- on a grid ------------------------------------------------------------------------------------
-
-# The grid of a section: STEEP times at its start, then equal steps from one before it to its end.
-
-
-@inlined
-def since_start(motion: Motion, p: int, points: int) -> float:
-    """The time from the start of the section to place p of so many points."""
-    if p < STEEP:
-        return float(0.5 ** (6.0 - 0.5 * p) / points * motion.length)
-    return float(motion.length / points * (p - STEEP - 1))
-
-
-@inlined
-def has_one_answer(motion: Motion) -> bool:
-    """Whether sites that follow the forcing alike answer one impact a section, at its start: on the
-    grid they do alike for all amplitudes, momenta and phases."""
-    return bool(motion.responses.which.shape[1] == 1 and motion.forced.cosines.shape[0] == 1)
-
-
-def sample_forced(motion: Motion, points: int, work: Matrix) -> None:
-    """The forced motion of all sites."""
-    forced = motion.forced
-    for p in range(STEEP + points + 2):
-        t, f = motion.start + since_start(motion, p, points), 0.0
-        for i in range(forced.orders.size):
-            angle = forced.orders[i] * t
-            f += forced.cosines[0, i] * math.cos(angle) + forced.sines[0, i] * math.sin(angle)
-        work[FORCED, p] = motion.a * f
-
-
-def sample_path(
-    motion: Motion, site: int, points: int, row: int, work: Matrix, answers: Matrix
-) -> None:
-    """The path of a site; only of one that answers one impact at the STEEP times, too."""
-    if site >= motion.busy and motion.profiles.size > 0:
-        for p in range(STEEP, STEEP + points + 2):
-            step = p - STEEP - 1
-            flip = motion.sign if (step // points) % 2 != 0 else 1.0
-            work[row, p] = flip * motion.profiles[site - motion.busy, step % points]
-        return
-    if has_one_answer(motion):
-        if math.isnan(answers[site, 0]):
-            of = motion.responses.which[site, 0]
-            for p in range(STEEP + points + 2):
-                since = since_start(motion, p, points)
-                answers[site, p] = response_since(motion.responses, of, since)[0]
-        offset, J = motion.places[site, OFFSET], motion.impacts[IMPULSE, 0]
-        for p in range(STEEP + points + 2):
-            work[row, p] = offset + work[FORCED, p] + J * answers[site, p]
-        return
-    for p in range(STEEP, STEEP + points + 2):
-        t = motion.start + since_start(motion, p, points)
-        work[row, p] = site_state(motion, site, t)[0]
-
-
-def largest_displacement(motion: Motion, site: int) -> float:
-    """No less than the largest displacement of a site."""
-    total = abs(motion.places[site, OFFSET]) + motion.a * motion.forced.peak
-    for j in range(motion.responses.which.shape[1]):
-        largest = motion.responses.largest[motion.responses.which[site, j]]
-        total += abs(motion.impacts[IMPULSE, j]) * largest
-    return float(total)
 
 
 # --- the least of a quotient ----------------------------------------------------------------------
@@ -122,7 +55,8 @@ class Quotient(NamedTuple):
     origin: float
     low: float  # the walls; one at infinity does not count
     high: float
-    length: float = 0.0  # of a flight; 0: d = 1
+    length: float  # of a flight, or of all the time that is looked at
+    flight: bool  # from one impact to the next; else d = 1
     contact: float = NONE  # a double zero to be divided out
     turn: float = 0.0  # its frequency if it recurs
 
@@ -132,15 +66,15 @@ def margin_terms(
     q: Quotient, k: float, s: float, u: float, v: float, w: float
 ) -> tuple[float, float, float, float, float, float]:
     """n and d, each with two derivatives, from the motion of the site."""
-    if q.low == -math.inf:
-        n, n1, n2 = q.high - u, -v, -w
-    elif q.high == math.inf:
-        n, n1, n2 = u - q.low, v, w
-    else:
+    if q.flight and q.high - q.low < math.inf:
         tilt = q.high + q.low - 2.0 * u
         n, n1, n2 = (q.high - u) * (u - q.low), tilt * v, tilt * w - 2.0 * v * v
+    elif q.high - u < u - q.low:
+        n, n1, n2 = q.high - u, -v, -w
+    else:
+        n, n1, n2 = u - q.low, v, w
     d, d1, d2 = 1.0, 0.0, 0.0
-    if q.length > 0.0:
+    if q.flight:
         rest = q.length - s
         d, d1 = (s + k) * s * rest, (2.0 * s + k) * rest - (s + k) * s
         d2 = 2.0 * rest - 2.0 * (2.0 * s + k)
@@ -160,12 +94,6 @@ def margin_terms(
 def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> tuple[float, float]:
     """The minimum of a quotient next to s, and where: Newton's method on the numerator of its
     derivative, bisection where that leaves the bracket."""
-    if q.length == 0.0 and q.contact < 0.0:
-        u = state(motion, q.site, q.origin + s)[0]
-        if q.high - u < u - q.low:  # the nearer wall
-            q = Quotient(q.site, q.origin, -math.inf, q.high, 0.0, NONE, 0.0)
-        else:
-            q = Quotient(q.site, q.origin, q.low, math.inf, 0.0, NONE, 0.0)
     best, where, bisected = math.inf, s, 0
     for _ in range(60):
         if bisected == 9:  # it falls up to an end, which has a value of its own
@@ -191,26 +119,36 @@ def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> 
     return best, where
 
 
-def least_quotient(
-    motion: Motion, q: Quotient, size: int, low: float, high: float, work: Matrix
-) -> tuple[float, float]:
-    """The least of a quotient that is known on a grid between two ends, and where: each minimum on
-    the grid that may be it is polished between its neighbours. The grid misses less than a tenth.
-    """
-    lowest, most = math.inf, 0.0
+def least_quotient(motion: Motion, q: Quotient, points: int, work: Matrix) -> tuple[float, float]:
+    """The least of a quotient, and where: each minimum on a grid that may be it is polished between
+    its neighbours. The grid, finer at the start of a flight, misses less than a tenth; without one
+    it goes round a circle, and both its ends come twice."""
+    lowest, most, ends = math.inf, 0.0, 0 if q.flight else 1
+    size = STEEP + points - 1 if q.flight else points + 2
     for p in range(size):
-        lowest, most = min(lowest, work[RATIO, p]), max(most, abs(work[RATIO, p]))
+        part = (p - STEEP + 1.0) / points if q.flight else (p - 1.0) / points
+        if q.flight and p < STEEP:
+            part = 0.5 ** (6.0 - 0.5 * p) / points
+        s = part * q.length
+        u, v, w = site_state(motion, q.site, q.origin + s)
+        n, _, _, d, _, _ = margin_terms(q, motion.k, s, u, v, w)
+        work[PLACE, p], work[RATIO, p] = s, n / d
+        lowest, most = min(lowest, n / d), max(most, abs(n / d))
     enough = lowest + 0.1 * max(abs(lowest), 0.1 * most)
     best, where = math.inf, 0.0
-    circle = q.length == 0.0 and q.contact < 0.0  # both ends of the grid come twice
-    for p in range(1 if circle else 0, size - 1 if circle else size):
+    for p in range(ends, size - ends):
+        before, after = 0.1 * work[PLACE, 0], q.length * (1.0 - 1e-3 / points)
         value = work[RATIO, p]
-        if value > enough or (p > 0 and value > work[RATIO, p - 1]):
+        if value > enough:
             continue
-        if p + 1 < size and value > work[RATIO, p + 1]:
-            continue
-        before = work[PLACE, p - 1] if p > 0 else low
-        after = work[PLACE, p + 1] if p + 1 < size else high
+        if p > 0:
+            before = work[PLACE, p - 1]
+            if value > work[RATIO, p - 1]:
+                continue
+        if p + 1 < size:
+            after = work[PLACE, p + 1]
+            if value > work[RATIO, p + 1]:
+                continue
         value, place = polished(motion, q, work[PLACE, p], before, after)
         if value < best - TIE:
             best, where = value, place
@@ -222,14 +160,21 @@ def least_quotient(
 
 def next_impact(motion: Motion, i: int) -> tuple[float, int]:
     """The time up to the next impact of the same site, and which that is."""
-    period = motion.length * (2.0 if motion.sign < 0.0 else 1.0)
-    length, then = period, i
+    length, then = period_of(motion), i
     for j in range(motion.impacts.shape[1]):
-        since = motion.impacts[TIME, j] - motion.impacts[TIME, i]
-        since -= period * math.floor(since / period)
+        since = later(motion, motion.impacts[TIME, i], motion.impacts[TIME, j])
         if j != i and motion.impacts[SITE, j] == motion.impacts[SITE, i] and since < length:
             length, then = since, j
     return length, then
+
+
+def period_of(motion: Motion) -> float:
+    return motion.length * (2.0 if motion.sign < 0.0 else 1.0)
+
+
+def later(motion: Motion, since: float, t: float) -> float:
+    """The time from one moment to another, within a period."""
+    return t - since - period_of(motion) * math.floor((t - since) / period_of(motion))
 
 
 def speed_of(motion: Motion, i: int) -> float:
@@ -238,7 +183,7 @@ def speed_of(motion: Motion, i: int) -> float:
 
 
 def flight_margin(
-    motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix, answers: Matrix
+    motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix
 ) -> tuple[float, float]:
     """The margin of a site from impact i to its next one, and when in that flight; without its
     scale where a contact in it is divided out."""
@@ -248,25 +193,8 @@ def flight_margin(
     if length <= 0.0:  # two impacts at once
         return length, length
     if length > SHORT or contact >= 0.0:
-        q = Quotient(site, start, low, high, length, contact, 0.0)
-        size, points = 0, points_of(motion.fine, length)
-        known = has_one_answer(motion)  # then the section is the flight
-        if known:
-            sample_path(motion, site, points, PATH, work, answers)
-        for p in range(STEEP + points - 1):
-            part = 0.5 ** (6.0 - 0.5 * p) / points if p < STEEP else (p - STEEP + 1) / points
-            s = part * length
-            if contact >= 0.0 and abs(s - contact) <= CONTACT:
-                continue
-            if known:
-                u = work[PATH, p if p < STEEP else p + 2]
-            else:
-                u = site_state(motion, site, start + s)[0]
-            n, _, _, d, _, _ = margin_terms(q, k, s, u, 0.0, 0.0)
-            work[PLACE, size], work[RATIO, size] = s, n / d
-            size += 1
-        first, last = 0.1 * work[PLACE, 0], length * (1.0 - 1e-3 / points)
-        best, where = least_quotient(motion, q, size, first, last, work)
+        q = Quotient(site, start, low, high, length, True, contact, 0.0)
+        best, where = least_quotient(motion, q, points_of(motion.fine, length), work)
     if contact >= 0.0:
         return best, where
     # the quotient at both impacts, by de l'Hospital
@@ -286,64 +214,58 @@ def flight_margin(
 # --- of a site without impacts --------------------------------------------------------------------
 
 
-def idle(
-    motion: Motion, site: int, low: float, high: float, points: int, work: Matrix
+def idle_margin(
+    motion: Motion, site: int, low: float, high: float, work: Matrix
 ) -> tuple[float, float]:
-    """The least distance of a site from walls, and when; its path is in the workspace."""
-    step = motion.length / points
-    for p in range(points + 2):
-        u = work[PATH, STEEP + p]
-        work[PLACE, p], work[RATIO, p] = step * (p - 1), min(high - u, u - low)
-    q = Quotient(site, motion.start, low, high, 0.0, NONE, 0.0)
-    best, where = least_quotient(motion, q, points + 2, -step, motion.length, work)
+    """The least distance of a site from walls, and when."""
+    q = Quotient(site, motion.start, low, high, motion.length, False, NONE, 0.0)
+    best, where = least_quotient(motion, q, points_of(motion.fine, motion.length), work)
     if motion.sign < 0.0 and state(motion, site, motion.start + where)[0] < 0.0:
         where += motion.length  # at the wall +1
     return best, where
 
 
-def besides_contact(
-    motion: Motion, site: int, contact: float, points: int, work: Matrix, row: int,
-    answers: Matrix,
-) -> None:  # fmt: skip
-    """Where one maximum of a site, whose path is in the workspace, touches a wall: the least of all
-    others there, the contact divided out, and of those at the other wall."""
-    sections = 2 if motion.sign < 0.0 else 1
-    period, step = sections * motion.length, motion.length / points
-    low, high = motion.places[site, LOW], motion.places[site, HIGH]
+def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row: int) -> None:
+    """Where one maximum of a site touches a wall: the least of all others there, the contact
+    divided out, and of those at the other wall."""
+    period, low, high = period_of(motion), motion.places[site, LOW], motion.places[site, HIGH]
     u = state(motion, site, motion.start + contact)[0]
     upper = high - u < u - low
     own_low, own_high = (-math.inf, high) if upper else (low, math.inf)
-    q = Quotient(site, motion.start, own_low, own_high, 0.0, contact, 2.0 * math.pi / period)
-    size = 0
-    for p in range(sections * points):
-        s = step * p
-        if abs(math.sin(0.5 * q.turn * (s - contact))) > CONTACT:
-            flip = motion.sign if p >= points else 1.0
-            u = flip * work[TOUCHING, STEEP + 1 + p % points]
-            n, _, _, d, _, _ = margin_terms(q, motion.k, s, u, 0.0, 0.0)
-            work[PLACE, size], work[RATIO, size] = s, n / d
-            size += 1
-    first, last = work[PLACE, 0] - step, work[PLACE, size - 1] + step
-    work[row, MARGIN], work[row, WHEN] = least_quotient(motion, q, size, first, last, work)
-    other_low, other_high = (low, math.inf) if upper else (-math.inf, high)
-    if sections == 1 and (other_low > -math.inf or other_high < math.inf):
-        sample_path(motion, site, points, PATH, work, answers)
-        margin, when = idle(motion, site, other_low, other_high, points, work)
-        work[row + 1, MARGIN], work[row + 1, WHEN] = margin, when
+    turn = 2.0 * math.pi / period
+    q = Quotient(site, motion.start, own_low, own_high, period, False, contact, turn)
+    points = points_of(motion.fine, motion.length) * (2 if motion.sign < 0.0 else 1)
+    work[row, MARGIN], work[row, WHEN] = least_quotient(motion, q, points, work)
+    low, high = (low, math.inf) if upper else (-math.inf, high)
+    if motion.sign > 0.0 and (low > -math.inf or high < math.inf):
+        work[row + 1, MARGIN], work[row + 1, WHEN] = idle_margin(motion, site, low, high, work)
 
 
-def is_image(points: int, work: Matrix) -> bool:
-    """Whether the two sites whose paths are in the workspace move alike."""
-    apart = 0.0
-    for p in range(STEEP + 1, STEEP + points + 1):
-        apart = max(apart, abs(work[PATH, p] - work[TOUCHING, p]))
-    return apart <= IMAGE
+def is_image(motion: Motion, site: int, other: int) -> bool:
+    """Whether two sites move alike."""
+    points = points_of(motion.fine, motion.length)
+    for p in range(points):
+        t = motion.start + motion.length / points * p
+        if abs(state(motion, site, t)[0] - state(motion, other, t)[0]) > IMAGE:
+            return False
+    return True
+
+
+def largest_displacement(motion: Motion, site: int) -> float:
+    """No less than the largest displacement of a site."""
+    total = abs(motion.places[site, OFFSET]) + motion.a * motion.forced.peak
+    for j in range(motion.responses.which.shape[1]):
+        largest = motion.responses.largest[motion.responses.which[site, j]]
+        total += abs(motion.impacts[IMPULSE, j]) * largest
+    return float(total)
+
+
+# --- all of them ----------------------------------------------------------------------------------
 
 
 def margins(
-    motion: Motion, near: Signs, ceiling: float, touching: int, time: float, work: Matrix,
-    answers: Matrix,
-) -> None:  # fmt: skip
+    motion: Motion, near: Signs, ceiling: float, touching: int, time: float, work: Matrix
+) -> None:
     """The margin, and when, of each flight and of each site without impacts that is near or may
     have the least of the others; besides the contact of one site, if any, which may be its own.
 
@@ -358,46 +280,36 @@ def margins(
     work : array
         At its end rows for flights, for sites without impacts and, of one that touches, for its
         other crests at its wall and at the other one; infinite where nothing was computed.
-    answers : array
-        Of each site to one impact, on the grid; NaN unless it has been asked.
     """
-    first, points = FOUND + motion.flights, points_of(motion.fine, motion.length)
-    period = motion.length * (2.0 if motion.sign < 0.0 else 1.0)
+    first, below = FOUND + motion.flights, ceiling
     for row in range(FOUND, work.shape[0]):
         work[row, MARGIN] = math.inf
-    if has_one_answer(motion):
-        sample_forced(motion, points, work)
-    below = ceiling
     for i in range(motion.flights):
         length, then = next_impact(motion, i)
         contact = NONE
         if touching == motion.impacts[SITE, i]:
-            contact = time - motion.impacts[TIME, i]
-            contact -= period * math.floor(contact / period)
+            contact = later(motion, motion.impacts[TIME, i], time)
             if motion.sign < 0.0 and contact > length:
                 contact -= motion.length
             contact = contact if 0.0 < contact < length else NONE
+        margin, when = flight_margin(motion, i, length, then, contact, work)
         row = FOUND + i
-        margin, when = flight_margin(motion, i, length, then, contact, work, answers)
-        work[row, MARGIN], work[row, WHEN] = margin, when
-        work[row, LENGTH], work[row, NEXT] = length, then
+        work[row, MARGIN], work[row, WHEN], work[row, LENGTH], work[row, NEXT] = (
+            margin, when, length, then,
+        )  # fmt: skip
         if ceiling < math.inf:
-            below = min(below, work[row, MARGIN])
+            below = min(below, margin)
     if touching >= motion.busy:
-        contact = (time - motion.start) - period * math.floor((time - motion.start) / period)
-        sample_path(motion, touching, points, TOUCHING, work, answers)
-        besides_contact(motion, touching, contact, points, work, work.shape[0] - 2, answers)
+        contact = later(motion, motion.start, time)
+        besides_contact(motion, touching, contact, work, work.shape[0] - 2)
     for site in range(motion.busy, motion.places.shape[0]):
         low, high = motion.places[site, LOW], motion.places[site, HIGH]
         wanted = near.size > 0 and near[site - motion.busy] != 0
         if not wanted and min(high, -low) - largest_displacement(motion, site) > below + ROUNDING:
             continue  # it cannot be closer
-        if site == touching:
+        if site == touching or (touching >= motion.busy and is_image(motion, site, touching)):
             continue
-        sample_path(motion, site, points, PATH, work, answers)
-        if touching >= motion.busy and is_image(points, work):
-            continue
-        margin, when = idle(motion, site, low, high, points, work)
+        margin, when = idle_margin(motion, site, low, high, work)
         row = first + site - motion.busy
         work[row, MARGIN], work[row, WHEN] = margin, when
         if not wanted:
@@ -406,7 +318,7 @@ def margins(
 
 def margins_along(
     motion: Motion, a: Vector, times: Matrix, impulses: Matrix, near: Signs, touching: int,
-    time: float, work: Matrix, answers: Matrix, lowest: Vector,
+    time: float, work: Matrix, lowest: Vector,
 ) -> None:  # fmt: skip
     """The least margin of each of several motions that differ in their amplitudes and impacts
     alone, below the ceiling that was found before; the work is that of the last."""
@@ -416,10 +328,9 @@ def margins_along(
             motion.impacts[IMPULSE, j] = impulses[i, j]
         varied = Motion(
             a[i], motion.k, times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
-            motion.responses, motion.profiles, motion.impacts, motion.flights, motion.busy,
-            motion.places,
+            motion.responses, motion.impacts, motion.flights, motion.busy, motion.places,
         )  # fmt: skip
-        margins(varied, near, lowest[i], touching, time, work, answers)
+        margins(varied, near, lowest[i], touching, time, work)
         for row in range(FOUND, work.shape[0]):
             lowest[i] = min(lowest[i], work[row, MARGIN])
 

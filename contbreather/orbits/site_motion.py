@@ -65,7 +65,6 @@ class Motion(NamedTuple):
     fine: int  # points of a grid to half a period of the forcing
     forced: Forced
     responses: Responses
-    profiles: Matrix  # displacements of sites without impacts at equal steps, where known
     impacts: Matrix  # of a period: times, impulses, sites, walls
     flights: int  # impacts of a section
     busy: int  # sites that impact
@@ -115,7 +114,7 @@ def points_of(fine: int, length: float) -> int:
 # --- of an orbit ----------------------------------------------------------------------------------
 
 
-_NO_PROFILES, _FIRST = np.empty((0, 0)), np.zeros(1, dtype=np.int64)
+_FIRST = np.zeros(1, dtype=np.int64)
 
 
 class SiteMotion:
@@ -308,16 +307,16 @@ class SiteMotion:
         )
         wanted |= np.isin(candidates, list(near))
         sites = candidates[wanted].tolist()
-        return self._of((*self.hit, *sites), np.ascontiguousarray(profiles[wanted])), sites
+        return self._of((*self.hit, *sites)), sites
 
-    def _of(self, sites: tuple[int, ...], profiles: FloatArray = _NO_PROFILES) -> Motion:
+    def _of(self, sites: tuple[int, ...]) -> Motion:
         rows = [(t, J, self.hit.index(site), wall) for site, wall, t, J in self.impacts]
         impacts = np.array([*zip(*rows, strict=True)], dtype=float)
         places = np.empty((len(sites), 3))
         places[:, OFFSET], places[:, LOW:] = self.offset(sites), [self.walls(n) for n in sites]
         a, forced = self._forced(sites)
         section = self.start, self.length, float(self.sign), self.fine
-        parts = forced, self.response.table(sites), profiles, impacts
+        parts = forced, self.response.table(sites), impacts
         return Motion(a, self.k, *section, *parts, self.section.count, len(self.hit), places)
 
     def _forced(self, sites: tuple[int, ...]) -> tuple[float, Forced]:

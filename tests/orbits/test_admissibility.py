@@ -17,7 +17,6 @@ from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 from contbreather.orbits import (
     centre_margin,
     highest_neighbour,
-    margins,
     neighbour_peak,
     smallest_amplitude,
     symmetric,
@@ -438,14 +437,6 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
     scale = 0.25 * orbit.period**2 * (0.5 * orbit.period + 0.5)
     ends = abs(orbit.incoming[0]) / orbit.period / np.array([1.0, orbit.period + 0.5])
     assert orbit.admissibility().margin == pytest.approx(scale * min(ratio.min(), *ends), abs=1e-6)
-    q = margins.Quotient(0, orbit.times[0], *orbit.walls.at(0), orbit.period)
-    for t in (0.4, 2.0, 5.5):  # the ratio's own slopes, by differences
-        h = 1e-5
-        of = [margins.margin_terms(q, 0.5, t + d, *orbit.motion.at(0, q.origin + t + d))
-              for d in (-h, 0.0, h)]  # fmt: skip
-        before, here, after = np.array(of).reshape(3, 2, 3)
-        assert here[:, 1] == pytest.approx((after[:, 0] - before[:, 0]) / (2 * h), abs=1e-6)
-        assert here[:, 2] == pytest.approx((after[:, 1] - before[:, 1]) / (2 * h), abs=1e-6)
 
 
 def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
