@@ -178,7 +178,7 @@ class Diagram(Columns, HtmlRepr):
 
     def table(self) -> Sheet:
         """A line for each branch; in a terminal it is a tree."""
-        columns = {
+        columns: dict[str, list[Any]] = {
             "branch": [str(i) for i in range(len(self))],
             "born at": [birth.place.name if birth.place else "" for birth in self.births],
             "points": [len(branch) for branch in self],

@@ -210,7 +210,11 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         """A line for each, with its special points."""
         labels = [", ".join(point.label for point in branch.special) for branch in self]
         what = [branch.describe() for branch in self]
-        columns = {"": list(range(len(self))), "branch": what, "points": labels}
+        columns: dict[str, list[Any]] = {
+            "": list(range(len(self))),
+            "branch": what,
+            "points": labels,
+        }
         return Sheet([Column(name, cells) for name, cells in columns.items()])
 
 
