@@ -86,7 +86,7 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
 
 def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypatch) -> None:
     found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
-    orbit, filled = found.solution, counted(margins, "sample_path")
+    orbit, filled = found.solution, counted(margins, "idle_margin")
     monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
     other_contacts(orbit.motion, 1, found.detail["t"])
     assert filled["calls"] <= 4  # of thirteen
