@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,13 +17,33 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
 from .cycle_problem import Cycle
-from .equations import FlowEquations, lasting
+from .equations import FlowEquations, Places
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
 from .guards import bottom
 from .multipliers import paces
 
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
+
+
+@dataclass(frozen=True, eq=False)
+class Lasting:
+    """The condition that durations, weighted, add up to a time."""
+
+    lengths: Places
+    weights: Array
+    total: float
+
+    def system(self, **more: Any) -> DefiningSystem:
+        return DefiningSystem({}, self.condition, self.derivative, **more)
+
+    def condition(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([self.weights @ z[self.lengths] - self.total])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        row = np.zeros((1, z.size))
+        row[0, self.lengths] = self.weights
+        return row
 
 
 class Margin(NamedTuple):
@@ -251,24 +271,18 @@ def _shares(orbit: Cycle) -> list[Margin]:
     """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond."""
-    flows = orbit.equations.flows
+    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
     rates = paces(orbit.equations, orbit.x, orbit.params)
     return [
         Margin(
             flight.duration / orbit.period - _SHRUNK,
-            partial(_shortest, orbit.equations, i),
+            Lasting(lengths, np.eye(len(flows))[i] - _SHRUNK, 0.0).system,
             f"flow {i} shrinks to nothing, it begins at a tangency",
         )
         for i, flight in enumerate(orbit.flights)
         if flows[i - 1].until and not flows[i - 1].reset
         if rates[(i - 1) % len(flows)][1] < 1e-2  # of its largest rate: all but touched
     ]
-
-
-def _shortest(equations: FlowEquations, i: int) -> DefiningSystem:
-    shares = np.full(len(equations.flows), -_SHRUNK)
-    shares[i] += 1.0
-    return DefiningSystem({}, *lasting(equations.layout.lengths, shares, 0.0))
 
 
 def shrinking(kind: str) -> Event:

@@ -152,11 +152,6 @@ class Flow:
         number = round(t / value_at(clock.period, p) - value_at(clock.part, p))
         return replace(self, until=replace(clock, number=number))
 
-    def through(self, change: Callable[..., Any]) -> Flow:
-        """Compose its field, reset and walls with a function of these."""
-        f, reset = partial(change, self.f), self.reset and partial(change, self.reset)
-        return replace(self, f=f, reset=reset, walls=tuple(partial(change, w) for w in self.walls))
-
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.
 

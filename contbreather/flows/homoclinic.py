@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from .collocation import sizes_of
+from .contact_events import Lasting
 from .cycle_problem import Cycle, equations_of
-from .equations import lasting, sizes_of
 from .filippov import slid_along
 from .flow import Function, slopes, values
 
@@ -181,10 +182,9 @@ def _named(orbit: Cycle, state: Array) -> str:
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
     lengths = equations_of(point.base_point).layout.lengths
-    # all durations together
-    longer = lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
+    longer = Lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    return DefiningSystem({}, *longer, events=(_MOVES,), meets=nothing)
+    return longer.system(events=(_MOVES,), meets=nothing)
 
 
 def _rests(point: Point) -> float:
