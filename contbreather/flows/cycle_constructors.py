@@ -19,8 +19,7 @@ from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
-from .contact_events import lowest, sliding
-from .cycle_events import events_of_cycle
+from .cycle_events import events_of_cycle, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .equations import FlowEquations
 from .filippov import Filippov, slid_along
@@ -150,9 +149,7 @@ def cycle(
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
-        events = events_of_cycle(equations)
-        if isinstance(flows, Filippov):
-            events = (*events_of_cycle(equations, "SL"), sliding(flows))
+        events = events_of_cycle(equations, flows if isinstance(flows, Filippov) else None)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     return _closed(equations, problem_at, params, size)
 
@@ -505,7 +502,7 @@ def _refuse_family(problem: Problem, error: Exception) -> None:
 
 def _refuse_passed(orbit: Cycle) -> None:
     """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing."""
-    touch = lowest(orbit)
+    touch = min(touches(orbit), default=None)
     if touch and touch.clearance < -1e-9:  # less is passed, as where a walk begins
         raise NotConverged(
             "no periodic orbit was found from there: the closest passes "

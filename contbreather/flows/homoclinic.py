@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
-from .contact_events import Lasting
 from .cycle_problem import Cycle, equations_of
+from .equations import Places
 from .filippov import slid_along
 from .flow import Function, slopes, values
 
@@ -31,6 +31,26 @@ _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its 
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _GROWS = "the period grows without bound"
+
+
+@dataclass(frozen=True, eq=False)
+class Lasting:
+    """The condition that durations, weighted, add up to a time."""
+
+    lengths: Places
+    weights: Array
+    total: float
+
+    def system(self, **more: Any) -> DefiningSystem:
+        return DefiningSystem({}, self.condition, self.derivative, **more)
+
+    def condition(self, curve: Any, z: Array, extra: Array) -> Array:
+        return np.array([self.weights @ z[self.lengths] - self.total])
+
+    def derivative(self, curve: Any, z: Array, extra: Array) -> Array:
+        row = np.zeros((1, z.size))
+        row[0, self.lengths] = self.weights
+        return row
 
 
 @dataclass(frozen=True, eq=False)
