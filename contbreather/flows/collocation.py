@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ..checks import whole
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
-from .flow import Flow, Params, slopes, values
+from .flow import Flow
+from .functions import Params, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest

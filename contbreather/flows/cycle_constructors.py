@@ -22,11 +22,9 @@ from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown,
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .equations import FlowEquations
-from .filippov import Filippov, slid_along
-from .flow import Flow, Function, Params, value_at, values
-from .guards import root
-from .integrate import TooManySteps, Trajectory, flows_of, integrate
-from .time_dependence import period_at, refuse_false_period
+from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, value_at
+from .functions import Function, Params, values
+from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none

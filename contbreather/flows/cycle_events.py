@@ -28,10 +28,10 @@ from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .collocation import TrajectorySegment
 from .cycle_problem import Cycle, equations_of
 from .equations import FlowEquations
-from .filippov import Filippov, slid_along
-from .flow import Clock, Function, Params, slopes, values
-from .guards import bottom
+from .flow import Clock, Filippov, slid_along
+from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
+from .integrate import bottom
 from .multipliers import paces
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium

@@ -25,10 +25,10 @@ from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
 from .equations import FlowEquations
-from .flow import Function, Params
-from .guards import bottom
+from .flow import refuse_false_period
+from .functions import Function, Params
+from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle
-from .time_dependence import refuse_false_period
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3

@@ -27,7 +27,8 @@ from .collocation import (
     derivatives,
     flown,
 )
-from .flow import Flow, Params, slopes, values
+from .flow import Flow
+from .functions import Params, slopes, values
 
 Places = NDArray[np.intp]
 

@@ -24,8 +24,8 @@ from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
 from .cycle_problem import Cycle, equations_of
 from .equations import Places
-from .filippov import slid_along
-from .flow import Function, slopes, values
+from .flow import slid_along
+from .functions import Function, slopes, values
 
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear

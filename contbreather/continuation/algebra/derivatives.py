@@ -19,7 +19,7 @@ from .sparse import row_sizes
 Function = Callable[[Array], Array]
 Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
 
-_IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
+IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
 RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 _FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
 
@@ -152,10 +152,10 @@ def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = 
     for i in range(z.size) if columns is None else columns:
         # Im f(z + ih) / h = f' - h^2 f''' / 6 + ...
         # (W. Squire and G. Trapp, SIAM Rev. 40, 110, 1998)
-        shifted[i] += 1j * _IMAGINARY
+        shifted[i] += 1j * IMAGINARY
         slopes.append(function(shifted).imag)
         shifted[i] = z[i]
-    return np.array(slopes).T.copy() / _IMAGINARY
+    return np.array(slopes).T.copy() / IMAGINARY
 
 
 def choose(function: Function, z: Array, scales: Array) -> Scheme:
