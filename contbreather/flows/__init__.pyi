@@ -2,7 +2,7 @@ from .collocation import Collocation as Collocation
 from .cycle_constructors import cycle as cycle
 from .cycle_problem import Cycle as Cycle
 from .cycle_problem import cycle_of as cycle_of
-from .filippov import Filippov as Filippov
+from .flow import Filippov as Filippov
 from .flow import Flow as Flow
 from .flow_equilibria import equilibrium as equilibrium
 from .integrate import GuardCrossing as GuardCrossing

@@ -8,7 +8,7 @@ unknowns of a cycle. What is between is solved for interval by interval, all of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from ..checks import whole
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
-from .flow import Flow, Params, slopes, values
+from .flow import Flow
+from .functions import Params, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
+AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
 
 
@@ -245,6 +247,30 @@ class TrajectorySegment:
         left = abs(self.scheme.highest @ self.slopes) / max(abs(self.states).max(), least)
         j = int(left.max(axis=1).argmax())
         return float(left.max()), float(self.knots[j])
+
+
+def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
+    """Measure the motion of each state of each flow, or its size.
+
+    It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
+    one flow as in another has such meshes, too, wherever its branch began.
+    """
+    sizes = []
+    for n in (flight.dimension for flight in flights):
+        alike = [flight for flight in flights if flight.dimension == n]
+        sampled = [flight.sampled(2)[1] for flight in alike]
+        # what hardly moves is measured by its value: its motion may be rounding
+        moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
+        size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
+        # and what is zero, as beside a branch that leaves a subspace, by what moves most
+        least = AT_REST * size.max()
+        sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
+    largest = max(size.max() for size in sizes) or 1.0
+    rests = [size.max() < AT_REST * largest for size in sizes]
+    return tuple(
+        np.full_like(size, largest) if at_rest else size
+        for size, at_rest in zip(sizes, rests, strict=True)
+    )
 
 
 @dataclass(frozen=True, eq=False)

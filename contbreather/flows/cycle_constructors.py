@@ -18,16 +18,13 @@ from ..continuation.curve.point import Event
 from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
-from .collocation import Collocation, TrajectorySegment, fitted, flown
-from .contact_events import lowest, sliding
-from .cycle_events import events_of_cycle
+from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
+from .cycle_events import events_of_cycle, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
-from .equations import AT_REST, FlowEquations, sizes_of
-from .filippov import Filippov, slid_along
-from .flow import Flow, Function, Params, value_at, values
-from .guards import root
-from .integrate import TooManySteps, Trajectory, flows_of, integrate
-from .time_dependence import period_at, refuse_false_period
+from .equations import FlowEquations
+from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, value_at
+from .functions import Function, Params, values
+from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
@@ -35,6 +32,8 @@ _WAIT = 100.0  # how long a return is waited for at first, where no time to sett
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
+_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
+_LOOKS = 4  # into each interval for that
 _UNFORCED = "where nothing depends on the time its period is unknown: leave period= out"
 
 
@@ -148,9 +147,7 @@ def cycle(
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
-        events = events_of_cycle(equations)
-        if isinstance(flows, Filippov):
-            events = (*events_of_cycle(equations, "SL"), sliding(flows))
+        events = events_of_cycle(equations, flows if isinstance(flows, Filippov) else None)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     return _closed(equations, problem_at, params, size)
 
@@ -411,7 +408,7 @@ def _closed(
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
             _refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
-        equations = equations.single_round(solved.x, params)
+        equations = _once(equations, equations.flights(solved.x, params), params)
         equations = replace(equations, start=_adapted(equations.start))
     closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
@@ -419,6 +416,47 @@ def _closed(
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     return closed
+
+
+def _once(
+    equations: FlowEquations, flights: Sequence[TrajectorySegment], p: Params
+) -> FlowEquations:
+    """Begin at this orbit, a single time around where it goes around several times."""
+    repeats = (m for m in range(_RETURNS, 1, -1) if _repeats(equations, m, flights, p))
+    rounds = next(repeats, 1)
+    if not equations.smooth:
+        flights = flights[: len(flights) // rounds]
+    elif rounds > 1:
+        knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
+        part = whole.on(knots / rounds)
+        flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
+    return replace(
+        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
+        turns=equations.turns // rounds, sizes=sizes_of(flights),
+    )  # fmt: skip
+
+
+def _repeats(
+    equations: FlowEquations, rounds: int, flights: Sequence[TrajectorySegment], p: Params
+) -> bool:
+    """Compare the orbit at all times and a part of its period later."""
+    flows, (part, rest) = equations.flows, divmod(len(flights), rounds)
+    if equations.turns % rounds and not equations.autonomous:
+        return False
+    if equations.smooth:
+        (flight,), reset = flights, flows[0].reset
+        s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
+        later = flight.at(s + 1 / rounds)
+        if reset is not None:
+            later = values(reset, flight.start + flight.duration * s, later, p)
+        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
+    pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
+    return not rest and all(
+        (flow.f, flow.reset) == (successor.f, successor.reset)
+        and now.states.shape == then.states.shape
+        and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
+        for flow, successor, now, then, size in pairs
+    )
 
 
 def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquations, Problem]:
@@ -462,7 +500,7 @@ def _refuse_family(problem: Problem, error: Exception) -> None:
 
 def _refuse_passed(orbit: Cycle) -> None:
     """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing."""
-    touch = lowest(orbit)
+    touch = min(touches(orbit), default=None)
     if touch and touch.clearance < -1e-9:  # less is passed, as where a walk begins
         raise NotConverged(
             "no periodic orbit was found from there: the closest passes "

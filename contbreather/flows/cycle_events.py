@@ -1,33 +1,42 @@
-"""Events of cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point.
-
-A curve of folds ends there, too, at GH.
+"""Events of cycles along a branch: LP, BP, PD, NS, and where it ends: HB, a cycle that shrinks to a
+point; VI, an impact that loses its velocity; GR, a wall that is touched in between; SL, an orbit of
+a Filippov system that begins to slide, or to cross where it slid. Curves of folds end at GH.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
+from ..continuation.algebra.derivatives import RELATIVE, directional
 from ..continuation.algebra.linear_algebra import by_inverses
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
 from ..continuation.algebra.sparse import Dense
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import linked, unresolved
+from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, crossing_event
 from ..continuation.systems.defining_systems import Singular, signed_smallest
-from .contact_events import GRAZING, IMPACT, shrinking
+from .collocation import TrajectorySegment
 from .cycle_problem import Cycle, equations_of
 from .equations import FlowEquations
-from .homoclinic import HOMOCLINIC
+from .flow import Clock, Filippov, slid_along
+from .functions import Function, Params, slopes, values
+from .homoclinic import HOMOCLINIC, Lasting
+from .integrate import bottom
+from .multipliers import paces
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
+_SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -81,7 +90,7 @@ _SHRUNK = Event(
 _GENERALISED = Event("GH", partial(_swing, _FLAT), examine=_examine_generalised, ends="branch")
 
 
-# --- the events -----------------------------------------------------------------------------
+# --- where a multiplier is 1 --------------------------------------------------------------------
 
 
 def _branches(point: Point) -> float:
@@ -127,18 +136,235 @@ _BRANCH_POINT = replace(
 )
 
 
-def events_of_cycle(equations: FlowEquations, tangency: str = "GR") -> tuple[Event, ...]:
-    """List the events of a cycle of these flows; one comes into being at a tangency, GR or SL."""
-    lp, pd, ns = (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
+# --- where flows end ----------------------------------------------------------------------------
+
+
+class Margin(NamedTuple):
+    """Distance of an orbit from one end of its branch, the equations of the end, and a sentence."""
+
+    value: float
+    system: Callable[[], DefiningSystem]
+    said: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Nearest:
+    """Test of an event: the least of some margins of an orbit."""
+
+    margins: Callable[[Cycle], Iterable[Margin]]
+
+    def __call__(self, point: Point) -> float:
+        margins = self.margins(point.base_point.solution)
+        return min((margin.value for margin in margins), default=math.nan)
+
+    def locus(self, point: Point) -> DefiningSystem:
+        return self._least(point).system()
+
+    def examine(self, point: Point) -> Examined:
+        return {"said": self._least(point).said}
+
+    def _least(self, point: Point) -> Margin:
+        return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)
+
+
+def _event(kind: str, margins: Callable[[Cycle], Iterable[Margin]]) -> Event:
+    nearest = _Nearest(margins)
+    return Event(kind, nearest, locus=nearest.locus, examine=nearest.examine, ends="domain")
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """A wall, and how fast it changes along the flow, at a place of a flow: at an unknown one both
+    vanish where it is touched."""
+
+    equations: FlowEquations
+    flow: int
+    wall: Function
+    place: float | None  # 1 the end of the flow
+    rows: slice  # which of both vanish there
+
+    def system(self, **extra: float) -> DefiningSystem:
+        return DefiningSystem(extra, self.conditions, self.derivative)
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        x, p, s = z[: curve.size], curve.params(z), self._place(extra)
+        t, state = self.equations.place(self.flow, s, x, p)
+        return self._both(t, state, p, ())[0][self.rows]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        x, p, names, s = z[: curve.size], curve.params(z), curve.free, self._place(extra)
+        t, state = self.equations.place(self.flow, s, x, p)
+        local = self._both(t, state, p, names)[1]
+        n = state.size + 1  # of the state and the time
+        total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
+        total[:, curve.size : -1] += local[:, n:]
+        return total[self.rows] if self.place is None else total[self.rows, :-1]
+
+    def _place(self, extra: Array) -> float:
+        return float(extra[0]) if self.place is None else self.place
+
+    def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
+        """Evaluate both at a time and a state, and their derivatives, in parameters too."""
+
+        def gradient(z: Array) -> Array:
+            return slopes(self.wall, z[-1], z[:-1, None], p, names)[1][0, :, 0]
+
+        at, n = np.append(x, t), x.size
+        f, df = (
+            of[..., 0] for of in slopes(self.equations.flows[self.flow].f, t, x[:, None], p, names)
+        )
+        grad, way = gradient(at), np.append(f, 1.0)
+        # (grad w . f)' = w'' f + grad w . f', and w'' f is how the gradient changes along f
+        step = RELATIVE * (1 + np.linalg.norm(at)) / np.linalg.norm(way)
+        turned = directional(gradient, at, step * way) / step
+        value = values(self.wall, t, x[:, None], p)[0, 0]
+        return np.array([value, grad[: n + 1] @ way]), np.stack([grad, turned + grad[:n] @ df])
+
+
+class Touch(NamedTuple):
+    """A low place of a wall along its flow: how far off it is, of which flow, when (in its
+    duration, and in time), which of its guards."""
+
+    clearance: float
+    flow: int
+    place: float
+    time: float
+    guard: str
+
+
+def touches(orbit: Cycle) -> Iterator[Touch]:
+    """Find where an orbit comes closest to each wall of its flows, at the ends of these, too, and
+    to the condition that ends one before it does."""
+    flows = orbit.equations.flows
+    for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
+        s, states = flight.sampled(8)  # into each interval for a wall that is touched
+        for name, wall in flow.guards.items():
+            if isinstance(wall, Clock):
+                continue
+            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
+            ends = name == "until"
+            height = partial(_height, wall, flight, orbit.params)
+            # without a reset it begins where another ended: the walls of sliding are zero there
+            walled = flow.until is None or flows[i - 1].reset is not None
+            begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
+            places = [s[v.argmax()]]  # where no place is low this one is far from it
+            for j in _lows(v, s, begins, ends):
+                low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
+                places.append(bottom(partial(height, divided=ends), low, high)[0])
+            off = height(np.array(places))
+            at = float(places[int(off.argmin())])
+            yield Touch(float(off.min()), i, at, flight.start + flight.duration * at, name)
+
+
+def _height(
+    wall: Function, flight: TrajectorySegment, p: Params, s: Array, divided: bool = False
+) -> Array:
+    """Evaluate a wall along a flight; divided by 1 - s where it ends the flow, but there."""
+    v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
+    return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
+
+
+def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
+    """Tell whether a flow begins off its own condition, not on it as after an impact: by more than
+    the error of the end of the flow before. Where sliding begins SL is looked for."""
+    flows, before, p = orbit.equations.flows, orbit.flights[i - 1], orbit.params
+    if slid_along(flows[i]):
+        return False
+    reset, ended, state = flows[i - 1].reset, flows[i - 1].until, before.end[:, None]
+    after = state if reset is None else values(reset, before.last, state, p)
+    off = abs(values(until, before.last, after, p)[0, 0])
+    error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
+    return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
+
+
+def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
+    """Find the minima of a wall, those at the two ends of its flow among them.
+
+    What ends the flow is zero there, so that is divided out: where it is touched before, v = 0 and
+    v' = 0 as ever, but a minimum of v / (1 - s) comes into being while it is positive, and none
+    does where the end itself grazes, at VI.
+    """
+    if ends:
+        v = v[:-1] / (1 - s[:-1])
+    beside = np.concatenate([[math.inf], v, [math.inf]])
+    depth = np.maximum(beside[:-2], beside[2:]) - v
+    # less deep is rounding
+    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * abs(v).max())
+    low[0] &= begins
+    low[-1] &= not ends
+    return [int(j) for j in np.flatnonzero(low)]
+
+
+def _clearances(orbit: Cycle) -> Iterator[Margin]:
+    """Measure how far the orbit is off touching a wall."""
+    for touch in touches(orbit):
+        flow = orbit.equations.flows[touch.flow]
+        reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
+        system = partial(reached(None, slice(2)).system, touch=touch.place)
+        if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
+            system = partial(reached(touch.place, slice(1)).system)
+        said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
+        yield Margin(touch.clearance, system, said)
+
+
+def _rates(orbit: Cycle) -> Iterator[Margin]:
+    """Measure how fast each condition falls where it ends its flow."""
+    for i, (rate, _) in paces(orbit.equations, orbit.x, orbit.params).items():
+        flow, flight = orbit.equations.flows[i], orbit.flights[i]
+        assert flow.until is not None
+        system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system  # no change
+        said = f"flow {i} only just reaches its end at t = {flight.last:.6g}"
+        yield Margin(rate, system, said)
+
+
+def _arrivals(system: Filippov, orbit: Cycle) -> Iterator[Margin]:
+    """Measure the field of the other side where an orbit comes to the surface: it points away from
+    it where the orbit crosses, and at it where it slides."""
+    numbers = [system.flows.index(flow) for flow in orbit.equations.flows]
+    fields = [system.to_minus.until, system.to_plus.until]
+    for i, flight in enumerate(orbit.flights):
+        if numbers[i] >= len(fields):
+            continue  # it leaves the surface there
+        field, slides = fields[numbers[i]], numbers[(i + 1) % len(numbers)] >= len(fields)
+        assert field is not None
+        points_at_it = float(values(field, flight.last, flight.end[:, None], orbit.params)[0, 0])
+        reached = _Reached(orbit.equations, i, field, 1.0, slice(1)).system
+        said = f"flow {i} ends at the edge of sliding at t = {flight.last:.6g}"
+        yield Margin(points_at_it if slides else -points_at_it, reached, said)
+
+
+def _shares(orbit: Cycle) -> Iterator[Margin]:
+    """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
+    condition without a reset is all but touched: where two flows meet at a tangency one comes into
+    being, as short as the root of how far the parameter is beyond."""
+    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
+    rates = paces(orbit.equations, orbit.x, orbit.params)
+    for i, flight in enumerate(orbit.flights):
+        before = (i - 1) % len(flows)
+        # of its largest rate less than this: all but touched
+        if flows[before].until and not flows[before].reset and rates[before][1] < 1e-2:
+            shrunk = Lasting(lengths, np.eye(len(flows))[i] - _SHORTEST, 0.0).system
+            said = f"flow {i} shrinks to nothing, it begins at a tangency"
+            yield Margin(flight.duration / orbit.period - _SHORTEST, shrunk, said)
+
+
+# --- all of them --------------------------------------------------------------------------------
+
+
+def events_of_cycle(equations: FlowEquations, system: Filippov | None = None) -> tuple[Event, ...]:
+    """List the events of a cycle of these flows, perhaps those of a Filippov system."""
+    flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
     events = [lp, _BRANCH_POINT, pd, ns]
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:
         events.append(HOMOCLINIC)
-    if any(flow.until for flow in equations.flows):
-        events.append(IMPACT)
-    if any(flow.until or flow.walls for flow in equations.flows):
-        events.append(GRAZING)
-    if any(flow.until and not flow.reset for flow in equations.flows):
-        events.append(shrinking(tangency))
+    if any(flow.until for flow in flows):
+        events.append(_event("VI", _rates))
+    if any(flow.guards for flow in flows):
+        events.append(_event("GR", _clearances))
+    if any(flow.until and not flow.reset for flow in flows):
+        events.append(_event("SL" if system else "GR", _shares))
+    if system:
+        events.append(_event("SL", partial(_arrivals, system)))
     return tuple(events)

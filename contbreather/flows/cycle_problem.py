@@ -25,10 +25,10 @@ from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
 from .equations import FlowEquations
-from .flow import Params
-from .guards import bottom
+from .flow import refuse_false_period
+from .functions import Function, Params
+from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle
-from .time_dependence import refuse_false_period
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -310,12 +310,47 @@ def _doubled(point: Point) -> SwitchingProblem:
     multipliers does not: curves cross off PD by as much as the mesh does not resolve.
     """
     problem, (free,) = point.curve.problem, point.curve.free
-    twice = equations_of(point).doubled(np.array(point.x), point.params)
+    twice = _twice(equations_of(point), np.array(point.x), point.params)
     arm: Problem = problem_of(twice, point.params, problem.events, problem.label)
     curve = Curve(arm, (free,))
     with suppress(Undefined):
         arm = Point(curve, crossing(curve, curve.start).solution.z).problem
     return SwitchingProblem(arm, free, both=False)
+
+
+def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
+    """Run through the same orbit twice, as one of twice the period."""
+    flights, flows, turns = equations.flights(x, p), equations.flows, 2 * equations.turns
+    if equations.smooth and flows[0].reset is None:
+        (flight,) = flights
+        knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
+        # slopes are per interval: twice the duration and half the steps leave them as they are
+        states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
+        whole = replace(
+            flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
+            rounds=2 * flight.rounds,
+        )  # fmt: skip
+        return replace(equations, start=(whole,), turns=turns)
+    period = sum(flight.duration for flight in flights)
+    again = [replace(flight, start=flight.start + period) for flight in flights]
+    after = [flow.struck(f.last, p) for flow, f in zip(flows, again, strict=True)]
+    if equations.smooth and equations.period:
+        # after half of a symmetric orbit the forcing is the mirror image of what it was: the
+        # mirror that ends the half takes it back to its beginning
+        back = partial(_earlier, equations.period, equations.turns)
+        (flow,) = flows
+        walls = tuple(partial(back, wall) for wall in flow.walls)
+        reset = flow.reset and partial(back, flow.reset)
+        after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
+    return replace(
+        equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
+        sizes=equations.sizes * 2,
+    )  # fmt: skip
+
+
+def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:
+    """Evaluate a function of (t, x, p) so many periods before."""
+    return function(t - turns * period(t, x, p), x, p)
 
 
 def problem_of(

@@ -11,21 +11,91 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..errors import BadInput
-from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
-from .flow import Flow, Params, slopes, values
-from .layout import Layout, Places
+from .collocation import (
+    ROUNDING,
+    Slopes,
+    TrajectorySegment,
+    derivatives,
+    flown,
+)
+from .flow import Flow
+from .functions import Params, slopes, values
 
-AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
-_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
-_LOOKS = 4  # into each interval for that
+Places = NDArray[np.intp]
+
+
+class Layout:
+    """The order of unknowns and equations: states, meshes, durations, and the phase.
+
+    `nodes` are the places of the states of each flow, shape (intervals, n), the first `orbit` of
+    all `size` unknowns; `knots` those of its inner knots and the logarithm of its path, shape
+    (intervals,); `lengths` those of all durations.
+    """
+
+    def __init__(self, equations: FlowEquations) -> None:
+        counts = [flight.states.shape for flight in equations.start]
+        states, meshes = [k * n for k, n in counts], [k for k, _ in counts]
+        self.orbit, flows = sum(states), len(counts)
+        self.size = self.orbit + sum(meshes) + flows + equations.phased
+        parts = np.split(np.arange(self.size), np.cumsum([*states, *meshes, flows]))
+        self.nodes = [part.reshape(count) for part, count in zip(parts, counts, strict=False)]
+        self.knots, self.lengths = parts[flows : 2 * flows], parts[2 * flows]
+        self.phase = parts[-1].tolist()  # no unknown, or one
+        self.ended = [flow.until is not None for flow in equations.flows]
+        self.autonomous = equations.autonomous
+        self._cells: dict[int, Places] = {}
+
+    def matrix(self, values: Array, named: int) -> Matrix:
+        """Assemble the derivative in unknowns and so many parameters from the values of all blocks,
+        of which several may meet in one entry; those of fixed knots are in a column beyond."""
+        width = self.size + named + 1
+        if named not in self._cells:
+            spread = [np.broadcast_arrays(*place) for place in self._places(named)]
+            rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
+            self._cells[named] = rows * width + columns % width
+        cells = self._cells[named]
+        if self.size <= 400:  # unknowns: up to there a dense derivative is the faster one
+            entries = np.bincount(cells, values, self.size * width)
+            return entries.reshape(self.size, width)[:, :-1]
+        from scipy.sparse import csc_array
+
+        return csc_array((values, np.divmod(cells, width)), (self.size, width))[:, :-1]
+
+    def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
+        """Rows and columns of the blocks of `FlowEquations`."""
+        diagonal, parameters = np.arange(self.orbit), np.arange(self.size, self.size + named)
+        whole = np.append(self.lengths, parameters)
+        yield diagonal, diagonal
+        for i, node in enumerate(self.nodes):
+            columns = self.columns(i, named)
+            yield node[1:, :, None], columns[:-1, None]
+            yield self.nodes[(i + 1) % len(self.nodes)][0][:, None], columns[-1:]
+            yield self.knots[i][:, None], columns
+            yield self.knots[i], self.knots[i][-1]
+            if self.ended[i]:
+                yield self.lengths[i], columns[-1]
+            else:
+                yield self.lengths[i], node.ravel() if self.autonomous else whole
+        for phase in self.phase:
+            yield phase, whole
+
+    def columns(self, i: int, named: int) -> Places:
+        """List the unknowns that each interval depends on, -1 for a knot that is fixed: its state,
+        the knots at both ends, the duration, what the beginning of the flow is the sum of, and the
+        parameters."""
+        begins, parameters = [*self.lengths[:i], *self.phase], range(self.size, self.size + named)
+        inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
+        shared = np.tile([self.lengths[i], *begins, *parameters], (len(inner) - 1, 1))
+        return np.hstack([self.nodes[i], inner[:-1, None], inner[1:, None], shared])
 
 
 class Linear(NamedTuple):
@@ -88,9 +158,7 @@ class FlowEquations:
 
     @cached_property
     def layout(self) -> Layout:
-        counts = tuple(flight.states.shape for flight in self.start)
-        ended = tuple(flow.until is not None for flow in self.flows)
-        return Layout(counts, ended, self.autonomous, self.phased)
+        return Layout(self)
 
     def unknowns(self, flights: Sequence[TrajectorySegment]) -> dict[str, Any]:
         durations = np.array([flight.duration for flight in flights])
@@ -207,8 +275,14 @@ class FlowEquations:
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
         """Measure by how much durations exceed their periods."""
-        taken, turns = self._timed(i)
-        return float(taken @ x[self.layout.lengths] - turns * self.forcing_period(p))
+        taken = self._taken(i)
+        whole = self.turns * taken.mean() * self.forcing_period(p)
+        return float(taken @ x[self.layout.lengths] - whole)
+
+    def _taken(self, i: int | None) -> Array:
+        """Tell which durations take the period: all together; of flows that nothing else ends,
+        which only doubling makes several, each its share."""
+        return np.ones(len(self.flows)) if i is None else np.eye(len(self.flows))[i]
 
     def forcing_period(self, p: Params) -> float:
         """Evaluate the period of the forcing, of which a cycle may take several."""
@@ -226,14 +300,6 @@ class FlowEquations:
         same = np.ptp(moved, axis=1).max() <= rounded
         back = np.where(abs(moved) > rounded, abs(moved), 0.0)
         return back.T.ravel() if same else None
-
-    def _timed(self, i: int | None) -> tuple[Array, float]:
-        """Tell which flows take how many periods: all of them; of a cycle that was doubled those up
-        to the end of the round of a flow that only the period ends, or their split is free."""
-        rounds = [j for j, flow in enumerate(self.flows) if flow.until is None]
-        part = 1.0 if i is None else (rounds.index(i) + 1) / len(rounds)
-        taken = np.arange(len(self.flows)) < part * len(self.flows)
-        return taken.astype(float), part * self.turns
 
     @cached_property
     def _phase(self) -> tuple[Array, ...]:
@@ -356,118 +422,5 @@ class FlowEquations:
     def _of_period(self, i: int | None, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
-        # of the sum of durations - turns T(p)
-        taken, turns = self._timed(i)
-        return np.append(taken, -turns * slope)
-
-    # --- other cycles -----------------------------------------------------------------------------
-
-    def doubled(self, x: Array, p: Params) -> FlowEquations:
-        """Twice the same orbit, as one of twice the period."""
-        flights = self.flights(x, p)
-        if self.smooth and self.flows[0].reset is None:
-            (flight,) = flights
-            knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
-            # slopes are per interval: twice the duration and half the steps leave them as they are
-            states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
-            twice = replace(
-                flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
-                rounds=2 * flight.rounds,
-            )  # fmt: skip
-            return replace(self, start=(twice,), turns=2 * self.turns)
-        whole = sum(flight.duration for flight in flights)
-        again = [replace(flight, start=flight.start + whole) for flight in flights]
-        after = [flow.struck(f.last, p) for flow, f in zip(self.flows, again, strict=True)]
-        if self.smooth and self.period:
-            # after half of a symmetric orbit the forcing is the mirror image of what it was: the
-            # mirror that ends the half takes it back to its beginning
-            after = [flow.through(partial(_earlier, self.period, self.turns)) for flow in after]
-        start, sizes = (*flights, *again), self.sizes * 2
-        flows = (*self.flows, *after)
-        return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
-
-    def single_round(self, x: Array, p: Params) -> FlowEquations:
-        """Begin at this orbit, a single time around where it goes around several times."""
-        flights = self.flights(x, p)
-        rounds = next((m for m in range(24, 1, -1) if self._repeats(m, flights, p)), 1)
-        if not self.smooth:
-            flights = flights[: len(flights) // rounds]
-        elif rounds > 1:
-            knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
-            part = whole.on(knots / rounds)
-            flights = (replace(part, knots=knots, duration=whole.duration / rounds),)
-        return replace(
-            self, flows=self.flows[: len(flights)], start=flights, turns=self.turns // rounds,
-            sizes=sizes_of(flights),
-        )  # fmt: skip
-
-    def _repeats(self, rounds: int, flights: Sequence[TrajectorySegment], p: Params) -> bool:
-        """Compare the orbit at all times and a part of its period later."""
-        if self.turns % rounds and not self.autonomous:
-            return False
-        if self.smooth:
-            (flight,), (flow,) = flights, self.flows
-            s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
-            later = flight.at(s + 1 / rounds)
-            if flow.reset is not None:
-                later = values(flow.reset, flight.start + flight.duration * s, later, p)
-            return bool(abs(later - flight.at(s)).max() <= _REPEATS * self.sizes[0].max())
-        part, rest = divmod(len(flights), rounds)
-        if rest:
-            return False
-        pieces = zip(self.flows, flights, self.sizes, strict=True)
-        again = zip(self.flows[part:], flights[part:], strict=True)
-        return all(
-            (flow.f, flow.reset) == (successor.f, successor.reset)
-            and now.states.shape == then.states.shape
-            and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
-            for (flow, now, size), (successor, then) in zip(pieces, again, strict=False)
-        )
-
-
-def _earlier(
-    period: Callable[..., Any], turns: int, function: Callable[..., Any], t: Any, x: Any, p: Params
-) -> Any:
-    """A function of (t, x, p) so many periods before."""
-    return function(t - turns * period(t, x, p), x, p)
-
-
-def lasting(lengths: Places, weights: Array, total: float) -> tuple[Any, Any]:
-    """Make the condition that durations, weighted, add up to a time, and its derivative."""
-    return partial(_left, lengths, weights, total), partial(_weighted, lengths, weights)
-
-
-def _left(
-    lengths: Places, weights: Array, total: float, curve: Any, z: Array, extra: Array
-) -> Array:
-    return np.array([weights @ z[lengths] - total])
-
-
-def _weighted(lengths: Places, weights: Array, curve: Any, z: Array, extra: Array) -> Array:
-    row = np.zeros((1, z.size))
-    row[0, lengths] = weights
-    return row
-
-
-def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
-    """Measure the motion of each state of each flow, or its size.
-
-    It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
-    one flow as in another has such meshes, too, wherever its branch began.
-    """
-    sizes = []
-    for n in (flight.dimension for flight in flights):
-        alike = [flight for flight in flights if flight.dimension == n]
-        sampled = [flight.sampled(2)[1] for flight in alike]
-        # what hardly moves is measured by its value: its motion may be rounding
-        moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
-        size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
-        # and what is zero, as beside a branch that leaves a subspace, by what moves most
-        least = AT_REST * size.max()
-        sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
-    largest = max(size.max() for size in sizes) or 1.0
-    rests = [size.max() < AT_REST * largest for size in sizes]
-    return tuple(
-        np.full_like(size, largest) if at_rest else size
-        for size, at_rest in zip(sizes, rests, strict=True)
-    )
+        taken = self._taken(i)  # of the sum of durations - turns T(p)
+        return np.append(taken, -self.turns * taken.mean() * slope)

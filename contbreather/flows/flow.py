@@ -1,33 +1,39 @@
-"""Vector field, the condition that ends it and a reset, as a user brings them; and slopes."""
+"""Flows as users bring them: a vector field, the condition that ends it and a reset; two fields
+with sliding between them; and the refusal of a period that their functions do not have."""
 
 from __future__ import annotations
 
-import logging
 import math
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, numbers
-from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose, directional
-from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
+from .functions import (
+    Function,
+    Params,
+    at_state,
+    check_function,
+    offset,
+    place,
+    rows_of,
+    slopes,
+    undecorated,
+    values,
+)
 
-Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, with p a dict
-Params = Mapping[str, Any]  # numbers; one may be complex or an array while it is differentiated
-
-_LOG = logging.getLogger(__name__)
-_CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
-_PROBED = 4  # columns at which a function is looked at before it is believed
-_ASIDE = 0.017  # and how far from them, relative to their size
-_THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
+# Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
+# complex step can be taken because the state may be complex already.
+_STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+_PLUS, _MINUS, _TO_PLUS, _TO_MINUS = range(4)
+_GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +109,24 @@ class Flow:
     at: float | Callable[[Params], Any] | None = None
 
     def __post_init__(self) -> None:
-        if callable(self.walls):
-            object.__setattr__(self, "walls", (self.walls,))
-        if not isinstance(self.walls, tuple | list):
-            raise BadInput(f"walls must be a tuple of functions, got {brief(self.walls)}")
-        object.__setattr__(self, "walls", tuple(self.walls))
+        keep = partial(object.__setattr__, self)
+        walls = (self.walls,) if callable(self.walls) else self.walls
+        if not isinstance(walls, tuple | list):
+            raise BadInput(f"walls must be a tuple of functions, got {brief(walls)}")
+        keep("walls", tuple(map(undecorated, walls)))
         if self.at is not None:
             if self.until is not None:
                 raise BadInput("a flow ends by `until`, or `at` a part of the period: not by both")
-            part = self.at if callable(self.at) else float(numbers("at", self.at))
-            object.__setattr__(self, "until", Clock(part))
-            object.__setattr__(self, "at", None)  # it is in until now
+            keep("until", Clock(self.at if callable(self.at) else float(numbers("at", self.at))))
+            keep("at", None)  # it is in until now
+        for name in ("f", "until", "reset"):
+            keep(name, undecorated(getattr(self, name)))
         for name, function in self.functions.items():
             if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
-        for name in ("f", "until", "reset"):
-            object.__setattr__(self, name, undecorated(getattr(self, name)))
-        object.__setattr__(self, "walls", tuple(map(undecorated, self.walls)))
         if self.mass is not None:
-            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
-            object.__setattr__(self, "mass", None)  # it is in f now
+            keep("f", partial(_divided, _inverse(self.mass), self.f))
+            keep("mass", None)  # it is in f now
 
     @property
     def guards(self) -> dict[str, Function]:
@@ -151,11 +155,6 @@ class Flow:
         number = round(t / value_at(clock.period, p) - value_at(clock.part, p))
         return replace(self, until=replace(clock, number=number))
 
-    def through(self, change: Callable[..., Any]) -> Flow:
-        """Compose its field, reset and walls with a function of these."""
-        f, reset = partial(change, self.f), self.reset and partial(change, self.reset)
-        return replace(self, f=f, reset=reset, walls=tuple(partial(change, w) for w in self.walls))
-
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.
 
@@ -169,44 +168,6 @@ class Flow:
             check_function(name, guard, (), float(t), x, p)
         if self.reset is not None:
             check_function("reset", self.reset, None, float(t), x, p)
-
-
-def check_function(
-    name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
-) -> None:
-    """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
-    where, state, params = place(t, x, p), x.copy(), dict(p)
-    try:
-        returned = function(t, state, params)
-        value = np.asarray(returned, dtype=float)
-    except KeyError as error:
-        if error.args[0] in p:
-            raise
-        has = ", ".join(map(repr, p)) or "none"
-        raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
-    except (ValueError, ArithmeticError, TypeError, IndexError) as error:
-        raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
-    if params != p or not np.array_equal(state, x):
-        raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
-    if shape == () and np.asarray(returned).dtype == bool:
-        raise BadInput(
-            f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
-            "the flow ends: p['s'] - x[0], not x[0] < p['s']"
-        )
-    if shape == () and value.size == 1:
-        value = value.reshape(())
-    if value.shape != shape and not (shape is None and value.ndim == 1 and value.size):
-        count = "a row of numbers was" if shape is None else f"{x.size} numbers were"
-        expected = count if shape != () else "a number was"
-        raise BadInput(f"{name} returns shape {value.shape}; {expected} expected {where}")
-    if not np.isfinite(value).all():
-        raise BadInput(f"{name} is {brief(value.tolist())} {where}; finite numbers were expected")
-
-
-def place(t: Any, x: NDArray[Any], p: Params | None = None) -> str:
-    """Describe the place where a function was called."""
-    params = "" if p is None else f", p = {brief(dict(p))}"
-    return f"at t = {t:g}, x = {brief(x.tolist())}{params}"
 
 
 def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
@@ -226,234 +187,224 @@ def _inverse(mass: Any) -> Array:
     return np.asarray(np.linalg.inv(matrix))
 
 
-# --- values at many states ------------------------------------------------------------------------
+# --- two vector fields and sliding along the surface between them (Filippov 1988) -----------------
 
 
-@dataclass(frozen=True)
-class _Calling:
-    """Record of a function of n states: its rows, whether it takes many states at once, and how it
-    is differentiated, for each choice of parameters."""
+@dataclass(frozen=True, eq=False)
+class Filippov:
+    """A system with two vector fields, one on each side of a surface, and sliding along it.
 
-    function: Function
-    rows: int
-    scalar: bool
-    at_once: bool
-    schemes: dict[Any, Array | None] = field(default_factory=dict)
+    Where both fields point at the surface h = 0 the motion stays in it, with the one velocity
+    between theirs that is tangent to it,
 
+        f_s = (L- f+  -  L+ f-) / (L- - L+),    L+- = dh/dt + grad h . f+-,    L+ < 0 < L-,
 
-_CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states there are
+    and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls through it.
 
+    `integrate` follows it, and the flows of its pieces are what a cycle is made of: `plus` and
+    `minus` on the two sides, `to_plus` and `to_minus` along the surface up to where that side is
+    entered. So stick-slip and relay orbits are cycles of these four flows.
 
-def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """Evaluate a user's function of (t, x, p) at K states, the columns of `x`: as m rows, one of a
-    function that returns a number. NaN where it has no value.
+    Parameters
+    ----------
+    f_plus, f_minus : callable
+        Vector fields ``f(t, x, p)`` as for `Flow`, for h > 0 and for h < 0.
+    h : callable
+        ``h(t, x, p) -> number``; the surface is where it is zero.
 
-    Raises `Undefined` where the function raises `ValueError` or `ArithmeticError`. Other errors are
-    bugs: they pass, with a note that says for which t, x and p.
+    Raises
+    ------
+    BadInput
+        Where something is no function; by `integrate` where a state lies on the surface between
+        fields that both point away from it, so that it has more than one future.
+
+    Examples
+    --------
+    A relay that pushes back is at rest on the surface after a finite time:
+
+    >>> from contbreather.flows import integrate
+    >>> relay = Filippov(lambda t, x, p: [-p["u"]], lambda t, x, p: [p["u"]], lambda t, x, p: x[0])
+    >>> run = integrate(relay, {"y": 1.0}, {"u": 0.5}, time=3.0)
+    >>> [round(event.time, 12) for event in run.events], run.final.tolist()
+    ([2.0], [0.0])
+    >>> run.flows == (relay.plus, relay.to_plus)
+    True
     """
-    if np.shape(t) != x.shape[1:]:
-        t = np.broadcast_to(t, x.shape[1:])
-    return _call(_calling(function, t, x, p), t, x, p)
+
+    f_plus: Function
+    f_minus: Function
+    h: Function
+
+    def __post_init__(self) -> None:
+        for name in ("f_plus", "f_minus", "h"):
+            if not callable(function := getattr(self, name)):
+                raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
+            object.__setattr__(self, name, undecorated(function))  # they are asked inside of others
+
+    @cached_property
+    def flows(self) -> tuple[Flow, Flow, Flow, Flow]:
+        """`plus`, `minus`, `to_plus` and `to_minus`."""
+        leaves = {sign: partial(self._inwards, sign) for sign in (1, -1)}
+        return (
+            Flow(self.f_plus, until=self.h),
+            Flow(self.f_minus, until=self._below),
+            Flow(self.sliding, until=leaves[1], walls=(leaves[-1],)),
+            Flow(self.sliding, until=leaves[-1], walls=(leaves[1],)),
+        )
+
+    plus = property(lambda self: self.flows[_PLUS], doc="In h > 0, up to the surface.")
+    minus = property(lambda self: self.flows[_MINUS], doc="In h < 0, up to the surface.")
+    to_plus = property(lambda self: self.flows[_TO_PLUS], doc="Along it, until f_plus leaves.")
+    to_minus = property(lambda self: self.flows[_TO_MINUS], doc="Along it, until f_minus leaves.")
+
+    def sliding(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+        """The velocity along the surface, between those of both sides."""
+        up, down = self._fields(t, x, p)
+        rise, fall = self._along(up, t, x, p), self._along(down, t, x, p)
+        return np.asarray((fall * up - rise * down) / (fall - rise))
+
+    def _fields(self, t: Any, x: NDArray[Any], p: Params) -> tuple[NDArray[Any], NDArray[Any]]:
+        return rows_of(self.f_plus(t, x, p), x), rows_of(self.f_minus(t, x, p), x)
+
+    def _below(self, t: Any, x: NDArray[Any], p: Params) -> Any:
+        return -self.h(t, x, p)
+
+    def _inwards(self, sign: int, t: Any, x: NDArray[Any], p: Params) -> Any:
+        """Rate at which the field of a side points at the surface: ``-L+`` or ``L-``."""
+        field = self._fields(t, x, p)[0 if sign > 0 else 1]
+        return -sign * self._along(field, t, x, p)
+
+    def _along(self, field: NDArray[Any], t: Any, x: NDArray[Any], p: Params) -> Any:
+        """dh/dt + grad h . field."""
+        size, speed = np.maximum(1.0, abs(x.real).max(axis=0)), abs(field.real).max(axis=0)
+        # x moves by 0.01 of its size at most: 1e-16 of truncation, 1e-14 of rounding
+        step = 0.01 * size / np.maximum(speed, size)
+        total = 0.0
+        for k, weight in _STENCIL:
+            ahead = self.h(t + k * step, x + k * step * field, p)
+            total = total + weight * (ahead - self.h(t - k * step, x - k * step * field, p))
+        return total / step
+
+    # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
+
+    def begin(self, t: float, x: Array, p: Params) -> int:
+        for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
+            check_function(name, getattr(self, name), shape, t, x, p)
+        h = float(self.h(t, x, p))
+        if abs(h) > 1e-12 * (1 + abs(x).max()):  # of the surface, relative to the state
+            return _PLUS if h > 0 else _MINUS
+        return self._from_surface(t, x, p)
+
+    def ended(self, mode: int, guard: int) -> int:
+        """Tell the four flows apart, now that it is known how sliding ended."""
+        return mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
+
+    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
+        x = self._on_surface(t, x, p)
+        if mode in (_PLUS, _MINUS):
+            return self._from_surface(t, x, p, arriving=mode), x
+        return (_PLUS, _MINUS)[guard], x
+
+    def _from_surface(self, t: float, x: Array, p: Params, arriving: int | None = None) -> int:
+        """Through the surface, along it, or away from it."""
+        rise, fall = (float(self._along(field, t, x, p)) for field in self._fields(t, x, p))
+        # what arrives points at the surface, where it grazes but for rounding
+        rise = -math.inf if arriving == _PLUS else rise
+        fall = math.inf if arriving == _MINUS else fall
+        if rise > 0 > fall:
+            raise BadInput(
+                f"{place(t, x)} both fields point away from the surface (dh/dt = {rise:.3g} above, "
+                f"{fall:.3g} below): start on one side of it"
+            )
+        if rise < 0 < fall:
+            return _TO_PLUS  # L+ < 0 < L-: both fields point at the surface
+        return _PLUS if rise + fall > 0 else _MINUS
+
+    def _on_surface(self, t: float, x: Array, p: Params) -> Array:
+        """Take off the rounding that would put it to one side."""
+        h, slope = slopes(self.h, t, x[:, None], p)
+        gradient = slope[0, :-1, 0]
+        return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2
 
 
-def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
-    with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
-        if how.at_once:
-            try:
-                return _rows(how.function(t, x, p), how, x)
-            except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
-                _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
-        columns = [at_state(how.function, *at, p) for at in zip(t, x.T, strict=True)]
-    return np.stack(columns, axis=-1)
+def slid_along(flow: Flow) -> Filippov | None:
+    """The system along whose surface a flow slides; None of any other flow."""
+    f: Any = flow.f
+    return f.__self__ if getattr(f, "__func__", None) is Filippov.sliding else None
 
 
-def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
-    """Make an array as wide as `x` of what a user's function returned for its columns."""
-    try:
-        rows = np.asarray(returned)
-        if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
-            return rows
-    except ValueError:  # constants among arrays
-        pass
-    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+# --- whether functions of the time have the period: else the orbits would be false ----------------
 
 
-def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
-    """Make such an array of as many rows as ever."""
-    rows = rows_of([returned] if how.scalar else returned, x)
-    if rows.shape != (how.rows, x.shape[1]):
-        raise ValueError(f"shape {rows.shape}")
-    return rows
+def refuse_false_period(
+    flows: Sequence[Flow],
+    places: Sequence[Array],
+    period: Function | None,
+    p: Params,
+    names: tuple[str, ...] = (),
+) -> None:
+    """Refuse functions that are not the same a period later, beside states of their flows, shape
+    (n, m); without a period, at another time. With names, when these parameters move, too."""
+    names = tuple(name for name in names if name in p)
+    # a function that is smaller may be made of rounding
+    least = 1e-4 * max(float(abs(x).max()) for x in places)
+    for moved in dict.fromkeys([(), *((name,) for name in names), names]):
+        at = {**p, **{name: p[name] + 0.01 * (abs(p[name]) or 1.0) for name in moved}}
+        with suppress(Undefined):  # the parameter was moved out of a domain
+            later = 2 * _GOLDEN if period is None else period_at(period, at)
+            for i, (flow, x) in enumerate(zip(flows, places, strict=True)):
+                for name, function in flow.functions.items():
+                    if isinstance(function, Clock) or _repeats(flow, function, x, at, later, least):
+                        continue
+                    what = name if len({*flows}) == 1 else f"{name} of flow {i}"
+                    raise BadInput(_refusal(what, period, p, moved))
 
 
-def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """Evaluate a function at one state; what it raises says where."""
-    try:
-        return np.array(function(t, x, p), ndmin=1)
-    except Exception as error:
-        if isinstance(error, OUT_OF_DOMAIN):
-            what = f"{_name(function)} raised {type(error).__name__}: {error}"
-            raise Undefined(f"{what}, {place(t, x, p)}") from error
-        error.add_note(f"in {_name(function)} {place(t, x, p)}")
-        raise
+def _repeats(
+    flow: Flow, function: Function, x: Array, p: Params, later: float, least: float
+) -> bool:
+    """Compare f(t + T) with f(t); half of a symmetric orbit has half of the period, after which f
+    is its mirror image."""
+    i = np.arange(16)  # times at which functions are compared
+    t = later * (_GOLDEN * i % 1)
+    x = np.take(x, i * x.shape[1] // i.size, axis=1)
+    x = x + offset(x)[:, None]  # at the origin x cos t vanishes
+    now = values(function, t, x, p)
+    if _same(now, values(function, t + later, x, p), least):
+        return True
+    if function is not flow.f or flow.until or not flow.reset:
+        return False
+    mirror = slopes(flow.reset, t, x, p)[1][:, : len(x), 0]
+    return _same(mirror @ now, values(function, t + later, mirror @ x, p))
 
 
-def undecorated(function: Any) -> Any:
-    """Return the function under numba.njit, which takes no dict of parameters."""
-    return getattr(function, "py_func", function)
+def _same(now: Array, then: Array, least: float = 0.0) -> bool:
+    """Compare rows of values; NaN, outside of a domain, says nothing."""
+    size = np.maximum(np.nanmax(abs(now), axis=1, initial=0.0), least)[:, None]
+    return not (abs(then - now) > 1e-6 * size).any()  # a period of seven digits is one
 
 
-def _name(function: Function) -> str:
-    return getattr(function, "__qualname__", brief(function))
+def _refusal(what: str, period: Function | None, p: Params, moved: tuple[str, ...]) -> str:
+    if period is None:
+        return (
+            f"{what} depends on t: say period=, which is that of the forcing (cb.cycle(..., "
+            "period=); a forced system has no equilibria)"
+        )
+    if moved:
+        return (
+            f"the period of {what} changes with {', '.join(moved)}, period= does not as it "
+            f"should: give a function, as period=lambda p: 2*np.pi/p[{moved[0]!r}]"
+        )
+    return (
+        f"{what} is not periodic in t with the period {period_at(period, p):g}: give that of the "
+        "forcing, a number or a function, as period=lambda p: 2*np.pi/p['w']"
+    )
 
 
-def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
-    n = len(x)
-    try:
-        return _CALLING[function][n]
-    except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
-        how = _decide_calling(function, t.real, x.real, p)
-    with suppress(TypeError):
-        _CALLING.setdefault(function, {})[n] = how
-    return how
-
-
-def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
-    """Compare three states one by one with all three at once."""
-    t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
-    with np.errstate(all="ignore"):
-        try:
-            beside = x + offset(x)[:, None] * _THREE
-            singly = [at_state(function, *at, p) for at in zip(t, beside.T, strict=True)]
-            x = beside
-        except Undefined:  # outside of its domain
-            singly = [at_state(function, *at, p) for at in zip(t, x.T, strict=True)]
-        scalar = np.ndim(function(t[0], x[:, 0], p)) == 0
-    how = _Calling(function, singly[0].size, scalar, at_once=True)
-    # what was written for one state may raise anything for three
-    with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("error")
-        together, alone = _rows(function(t, x, p), how, x), np.stack(singly, axis=-1)
-        # sums over all states at once round differently
-        if np.allclose(together, alone, rtol=1e-9, atol=0, equal_nan=True):
-            return how
-    _LOG.debug("%s takes one state at a time, which is slower", _name(function))
-    return replace(how, at_once=False)
-
-
-def offset(x: Array) -> Array:
-    """Return a short way for each entry of a state: kinks tend to lie where one starts."""
-    return _ASIDE * np.where(size := abs(x).max(axis=1), size, 1.0)
-
-
-# --- their slopes ---------------------------------------------------------------------------------
-
-
-def slopes(
-    function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
-) -> tuple[Array, Array]:
-    """Evaluate a function as `values` does, and its derivatives in the state, in time and in named
-    parameters, of shape (m, n + 1 + len(names), K).
-
-    By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
-    differences, whose steps suit it. Decided beside the first states, and anew where slopes are
-    not borne out: a force of contact is nowhere to be seen until there is one.
-    """
-    n, count = x.shape
-    t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
-    how, doubtful = _calling(function, t, x, p), np.arange(count)
-    if how.schemes.get(names, how) is None:
-        value, slope = _complex_steps(how, t, x, p, names)
-        doubtful = _doubtful(how, t, x, p, value, slope)
-        if not doubtful.size:
-            return value, slope
-
-    def joined(z: NDArray[Any]) -> NDArray[Any]:  # rows of states, times, parameters (all alike)
-        moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
-        return _call(how, z[n], z[:n], {**p, **moved})
-
-    named = np.array([p[name] for name in names]).reshape(-1, 1)
-    z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
-    # states and the time are measured by their spread, parameters by their size, or by 1
-    spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
-    least = 1e-9 * size  # what varies by less is constant
-    least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
-    spread[n + 1 :] = size[n + 1 :]
-    scales = np.where(spread > least, spread, 1.0)
-    if how.schemes.get(names) is None:  # nobody knows yet, or no longer
-        beside = np.zeros(len(z))
-        if names not in how.schemes:
-            beside[:n] = offset(x)
-        how.schemes[names] = _decide_scheme(joined, z[:, doubtful], beside, scales)
-        by = "complex steps" if how.schemes[names] is None else "differences"
-        _LOG.debug("%s is differentiated by %s", _name(function), by)
-    if (finer := how.schemes[names]) is None:
-        return _complex_steps(how, t, x, p, names)
-    return joined(z), _differences(joined, z, scales, finer)
-
-
-def _complex_steps(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
-) -> tuple[Array, Array]:
-    n, count = x.shape
-    directions = n + 1  # those of the parameters apart: what asks for one may expect a number
-    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    aside = 1j * IMAGINARY * np.eye(directions)[:, :, None]
-    at, times = x[:, None] + aside[:n], t + aside[n]
-    value = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
-    slope = np.empty((how.rows, directions + len(names), count))
-    slope[:, :directions] = value.imag / IMAGINARY
-    for j, name in enumerate(names, directions):
-        shifted = {**p, name: p[name] + 1j * IMAGINARY}
-        slope[:, j] = _call(how, t, x, shifted).imag / IMAGINARY
-    return np.ascontiguousarray(value[:, 0].real), slope
-
-
-def _doubtful(
-    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array
-) -> NDArray[np.intp]:
-    """Find states at which slopes, along one way, are not what a central difference gives."""
-    n, count = x.shape
-    low, high = x.min(axis=1), x.max(axis=1)
-    step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
-    later = _CENTRAL * (t[-1] - t[0])
-    at = np.concatenate([x + step[:, None], x - step[:, None]], axis=1)
-    beside = _call(how, np.concatenate([t + later, t - later]), at, p)
-    along = 2 * (step @ slope[:, :n] + later * slope[:, n])
-    off = abs(beside[:, :count] - beside[:, count:] - along)
-    unseen = 1e-5  # of the largest: what differs by less may be rounding
-    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
-    # beside a domain there is nothing to compare with
-    return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
-
-
-def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> float:
-    """Evaluate the rate at which a function changes along a flow, dh/dt + grad h . f."""
-    slope = slopes(function, t, x[:, None], p)[1][0, :, 0]
-    return float(slope @ np.append(values(f, t, x[:, None], p), 1.0))
-
-
-def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
-    """Take five-point differences, shorter where they leave the domain of the function."""
-    slopes, sizes = [], np.maximum(scales[:, None], abs(z))
-    for j, divisor in enumerate(finer):
-        for shorter in (1, 64, 4096):
-            # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
-            step = RELATIVE * sizes[j] / (divisor * shorter)
-            slope = directional(joined, z, np.eye(len(z), 1, -j) * step) / step
-            if np.isfinite(slope).all():
-                break
-        slopes.append(slope)
-    return np.stack(slopes, axis=1)
-
-
-def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array) -> Array | None:
-    """Return None for complex steps, where they agree with differences beside each of a few
-    states, or the divisors of the steps of differences."""
-    finest = np.zeros(len(z))
-    for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
-        with np.errstate(all="ignore"):
-            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + aside, scales)
-        if isinstance(scheme, partial):  # differences
-            finest = np.maximum(finest, scheme.keywords["finer"])
-    return finest if finest.any() else None
+def period_at(period: Function, params: Params) -> float:
+    """Return the period at these parameters, or refuse it."""
+    check_function("period", period, (), 0.0, np.zeros(1), params)
+    length = float(at_state(period, 0.0, np.zeros(1), params)[0])
+    if not length > 0:
+        raise BadInput(f"the period is {length}; a positive time was expected")
+    return length

@@ -15,13 +15,13 @@ from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
-from .collocation import Collocation, fitted
+from .collocation import Collocation, fitted, sizes_of
 from .cycle_constructors import named_state
 from .cycle_events import events_of_cycle
 from .cycle_problem import problem_of
-from .equations import FlowEquations, sizes_of
-from .flow import Flow, Function, Params, at_state
-from .time_dependence import refuse_false_period
+from .equations import FlowEquations
+from .flow import Flow, refuse_false_period
+from .functions import Function, Params, at_state
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 

@@ -21,15 +21,36 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from .collocation import sizes_of
 from .cycle_problem import Cycle, equations_of
-from .equations import lasting, sizes_of
-from .filippov import slid_along
-from .flow import Function, slopes, values
+from .equations import Places
+from .flow import slid_along
+from .functions import Function, slopes, values
 
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _GROWS = "the period grows without bound"
+
+
+@dataclass(frozen=True, eq=False)
+class Lasting:
+    """The condition that durations, weighted, add up to a time."""
+
+    lengths: Places
+    weights: Array
+    total: float
+
+    def system(self, **more: Any) -> DefiningSystem:
+        return DefiningSystem({}, self.condition, self.derivative, **more)
+
+    def condition(self, curve: Any, z: Array, extra: Array) -> Array:
+        return np.array([self.weights @ z[self.lengths] - self.total])
+
+    def derivative(self, curve: Any, z: Array, extra: Array) -> Array:
+        row = np.zeros((1, z.size))
+        row[0, self.lengths] = self.weights
+        return row
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +202,9 @@ def _named(orbit: Cycle, state: Array) -> str:
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
     lengths = equations_of(point.base_point).layout.lengths
-    # all durations together
-    longer = lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
+    longer = Lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    return DefiningSystem({}, *longer, events=(_MOVES,), meets=nothing)
+    return longer.system(events=(_MOVES,), meets=nothing)
 
 
 def _rests(point: Point) -> float:

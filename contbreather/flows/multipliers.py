@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
-from .flow import Params, values
+from .functions import Params, values
 
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:

@@ -12,7 +12,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.algebra.newton import Undefined
-from contbreather.flows.flow import slopes, values
+from contbreather.flows.functions import slopes, values
 
 RNG = np.random.default_rng(7)
 X = RNG.normal(size=(3, 11))
@@ -82,7 +82,7 @@ def test_how_a_function_is_differentiated_is_logged(
     def fresh(t: Any, x: Any, p: Any) -> Any:
         return f(t, x, p)
 
-    with caplog.at_level(logging.DEBUG, "contbreather.flows.flow"):
+    with caplog.at_level(logging.DEBUG, "contbreather.flows.functions"):
         slopes(fresh, T, X, P)
     assert f"differentiated by {way}" in caplog.text
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
-from contbreather.flows.flow import slopes
+from contbreather.flows.functions import slopes
 
 TAU = 2 * np.pi
 

@@ -1,0 +1,294 @@
+"""Functions of (t, x, p) as users write them: refusals, values at many states, and slopes."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import brief
+from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose, directional
+from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..errors import BadInput
+
+Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, with p a dict
+Params = Mapping[str, Any]  # numbers; one may be complex or an array while it is differentiated
+
+_LOG = logging.getLogger(__name__)
+_CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
+_PROBED = 4  # columns at which a function is looked at before it is believed
+_ASIDE = 0.017  # and how far from them, relative to their size
+
+
+def check_function(
+    name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
+) -> None:
+    """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
+    where, state, params = place(t, x, p), x.copy(), dict(p)
+    try:
+        returned = function(t, state, params)
+        value = np.asarray(returned, dtype=float)
+    except KeyError as error:
+        if error.args[0] in p:
+            raise
+        has = ", ".join(map(repr, p)) or "none"
+        raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
+    except (ValueError, ArithmeticError, TypeError, IndexError) as error:
+        raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+    if params != p or not np.array_equal(state, x):
+        raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
+    if shape == () and np.asarray(returned).dtype == bool:
+        raise BadInput(
+            f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
+            "the flow ends: p['s'] - x[0], not x[0] < p['s']"
+        )
+    if shape == () and value.size == 1:
+        value = value.reshape(())
+    if value.shape != shape and not (shape is None and value.ndim == 1 and value.size):
+        count = "a row of numbers was" if shape is None else f"{x.size} numbers were"
+        expected = count if shape != () else "a number was"
+        raise BadInput(f"{name} returns shape {value.shape}; {expected} expected {where}")
+    if not np.isfinite(value).all():
+        raise BadInput(f"{name} is {brief(value.tolist())} {where}; finite numbers were expected")
+
+
+def place(t: Any, x: NDArray[Any], p: Params | None = None) -> str:
+    """Describe the place where a function was called."""
+    params = "" if p is None else f", p = {brief(dict(p))}"
+    return f"at t = {t:g}, x = {brief(x.tolist())}{params}"
+
+
+# --- values at many states ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Calling:
+    """Record of a function of n states: its rows, whether it takes many states at once, and how it
+    is differentiated, for each choice of parameters."""
+
+    function: Function
+    rows: int
+    scalar: bool
+    at_once: bool
+    schemes: dict[Any, Array | None] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return getattr(self.function, "__qualname__", brief(self.function))
+
+    def __call__(self, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
+        with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
+            if self.at_once:
+                try:
+                    return self.together(t, x, p)
+                except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
+                    _LOG.debug("%s raised at one of %d states", self.name, t.size)
+            columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
+        return np.stack(columns, axis=-1)
+
+    def together(self, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
+        """Evaluate at all states by one call: as many rows as ever."""
+        returned = self.function(t, x, p)
+        rows = rows_of([returned] if self.scalar else returned, x)
+        if rows.shape != (self.rows, x.shape[1]):
+            raise ValueError(f"shape {rows.shape}")
+        return rows
+
+
+_CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states there are
+
+
+def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """Evaluate a user's function of (t, x, p) at K states, the columns of `x`: as m rows, one of a
+    function that returns a number. NaN where it has no value.
+
+    Raises `Undefined` where the function raises `ValueError` or `ArithmeticError`. Other errors are
+    bugs: they pass, with a note that says for which t, x and p.
+    """
+    if np.shape(t) != x.shape[1:]:
+        t = np.broadcast_to(t, x.shape[1:])
+    return _calling(function, t, x, p)(t, x, p)
+
+
+def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
+    """Make an array as wide as `x` of what a user's function returned for its columns."""
+    try:
+        rows = np.asarray(returned)
+        if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
+            return rows
+    except ValueError:  # constants among arrays
+        pass
+    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+
+
+def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """Evaluate a function at one state; what it raises says where."""
+    try:
+        return np.array(function(t, x, p), ndmin=1)
+    except Exception as error:
+        name = getattr(function, "__qualname__", brief(function))
+        if isinstance(error, OUT_OF_DOMAIN):
+            what = f"{name} raised {type(error).__name__}: {error}"
+            raise Undefined(f"{what}, {place(t, x, p)}") from error
+        error.add_note(f"in {name} {place(t, x, p)}")
+        raise
+
+
+def undecorated(function: Any) -> Any:
+    """Return the function under numba.njit, which takes no dict of parameters."""
+    return getattr(function, "py_func", function)
+
+
+def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    try:
+        return _CALLING[function][len(x)]
+    except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
+        how = _decide_calling(function, t.real, x.real, p)
+    with suppress(TypeError):
+        _CALLING.setdefault(function, {})[len(x)] = how
+    return how
+
+
+def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
+    """Compare three states one by one with all three at once."""
+    t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
+    beside = x + offset(x)[:, None] * np.array([1.0, 1.3, 0.6])  # three different states
+
+    def singly(x: Array) -> Array:
+        return np.stack([at_state(function, *at, p) for at in zip(t, x.T, strict=True)], axis=-1)
+
+    with np.errstate(all="ignore"):
+        try:
+            alone, x = singly(beside), beside
+        except Undefined:  # outside of its domain
+            alone = singly(x)
+        scalar = np.ndim(function(t[0], x[:, 0], p)) == 0
+    how = _Calling(function, len(alone), scalar, at_once=True)
+    # what was written for one state may raise anything for three
+    with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("error")
+        # sums over all states at once round differently
+        if np.allclose(how.together(t, x, p), alone, rtol=1e-9, atol=0, equal_nan=True):
+            return how
+    _LOG.debug("%s takes one state at a time, which is slower", how.name)
+    return replace(how, at_once=False)
+
+
+def offset(x: Array) -> Array:
+    """Return a short way for each entry of a state: kinks tend to lie where one starts."""
+    return _ASIDE * np.where(size := abs(x).max(axis=1), size, 1.0)
+
+
+# --- their slopes ---------------------------------------------------------------------------------
+
+
+def slopes(
+    function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
+) -> tuple[Array, Array]:
+    """Evaluate a function as `values` does, and its derivatives in the state, in time and in named
+    parameters, of shape (m, n + 1 + len(names), K).
+
+    By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
+    differences, whose steps suit it. Decided beside the first states, and anew where slopes are
+    not borne out: a force of contact is nowhere to be seen until there is one.
+    """
+    n, count = x.shape
+    t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
+    how, doubtful = _calling(function, t, x, p), np.arange(count)
+    if how.schemes.get(names, how) is None:
+        value, slope = _complex_steps(how, t, x, p, names)
+        doubtful = _doubtful(how, t, x, p, value, slope)
+        if not doubtful.size:
+            return value, slope
+
+    def joined(z: NDArray[Any]) -> NDArray[Any]:  # rows of states, times, parameters (all alike)
+        moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
+        return how(z[n], z[:n], {**p, **moved})
+
+    named = np.array([p[name] for name in names]).reshape(-1, 1)
+    z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
+    # states and the time are measured by their spread, parameters by their size, or by 1
+    spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
+    least = 1e-9 * size  # what varies by less is constant
+    least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
+    spread[n + 1 :] = size[n + 1 :]
+    scales = np.where(spread > least, spread, 1.0)
+    if how.schemes.get(names) is None:  # nobody knows yet, or no longer
+        beside = np.zeros(len(z))
+        if names not in how.schemes:
+            beside[:n] = offset(x)
+        how.schemes[names] = _decide_scheme(joined, z[:, doubtful], beside, scales)
+        by = "complex steps" if how.schemes[names] is None else "differences"
+        _LOG.debug("%s is differentiated by %s", how.name, by)
+    if (finer := how.schemes[names]) is None:
+        return _complex_steps(how, t, x, p, names)
+    return joined(z), _differences(joined, z, scales, finer)
+
+
+def _complex_steps(
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
+) -> tuple[Array, Array]:
+    n, count = x.shape
+    directions = n + 1  # those of the parameters apart: what asks for one may expect a number
+    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
+    aside = 1j * IMAGINARY * np.eye(directions)[:, :, None]
+    at, times = x[:, None] + aside[:n], t + aside[n]
+    value = how(times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
+    slope = np.empty((how.rows, directions + len(names), count))
+    slope[:, :directions] = value.imag / IMAGINARY
+    for j, name in enumerate(names, directions):
+        shifted = {**p, name: p[name] + 1j * IMAGINARY}
+        slope[:, j] = how(t, x, shifted).imag / IMAGINARY
+    return np.ascontiguousarray(value[:, 0].real), slope
+
+
+def _doubtful(
+    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array
+) -> NDArray[np.intp]:
+    """Find states at which slopes, along one way, are not what a central difference gives."""
+    n, count = x.shape
+    low, high = x.min(axis=1), x.max(axis=1)
+    step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
+    later = _CENTRAL * (t[-1] - t[0])
+    at = np.concatenate([x + step[:, None], x - step[:, None]], axis=1)
+    beside = how(np.concatenate([t + later, t - later]), at, p)
+    along = 2 * (step @ slope[:, :n] + later * slope[:, n])
+    off = abs(beside[:, :count] - beside[:, count:] - along)
+    unseen = 1e-5  # of the largest: what differs by less may be rounding
+    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
+    # beside a domain there is nothing to compare with
+    return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
+
+
+def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
+    """Take five-point differences, shorter where they leave the domain of the function."""
+    slopes, sizes = [], np.maximum(scales[:, None], abs(z))
+    for j, divisor in enumerate(finer):
+        for shorter in (1, 64, 4096):
+            # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
+            step = RELATIVE * sizes[j] / (divisor * shorter)
+            slope = directional(joined, z, np.eye(len(z), 1, -j) * step) / step
+            if np.isfinite(slope).all():
+                break
+        slopes.append(slope)
+    return np.stack(slopes, axis=1)
+
+
+def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array) -> Array | None:
+    """Return None for complex steps, where they agree with differences beside each of a few
+    states, or the divisors of the steps of differences."""
+    finest = np.zeros(len(z))
+    for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
+        with np.errstate(all="ignore"):
+            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + aside, scales)
+        if isinstance(scheme, partial):  # differences
+            finest = np.maximum(finest, scheme.keywords["finer"])
+    return finest if finest.any() else None
