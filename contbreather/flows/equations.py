@@ -47,7 +47,8 @@ class Layout:
         self.orbit, flows = sum(states), len(counts)
         self.size = self.orbit + sum(meshes) + flows + equations.phased
         parts = np.split(np.arange(self.size), np.cumsum([*states, *meshes, flows]))
-        self.nodes = [part.reshape(count) for part, count in zip(parts, counts, strict=False)]
+        pairs = zip(parts, counts, strict=False)
+        self.nodes: list[Places] = [part.reshape(count) for part, count in pairs]
         self.knots, self.lengths = parts[flows : 2 * flows], parts[2 * flows]
         self.phase = parts[-1].tolist()  # no unknown, or one
         self.ended = [flow.until is not None for flow in equations.flows]
