@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from contbreather.cli.options import Whole, Workers, parameter_help
@@ -132,8 +132,9 @@ def run(
             studies.run, study, folder=folder, executor=executor, again=again, tell=tell
         )
     if json:
-        written = [str(path) for path in report.written]
-        to_json({**asdict(report), "folder": str(report.folder), "written": written})
+        parts = ("computed", "kept", "failed", "absent", "interrupted")
+        content = {"folder": str(report.folder)} | {name: getattr(report, name) for name in parts}
+        to_json({**content, "written": [str(path) for path in report.written]})
     else:
         say(report.table())
     if cut:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -18,9 +19,8 @@ from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
-from contbreather.studies.folder import put_in_place
 from contbreather.studies.schema import Part, Study
-from contbreather.studies.tasks import ATLAS, Task, dry_run, finish
+from contbreather.studies.tasks import ATLAS, Task, dry_run, finish, put_in_place
 from contbreather.tables import Column, HtmlRepr, Sheet
 from contbreather.workers import Failed, each
 
@@ -35,12 +35,9 @@ class Report(HtmlRepr):
     ----------
     folder : Path
         Where everything is; `contbreather.load` reads it.
-    computed, kept : list of str
-        Names of the parts that were computed now, and of those that were there already.
-    failed : dict
-        Name of each part without a result, and the reason.
-    absent : dict
-        Parts that the study calls optional, and to which nothing was there to start from.
+    outcomes : dict
+        What became of each part and figure by its name, "computed" now, "kept" from before,
+        "failed", or "absent", where it is optional and there was nothing to start from; and why.
     written : list of Path
         Figures, and atlases as datasets.
     interrupted : bool
@@ -48,48 +45,52 @@ class Report(HtmlRepr):
     """
 
     folder: Path
-    computed: list[str] = field(default_factory=list)
-    kept: list[str] = field(default_factory=list)
-    failed: dict[str, str] = field(default_factory=dict)
-    absent: dict[str, str] = field(default_factory=dict)
+    outcomes: dict[str, tuple[str, str]]
     written: list[Path] = field(default_factory=list)
     interrupted: bool = False
 
     @property
-    def missing(self) -> dict[str, str]:
-        """Parts without a result, and why."""
-        return self.failed | self.absent
+    def computed(self) -> list[str]:
+        """Names of the parts that were computed now."""
+        return [*self._reasons("computed")]
+
+    @property
+    def kept(self) -> list[str]:
+        """Names of those that were there already."""
+        return [*self._reasons("kept")]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Name of each part without a result, and the reason."""
+        return self._reasons("failed")
+
+    @property
+    def absent(self) -> dict[str, str]:
+        """Optional parts to which nothing was there to start from, and why."""
+        return self._reasons("absent")
+
+    def _reasons(self, *outcomes: str) -> dict[str, str]:
+        return {name: why for name, (outcome, why) in self.outcomes.items() if outcome in outcomes}
 
     def table(self) -> Sheet:
         """A line for each part that was computed now, for each without a result with the reason,
         and for each file."""
+        words = {"computed": "computed", "absent": "absent, which is optional", "failed": "failed"}
         rows = [
-            *((name, "computed", "") for name in self.computed),
-            *((name, "absent, which is optional", why) for name, why in self.absent.items()),
-            *((name, "failed", why) for name, why in self.failed.items()),
-            *((path.name, "written", "") for path in self.written),
+            (name, words[outcome], why)
+            for wanted in words
+            for name, (outcome, why) in self.outcomes.items()
+            if outcome == wanted
         ]
-        there = f", {len(self.kept)} were there" if self.kept else ""
-        cut = "; interrupted, the same command goes on" if self.interrupted else ""
-        names, outcomes, reasons = zip(*rows, strict=True) if rows else ((), (), ())
-        made = f"{len(self.computed)} result{'s' * (len(self.computed) != 1)} computed"
-        return Sheet(
-            [Column("name", names), Column("outcome", outcomes), Column("reason", reasons)],
-            f"{made}{there}, in {self.folder}{cut}",
-        )
-
-    def enter(self, name: str, outcome: str, why: str = "") -> None:
-        """Enter a part that was computed or kept, or failed or is absent for a reason."""
-        where = getattr(self, outcome)
-        if isinstance(where, dict):
-            where[name] = why
-        else:
-            where.append(name)
-
-    def so_far(self) -> Report:
-        """Mark it as interrupted."""
-        self.interrupted = True
-        return self
+        rows += [(path.name, "written", "") for path in self.written]
+        columns = zip(*rows, strict=True) if rows else ((), (), ())
+        headings = ("name", "outcome", "reason")
+        count = len(self.computed)
+        title = f"{count} result{'s' * (count != 1)} computed"
+        title += f", {len(self.kept)} were there" if self.kept else ""
+        title += f", in {self.folder}"
+        title += "; interrupted, the same command goes on" if self.interrupted else ""
+        return Sheet([*map(Column, headings, columns)], title)
 
 
 def run(
@@ -147,12 +148,23 @@ def run(
     (['first'], ['first'])
     """
     asked = dry_run(path, folder=folder, again=again)
-    report, todo, numbers = Report(asked.folder), asked.left, count(1)
+    report, numbers = Report(asked.folder, dict(asked.outcomes)), count(1)
+
+    def enter(task: Task, outcome: str, why: str) -> None:
+        report.outcomes[task.name] = outcome, why
+        if tell is not None:
+            none = f": none, {why}" if why else ""
+            tell(f"{next(numbers)} of {len(asked.left)}, {task.name}{none}")
 
     def ended(task: Task, result: Failed | str) -> None:
-        _, why = _outcome(result)
-        if tell is not None:
-            tell(f"{next(numbers)} of {len(todo)}, {task.name}{f': none, {why}' if why else ''}")
+        if isinstance(result, Failed):
+            enter(task, "failed", result.reason)
+        else:
+            enter(task, "absent" if result else "computed", result)
+
+    def so_far() -> Report:
+        report.interrupted = True
+        return report
 
     try:
         report.folder.mkdir(parents=True, exist_ok=True)
@@ -160,36 +172,22 @@ def run(
         raise BadInput(
             f"cannot write to {report.folder}: {error.strerror}; name a folder"
         ) from error
-    for name, (outcome, why) in asked.outcomes.items():
-        if outcome:
-            report.enter(name, outcome, why)
-    with partial_result(report.so_far):
-        for level in sorted({task.level for task in todo}):
+    with partial_result(so_far):
+        for level in sorted({task.level for task in asked.left}):
             work = []
-            for task in todo:
-                if task.level == level:
-                    if task.needs is None or task.needs.name not in report.missing:
-                        work.append(task)
-                        continue
-                    before = "absent" if task.needs.name in report.absent else "failed"
-                    outcome, why = task.lacking(before)
-                    report.enter(task.name, outcome, why)
-                    ended(task, why)
+            for task in (task for task in asked.left if task.level == level):
+                before = "" if task.needs is None else report.outcomes[task.needs.name][0]
+                if before in ("failed", "absent"):
+                    enter(task, *task.lacking(before))
+                else:
+                    work.append(task)
             results = each(
                 partial(finish, folder=report.folder), work, executor=executor,
                 progress=progress, unit="parts", together=1, ended=ended,
             )  # fmt: skip
-            for task, result in zip(work, results, strict=False):
-                report.enter(task.name, *_outcome(result))
+            deque(results, 0)
         draw_figures(asked.study, asked.tasks, report)
     return report
-
-
-def _outcome(result: Failed | str) -> tuple[str, str]:
-    """Tell what became of a part that was not there, and why."""
-    if isinstance(result, Failed):
-        return "failed", result.reason
-    return "absent" if result else "computed", result
 
 
 @contextmanager
@@ -223,24 +221,24 @@ def cluster(address: str, patience: float = 5.0) -> Iterator[Executor]:
 
 def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     """Write all atlases, and all figures of which everything is there."""
+    missing = report.failed | report.absent
 
     def named(source: Part) -> list[Task]:
         return [one for one in tasks if one.family == source.family and source.has(one.values)]
 
     def there(source: Part) -> list[Task]:
-        return [one for one in named(source) if one.name not in report.missing]
+        return [one for one in named(source) if one.name not in missing]
 
     def atlas(name: str) -> Any:
         """Make it of all diagrams, those that failed with their reasons."""
-        table, drive, whole = study.atlas[name], study.chain.drive, named(Part(name, {}, ""))
-        lost = report.failed
+        table = study.atlas[name]
         diagrams = [
-            Failed(one.name, BadInput(lost[one.name]))
-            if one.name in lost
+            Failed(one.name, BadInput(missing[one.name]))
+            if one.name in missing
             else load(one.file(report.folder))
-            for one in whole
+            for one in named(Part(name, {}, ""))
         ]
-        return surfaces(slices_of(table.given, table.over, drive), diagrams)
+        return surfaces(slices_of(table.given, table.over, study.chain.drive), diagrams)
 
     for name in study.atlas:
         if there(Part(name, {}, "")):
@@ -248,25 +246,22 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
             report.written.append(put_in_place(path, partial(save_atlas, atlas=atlas(name))))
     for name, path in study.pictures(report.folder).items():
         figure, title = study.figure[name], f"figure {name}"
-        missing = [source for source in figure.draws if not there(source)]
-        lost = [one for one in missing if {task.name for task in named(one)} - {*report.absent}]
-        if lost or len(missing) == len(figure.draws):
-            why = f"there is nothing of {', '.join(map(str, lost or missing))} to draw"
-            report.enter(title, "failed" if lost else "absent", why)
+        nothing = [source for source in figure.draws if not there(source)]
+        lost = [one for one in nothing if {task.name for task in named(one)} - {*report.absent}]
+        if lost or len(nothing) == len(figure.draws):
+            why = f"there is nothing of {', '.join(map(str, lost or nothing))} to draw"
+            report.outcomes[title] = "failed" if lost else "absent", why
             continue
         try:
             if (family := figure.draws[0].family) in study.atlas:
                 drawn: Any = plot_atlas(atlas(family), **figure.options)
             else:
-                results = [
-                    _loaded(task, source.arm, report.folder)
-                    for source in figure.draws
-                    for task in there(source)
-                ]
+                parts = [(task, one.arm) for one in figure.draws for task in there(one)]
+                results = (_loaded(task, arm, report.folder) for task, arm in parts)
                 drawn = plot(*chain.from_iterable(results), **figure.options)
             report.written.append(put_in_place(path, partial(save_figure, drawn)))
         except ContbreatherError as error:  # a column that is not there: the others are drawn
-            report.enter(title, "failed", str(error))
+            report.outcomes[title] = "failed", str(error)
 
 
 def _loaded(task: Task, arm: str, folder: Path) -> list[Any]:

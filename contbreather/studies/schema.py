@@ -48,7 +48,6 @@ class Part(NamedTuple):
         return "/".join(filter(None, (self.family, member, self.arm)))
 
     def has(self, at: Mapping[str, float]) -> bool:
-        """Tell whether the member with these values is among those that are named."""
         return all(at.get(name) == value for name, value in self.member.items())
 
 
@@ -91,13 +90,7 @@ def _in_range(typed: Any, info: ValidationInfo) -> Any:
     return typed
 
 
-def _name(typed: str) -> str:
-    if not typed.replace("-", "").replace("_", "").isalnum():
-        raise ValueError("a name of letters, digits, - and _ was expected")
-    return typed
-
-
-Name = Annotated[str, AfterValidator(_name)]
+Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 Source = Annotated[Part, PlainValidator(_part)]
 Values = Annotated[list[float], PlainValidator(_values)]
 Ranged = Annotated[list[float], PlainValidator(_values), AfterValidator(_in_range)]
@@ -112,11 +105,6 @@ class Table(BaseModel):
     """One table of the file; keys that it does not know are mistakes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-    @property
-    def source(self) -> str:
-        """Name of the result that it starts from, empty if that is nothing."""
-        return self.of.family if isinstance(self, FromPoint) else ""
 
 
 class Chain(Table):
@@ -134,13 +122,12 @@ class Chain(Table):
     @model_validator(mode="after")
     def possible(self) -> Chain:
         """Make the lattice, the forcing and the conditions, which refuse what cannot be."""
-        verge, on = self.verge, self.on
+        verge = self.verge
         if not self.damping:
             check_threshold(verge)
+        infinite = self.place.sites is None  # zones alone, which say so, are not for its springs
+        model_of(**{n: v for n, v in self.on.items() if not (infinite and n == "spring")})
         _ = self.drive
-        if self.place.sites is None:  # zones alone, which say so, are not for its springs
-            on.pop("spring", None)
-        model_of(**on)
         return self
 
     @property
@@ -166,7 +153,7 @@ class Chain(Table):
 
 
 class GridTask(Table):
-    """Values of parameters: something for each combination of them."""
+    """Values of parameters: a result for each combination of them."""
 
     a: Ranged | None = None
     gamma: Ranged | None = None

@@ -1,12 +1,12 @@
-"""Tasks of a study: each computed by itself, kept in a file of its own, and never again; and the
-list of what is to be computed, with its conditions, and of what is there already."""
+"""Tasks of a study: each computed by itself, kept in a file of its own, and never again; the list
+of what is to be computed; and the folder, where the study replaces nothing but its own."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,25 +22,16 @@ from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.settings import Steps
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
-from contbreather.files import named, write_whole
+from contbreather.files import named, read_text, writable, write_whole
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.orbits.zones import zones
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.folder import MARKS, check_links, is_own, places
-from contbreather.studies.schema import (
-    Arms,
-    Boundary,
-    BranchTask,
-    Chain,
-    FromPoint,
-    GridTask,
-    Study,
-    ZonesTask,
-)
+from contbreather.studies.schema import Arms, Boundary, Chain, FromPoint, Study, ZonesTask
 from contbreather.studies.validation import read
 from contbreather.tables import Column, HtmlRepr, Sheet
 
+MARKS = ".study"  # folder of what is known of the files beside it
 ATLAS = ".nc4"  # beside the results that `load` reads
 WORDS = {"": "to compute", "kept": "there", "failed": "failed before", "absent": "absent"}
 # keys that do not change a result: where it starts, which is a task of its own, and values, which
@@ -91,11 +82,6 @@ class Task:
         return 0 if self.needs is None else 1 + self.needs.level
 
     @property
-    def optional(self) -> bool:
-        """Tell whether there may be nothing to start from."""
-        return getattr(self.table, "optional", False)
-
-    @property
     def said(self) -> dict[str, Any]:
         """Settings of its result, but for values, the chain and where it starts."""
         return self.table.model_dump(exclude=OUTSIDE, exclude_none=True)
@@ -107,6 +93,25 @@ class Task:
         settings = [self.table.kind, self.said, self.values, self.chain.model_dump(), start]
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
+    @property
+    def conditions(self) -> str:
+        """What is computed, at which values, in which windows, from what."""
+        table, said, words = self.table, self.said, self.table.kind
+        windows, fixed = dict(said.get("within", {})), dict(self.values)
+        if self.needs is not None:
+            arm = f"/{table.of.arm}" if table.of.arm else ""
+            words += f" of {table.at} on {self.needs.name}{arm}"
+            fixed = {}
+        elif "free" in said:
+            words += f" in {table.free}"
+            fixed.pop(table.free, None)
+            windows[table.free] = table.window or window_of(table.free)
+        words += f" at {', '.join(map(_setting, fixed.items()))}" if fixed else ""
+        words += f" in ({', '.join(table.pair)})" if "pair" in said else ""
+        ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
+        options = [(name, said.get(name)) for name in ("root", "largest", "past_folds")]
+        return ", ".join([words, *ranges, *(_setting(option) for option in options if option[1])])
+
     def file(self, folder: Path) -> Path:
         return folder / f"{self.name}.nc"
 
@@ -114,17 +119,12 @@ class Task:
         return folder / MARKS / f"{self.name.replace('/', '@')}.json"
 
     def last_mark(self, folder: Path) -> Mark | None:
-        """Read what the last run said of it, if any did."""
+        """Read what the last run said of it, as far as its result is there."""
         try:
-            return Mark.model_validate_json(self.mark_file(folder).read_bytes())
+            mark = Mark.model_validate_json(self.mark_file(folder).read_bytes())
         except (FileNotFoundError, NotADirectoryError, ValidationError):
             return None
-
-    def stored_state(self, folder: Path) -> Mark | None:
-        """Read what is known of it, as far as its result is there."""
-        mark = self.last_mark(folder)
-        there = mark and (mark.failed or mark.absent or self.file(folder).exists())
-        return mark if there else None
+        return mark if mark.failed or mark.absent or self.file(folder).exists() else None
 
     def outcome(self, folder: Path, again: bool = False) -> tuple[str, str]:
         """Look up what is on disk of it, "kept", "failed" or "absent", and why; nothing where it is
@@ -132,19 +132,19 @@ class Task:
         before = "" if self.needs is None else self.needs.outcome(folder, again)[0]
         if before in ("failed", "absent"):
             return self.lacking(before)
-        mark = self.stored_state(folder)
+        mark = self.last_mark(folder)
         if mark is None or mark.settings != self.fingerprint:
             return "", ""
         why = mark.failed or mark.absent
         if not why:
             return "kept", ""
-        absent = self.optional and not mark.failed
+        absent = not mark.failed and self.table.optional
         return ("", "") if again else ("absent" if absent else "failed", why)
 
     def lacking(self, before: str) -> tuple[str, str]:
         """Outcome where what it starts from failed, or is absent."""
         assert self.needs is not None
-        absent = self.optional and before == "absent"
+        absent = self.table.optional and before == "absent"
         return "absent" if absent else "failed", f"there is no {self.needs.name} to start from"
 
     def mark(self, folder: Path, **why: str) -> None:
@@ -160,14 +160,14 @@ def tasks_of(study: Study) -> list[Task]:
 
     @cache
     def family(name: str) -> list[Task]:
-        table = study.results[name]
+        table: Any = study.results[name]
         if isinstance(table, FromPoint):
-            starts = [start for start in family(table.source) if table.of.has(start.values)]
+            every = family(table.of.family)
+            starts = [start for start in every if table.of.has(start.values)]
             if not starts:
-                have = ", ".join(start.name for start in family(table.source))
+                have = ", ".join(start.name for start in every)
                 raise BadInput(f"{name}.of: there is no {table.of}; there are {have}")
             return [Task(name, one.label, table, one.values, study.chain, one) for one in starts]
-        assert isinstance(table, GridTask)
         grid = {**table.given, **table.over}
         several = [key for key in grid if len(grid[key]) > 1]
         return [
@@ -200,7 +200,7 @@ def finish(task: Task, folder: Path) -> str:
         result = computed(task, folder)
     except NoStart as error:
         task.mark(folder, absent=str(error))
-        if task.optional:
+        if task.table.optional:
             return str(error)
         raise
     except ContbreatherError as error:
@@ -306,7 +306,7 @@ class DryRun(HtmlRepr):
             {
                 "name": task.name,
                 "kind": task.table.kind,
-                "conditions": task_conditions(task),
+                "conditions": task.conditions,
                 "state": WORDS[self.outcomes[task.name][0]],
             }
             for task in self.tasks
@@ -365,9 +365,9 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
 
 def _check_replaced(place: Path, tasks: Sequence[Task], drawn: Sequence[Path]) -> None:
     """Refuse what would be replaced, for it may have taken weeks."""
-    states = {task.name: (task.stored_state(place), task.fingerprint) for task in tasks}
-    changed = [name for name, (mark, now) in states.items() if mark and mark.settings != now]
-    files = [task.file(place) for task in tasks if task.last_mark(place) is None]
+    marks = [(task, task.last_mark(place)) for task in tasks]
+    changed = [task.name for task, mark in marks if mark and mark.settings != task.fingerprint]
+    files = [task.file(place) for task, mark in marks if mark is None]
     foreign = [file for file in files if os.path.lexists(file)]
     foreign += [file for file in drawn if not is_own(file)]
     others = [str(file.relative_to(place)) for file in foreign]
@@ -380,27 +380,51 @@ def _check_replaced(place: Path, tasks: Sequence[Task], drawn: Sequence[Path]) -
             )
 
 
-def task_conditions(task: Task) -> str:
-    """Describe what is computed, at which values, in which windows, from what."""
-    table, said, words = task.table, task.said, task.table.kind
-    windows = dict(said.get("within", {}))
-    fixed = dict(task.values) if task.needs is None else {}
-    if task.needs is not None:
-        arm = f"/{table.of.arm}" if table.of.arm else ""
-        words += f" of {table.at} on {task.needs.name}{arm}"
-    elif isinstance(table, BranchTask):
-        words += f" in {table.free}"
-        fixed.pop(table.free, None)
-        windows[table.free] = table.window or window_of(table.free)
-    if fixed:
-        words += f" at {', '.join(map(_setting, fixed.items()))}"
-    if isinstance(table, Boundary):
-        words += f" in ({', '.join(table.pair)})"
-    ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
-    options = [(name, said[name]) for name in ("root", "largest", "past_folds") if said.get(name)]
-    return ", ".join([words, *ranges, *map(_setting, options)])
-
-
 def _setting(setting: tuple[str, Any]) -> str:
     name, value = setting
     return f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+
+
+# --- the folder -------------------------------------------------------------------------------
+
+
+def put_in_place(path: Path, write: Callable[[Path], object]) -> Path:
+    """Let `write` draw a file, and put it in its place once it is on record as the study's own.
+
+    A process may die after each line: there is then no file, or one that is on record.
+    """
+    target, draft, record = places(writable(path))
+    draft.parent.mkdir(parents=True, exist_ok=True)
+    write(draft)
+    target.unlink(missing_ok=True)  # our own, or it was asked for
+    write_whole(record, lambda file: file.write(_digest(draft).encode()))
+    os.replace(draft, target)
+    return target
+
+
+def is_own(path: Path) -> bool:
+    """Tell whether `put_in_place` has written what is there, or nothing is."""
+    if not os.path.lexists(path):
+        return True
+    *_, record = places(path)
+    return path.is_file() and record.is_file() and read_text(record) == _digest(path)
+
+
+def places(path: Path) -> tuple[Path, Path, Path]:
+    """The file, where it is drawn first, and the record of it."""
+    marks = path.parent / MARKS
+    return path, marks / path.name, marks / f"{path.name}.sha256"
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def check_links(files: Iterable[Path]) -> None:
+    """Refuse files that a link would put elsewhere; their folder is without links."""
+    for file in files:
+        if (place := os.path.realpath(file)) != str(file):
+            raise BadInput(
+                f"{file} is behind a link to {place}; results are kept in the folder itself: "
+                "remove the link, or name another folder"
+            )

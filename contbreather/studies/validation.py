@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -33,6 +33,7 @@ WANTED = {  # by what pydantic calls a mistake
     "model": "a table of keys",
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",
+    "string_pattern_mismatch": "a name of letters, digits, - and _",
 }
 _HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*([\w.\-"' ]+?)\s*=""")
@@ -65,38 +66,35 @@ def read(path: str | Path) -> Study:
         lattice = str(chain.get("lattice")) if isinstance(chain, dict) else ""
         if lattice.lower().endswith((".csv", ".graphml")):  # a file beside the study
             chain["lattice"] = str(Path(path).resolve().parent / lattice)
-        study, wrong = _checked(tables)
+        # also those of which the study says nothing because of their own mistakes
+        kinds = [(name, kind) for kind in KINDS if isinstance(tables.get(kind), dict)
+                 for name in tables[kind]]  # fmt: skip
+        study, faults = _without_mistakes(tables)
     except RecursionError as error:
         raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
-    if wrong:
+    faults += [*_of_names(study, kinds), *_of_sources(study, dict(kinds))]
+    faults += [*_of_figures(study, dict(kinds))]
+    if all(place[:1] != ("chain",) for place, _ in faults):  # whose forcing is not known then
+        faults += _of_parameters(study, dict(kinds))
+    if faults:
         lines = dict(_lines(text))
-        raise BadInput(_listed(Path(path).name, [(_line(lines, at), at, why) for at, why in wrong]))
+        mistakes = [(_line(lines, at), at, why) for at, why in faults]
+        raise BadInput(_listed(Path(path).name, mistakes))
     return study
 
 
-def _checked(tables: Mapping[str, Any]) -> tuple[Study, list[Fault]]:
-    """Validate all tables; those with mistakes are left out of the study, so that mistakes in how
-    the others fit together are found as well."""
+def _without_mistakes(tables: dict[str, Any]) -> tuple[Study, list[Fault]]:
+    """Leave out tables with mistakes: those in how the others fit together are found, too."""
     try:
-        study, wrong = Study.model_validate(tables), list[Fault]()
+        return Study.model_validate(tables), []
     except ValidationError as error:
-        wrong = [*_sentences(error)]
-        left = {name: dict(table) if name in (*KINDS, "figure") and isinstance(table, dict)
-                else table for name, table in tables.items()}  # fmt: skip
-        for first, *second in {place[:2] for place, _ in wrong}:
-            if second and first in (*KINDS, "figure"):
-                left[first].pop(second[0], None)
-            else:
-                left.pop(first, None)
-        study = Study.model_validate(left)
-    # also those of which the study says nothing because of their own mistakes
-    named = [(name, kind) for kind in KINDS if isinstance(tables.get(kind), dict)
-             for name in tables[kind]]  # fmt: skip
-    wrong += _of_names(study, named)
-    wrong += _of_sources(study, dict(named))
-    if all(place[:1] != ("chain",) for place, _ in wrong):  # whose forcing is not known then
-        wrong += _of_parameters(study, dict(named))
-    return study, wrong
+        faults = [*_sentences(error)]
+    for first, *second in {place[:2] for place, _ in faults}:
+        if second and first != "chain":
+            del tables[first][second[0]]
+        else:
+            del tables[first]
+    return Study.model_validate(tables), faults
 
 
 def _sentences(error: ValidationError) -> Iterator[Fault]:
@@ -121,13 +119,8 @@ def _sentences(error: ValidationError) -> Iterator[Fault]:
 
 def _guess(place: KeyPath) -> str:
     """Name the keys that are known where an unknown one is."""
-    model: Any = Study
-    for key in place[:-1]:
-        field = getattr(model, "model_fields", {}).get(key)
-        if field is not None:
-            inner = getattr(field.annotation, "__args__", (None, field.annotation))
-            model = inner[-1]
-    names = list(getattr(model, "model_fields", {}))
+    table: Any = Study.model_fields[place[0]].annotation if place[1:] else Study
+    names = [*(get_args(table) or (table,))[-1].model_fields]
     near = get_close_matches(place[-1], names, 1)
     return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(names)}"
 
@@ -173,54 +166,57 @@ def _listed(name: str, faults: Sequence[tuple[int, KeyPath, str]]) -> str:
 
 
 def _of_names(study: Study, named: Sequence[tuple[str, str]]) -> Iterator[Fault]:
-    """Refuse a study of nothing, and two things of one name."""
+    """Refuse a study of nothing, two things of one name, and files that cannot be figures."""
     if not named:
         wanted = "a table [branch.NAME], [zones.NAME] or [atlas.NAME] is expected"
         yield (), f"nothing is asked for: {wanted}"
-    names = [name for name, _ in named]
-    for i, (name, kind) in enumerate(named):
-        if name in names[:i]:
-            yield (kind, name), f"{name!r} is there already, as {named[names.index(name)][1]}"
-    pictures = {name: str(path) for name, path in study.pictures(Path()).items()}
-    for i, (name, file) in enumerate(pictures.items()):
-        place = ("figure", name, "file")
-        if file in [*pictures.values()][:i]:
-            first = next(other for other in pictures if pictures[other] == file)
-            yield place, f"figure {first} is written to this file already"
-        if not file.lower().endswith(FIGURES):
-            yield place, f"one of {', '.join(FIGURES)} was expected, got {file!r}"
-        if (typed := study.figure[name].file) and typed != Path(typed).name:
+    known: dict[str, str] = {}
+    for name, kind in named:
+        if known.setdefault(name, kind) != kind:
+            yield (kind, name), f"{name!r} is there already, as {known[name]}"
+    files: dict[str, str] = {}
+    for name, picture in study.pictures(Path()).items():
+        place, typed = ("figure", name, "file"), study.figure[name].file
+        if files.setdefault(str(picture), name) != name:
+            yield place, f"figure {files[str(picture)]} is written to this file already"
+        if not str(picture).lower().endswith(FIGURES):
+            yield place, f"one of {', '.join(FIGURES)} was expected, got {str(picture)!r}"
+        if typed and typed != Path(typed).name:
             yield place, f"a name in the folder of the results was expected, got {typed!r}"
 
 
 def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
-    """Refuse arms and boundaries of nothing, or of themselves, and figures of what does not go
-    together. `kinds` are of all results, by name."""
+    """Refuse arms and boundaries of nothing, or of themselves; `kinds` are of all results."""
     starts = [name for name, kind in kinds.items() if kind in ("branch", "arms", "boundary")]
+    sources = {name: table.of.family for _, name, table in _tables(study, "arms", "boundary")}
     for kind, name, table in _tables(study, "arms", "boundary"):
-        source, place = table.source, (kind, name, "of")
+        source, place, origins = sources[name], (kind, name, "of"), [sources[name]]
+        while origins[-1] in sources and origins[-1] not in origins[:-1]:
+            origins.append(sources[origins[-1]])
         if source not in starts:
             have = ", ".join(starts) or "none"
             yield place, f"no branch, arms or boundary {source!r}; there are {have}"
         elif (kinds[source] == "arms") != bool(table.of.arm):
             wanted = f"{source}/arm1" if kinds[source] == "arms" else source
             yield place, f"{wanted!r} was expected"
-        elif name in _origins(study, source):
+        elif name in origins:
             yield place, f"it comes from itself, by way of {source!r}"
         at = table.at.rstrip("0123456789")
         if kind not in look_of(at).starts and "-" not in at:  # where two meet either may start
             have = ", ".join(one for one, look in LOOKS.items() if kind in look.starts)
             yield (kind, name, "at"), f"{kind} start at {have}, PF1 for instance; got {table.at!r}"
+
+
+def _of_figures(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
+    """Refuse figures of nothing, or of what does not go together."""
     for name, figure in study.figure.items():
         families = [drawing.family for drawing in figure.draws]
-        for family in families:
-            if family not in kinds:
-                have = ", ".join(kinds) or "none"
-                yield ("figure", name, "draws"), f"nothing is called {family!r}; there are {have}"
+        for family in {*families} - {*kinds}:
+            have = ", ".join(kinds) or "none"
+            yield ("figure", name, "draws"), f"nothing is called {family!r}; there are {have}"
         drawn = {kinds[family] for family in families if family in kinds}
         planes = drawn & {"zones", "atlas"}
-        several = len(drawn) > 1 or ("atlas" in drawn and len(families) > 1)
-        if planes and several:
+        if planes and (len(drawn) > 1 or ("atlas" in drawn and len(families) > 1)):
             wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
             yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
         fit = {"over", "at"} if "atlas" in drawn else set() if planes else {"x", "y"}
@@ -232,27 +228,21 @@ def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
             )
 
 
-def _origins(study: Study, name: str) -> list[str]:
-    """List what a result comes from, itself first."""
-    origins: list[str] = []
-    while name in study.results and name not in origins:
-        origins.append(name)
-        name = study.results[name].source
-    return origins
-
-
 def _of_parameters(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
     """Refuse parameters that there are not, and a threshold that arms do not have."""
     letters = study.chain.drive.params
-    names = ", ".join((*NAMES, *letters))
+    known = (*NAMES, *letters)
     for kind, name, table in _tables(study, "branch", "boundary", "zones", "atlas"):
         for other in {*getattr(table, "over", ())} - {*letters}:
             have = ", ".join(letters) or "none"
             yield (kind, name, "over"), f"the forcing has no {other!r}; it has {have}"
-        if kind == "branch" and table.free not in (*NAMES, *letters):
-            yield (kind, name, "free"), f"one of {names} was expected, {table.free!r} is none"
-        if kind == "boundary" and len({*table.pair} & {*NAMES, *letters}) < 2:
-            yield (kind, name, "pair"), f"two of {names} were expected, got {table.pair}"
+        if kind == "branch" and table.free not in known:
+            yield (
+                (kind, name, "free"),
+                f"one of {', '.join(known)} was expected, {table.free!r} is none",
+            )
+        if kind == "boundary" and len({*table.pair} & {*known}) < 2:
+            yield (kind, name, "pair"), f"two of {', '.join(known)} were expected, got {table.pair}"
     if "arms" in kinds.values() and study.chain.verge != THRESHOLD:
         yield (
             ("chain", "threshold"),
