@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     return float(np.exp(slope))
 
 
-def conditions_of(breather: Orbit, damping: float = DAMPING) -> dict[str, float]:
+def conditions_of(breather: Orbit, damping: float = DAMPING) -> dict[str, Any]:
     return {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
 
 
@@ -110,9 +111,8 @@ def on_ring(
     breather: Orbit, m: int | None = None, damping: float = DAMPING, sites: int = SITES
 ) -> PeriodicMotion:
     """Breather of a damped ring, between walls of hardness `m` or rigid ones."""
-    on = {**conditions_of(breather, damping), **({} if m is None else {"m": m})}
-    motion: PeriodicMotion = periodic(breather.state(sites), symmetric=True, **on)
-    return motion
+    on = conditions_of(breather, damping) | ({} if m is None else {"m": m})
+    return periodic(breather.state(sites), symmetric=True, **on)
 
 
 @partial_result()

@@ -222,7 +222,7 @@ def with_band(
 def _named(mu: Array, which: NDArray[np.bool_]) -> list[int]:
     """Multipliers to name: those farthest off the circle, of these the tightest place first."""
     off = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
-    return sorted(np.flatnonzero(which), key=lambda i: off[i])[-MANY:]
+    return sorted(np.flatnonzero(which).tolist(), key=lambda i: off[i])[-MANY:]
 
 
 def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:

@@ -101,13 +101,15 @@ def plot_motion(
         return orbits.draw_states(ax, record, x, y, within)
     if x is not None or y is not None:
         raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
-    run, record = record, getattr(record, "record", record)
+    run: Any = record
+    record = getattr(run, "record", run)
     if record is None:
         raise BadInput(
             "this run has its states once in a period only; simulate with "
             "sample=cb.simulation.Sample(sites=(0, 1)) to record some sites densely"
         )
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
+    assert isinstance(record, Record)
     first, last = _window(record.times / PERIOD, periods)
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
