@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
@@ -113,13 +113,13 @@ def each(
     >>> list(each(neg, [1, 2, 3], unit="numbers", executor=1))
     [-1, -2, -3]
     """
-    if not (executor is None or isinstance(executor, int) or hasattr(executor, "submit")):
+    if isinstance(executor, int):
+        whole("executor", executor, 1)
+    elif executor is not None and not hasattr(executor, "submit"):
         raise BadInput(
             f"executor = {executor!r}: a number of processes was expected, or an executor as "
             "concurrent.futures has them"
         )
-    if isinstance(executor, int):
-        whole("executor", executor, 1)
     if not (callable(work) and isinstance(items, Iterable)):
         raise BadInput(f"a function and what it works on were expected, got {work!r}, {items!r}")
     queue = _Work(work, tuple(items), together)
@@ -222,10 +222,10 @@ class _Work:
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         try:
             for numbers in chunks:
-                items = [self.items[number] for number in numbers]
-                call = (_unpacked, _packed(self.work, items)) if packed else None
+                call = self.work, [self.items[number] for number in numbers]
+                sending = (_unpacked, _packed(*call)) if packed else (_several, *call)
                 with suppress(BrokenExecutor), _unbroken():
-                    future = pool.submit(*(call or (_several, self.work, items)))
+                    future = pool.submit(*sending)
                     sent[future] = numbers
                     future.add_done_callback(ended.put)
             for _ in range(len(sent)):
@@ -257,11 +257,11 @@ def _several(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     return [_attempt(work, item) for item in items]
 
 
-def _packed(work: Callable[[Any], Any], items: Sequence[Any]) -> bytes:
+def _packed(*call: Any) -> bytes:
     import cloudpickle
 
     try:
-        packed: bytes = cloudpickle.dumps((work, items))
+        packed: bytes = cloudpickle.dumps(call)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise BadInput(UNSENT.format(error)) from error
     return packed
@@ -275,10 +275,9 @@ def _unpacked(packed: bytes) -> list[Any]:
     return _several(work, items)
 
 
-def _unbroken() -> AbstractContextManager[None]:
-    """Defer signals while a future is locked: what they raise would leave it locked, and its pool
-    would never end. So waiting is done by a queue, and all else that is asked of futures waits."""
-    return deferred(signal.SIGINT, signal.SIGTERM)
+# Signals are deferred while a future is locked: what they raise would leave it locked, and its pool
+# would never end. So waiting is done by a queue, and all else that is asked of futures waits.
+_unbroken = partial(deferred, signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
@@ -347,7 +346,7 @@ def _begun_quietly() -> Iterator[None]:
     # the mask is for what is started; here another thread, as BLAS has, may still hear of them
     mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        with deferred(signal.SIGINT, signal.SIGTERM):
+        with _unbroken():
             yield
     finally:
         if masking:
@@ -359,9 +358,9 @@ def _begin(ended: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):  # a pool ends its workers by SIGTERM
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
-    threading.Thread(target=_leave, args=(ended,), daemon=True).start()
 
+    def leave() -> None:
+        ended.poll(None)
+        os._exit(1)
 
-def _leave(ended: Any) -> None:
-    ended.poll(None)
-    os._exit(1)
+    threading.Thread(target=leave, daemon=True).start()

@@ -30,7 +30,7 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, size
+from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, marker_of
 from contbreather.plotting.multipliers import band
 
 
@@ -248,7 +248,7 @@ def test_every_marker_covers_about_the_same_area() -> None:
         (polygon,) = path.to_polygons()[:1]
         x, y = polygon.T
         area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
-        return float(area * size(kind) ** 2)
+        return float(area * marker_of(kind)["markersize"] ** 2)
 
     areas = {kind: ink(kind) for kind in LOOKS if kind not in ("EP", "MX")}
     assert max(areas.values()) < 2.5 * min(areas.values()), areas

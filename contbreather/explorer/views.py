@@ -28,9 +28,9 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting import branches
-from contbreather.plotting.envelopes import with_impacts
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import BESIDE, MOMENTS, impacts_of
+from contbreather.plotting.runs import with_impacts
 from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD

@@ -1,4 +1,5 @@
-"""Lives of breathers on rings: periods until they are lost, growth rates, what would keep them."""
+"""Lives of breathers on the paper's ring: periods until they are lost, growth rates, what would
+keep them."""
 
 from __future__ import annotations
 
@@ -17,9 +18,11 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go, simulate
+from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, simulate
 from contbreather.simulation.states import State
 
+SITES, LONG = 20, 120  # of the paper's ring, and of one on which a wave is damped away going round
+DAMPING = 0.005
 SMALL = 1e-6  # of a perturbation: what follows is linear
 
 
@@ -88,10 +91,7 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     sizes: list[float] = []
     lost = 0.0  # the logarithm of all factors taken off
     while len(sizes) < periods:
-        run = completed(
-            let_go(State(*(state + off)), motion.conditions, periods=10, t0=motion.t0,
-                   progress=False)
-        )  # fmt: skip
+        run = completed(replace(motion, state=State(*(state + off))).run(periods=10))
         there = np.stack(run.strobe, axis=1) - state
         sizes += [lost + math.log(np.linalg.norm(offset)) for offset in there[1:]]
         shrink = SMALL / float(np.linalg.norm(there[-1]))
@@ -103,34 +103,39 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     return float(np.exp(slope))
 
 
-def _conditions(breather: Orbit, damping: float) -> dict[str, Any]:
+def conditions_of(breather: Orbit, damping: float = DAMPING) -> dict[str, Any]:
     return {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
 
 
+def on_ring(
+    breather: Orbit, m: int | None = None, damping: float = DAMPING, sites: int = SITES
+) -> PeriodicMotion:
+    """Breather of a damped ring, between walls of hardness `m` or rigid ones."""
+    on = conditions_of(breather, damping) | ({} if m is None else {"m": m})
+    return periodic(breather.state(sites), symmetric=True, **on)
+
+
 @partial_result()
-def softest(breather: Orbit, damping: float, sites: int) -> float:
+def softest(breather: Orbit, damping: float = DAMPING, sites: int = SITES) -> float:
     """Hardness m at which the smooth ring's breather, followed from hard walls, ends in a fold; NaN
     if it reaches m = 5."""
     check_kind(breather, Orbit, "a breather")
     hard = 30  # walls close to the impacting ones
-    on = _conditions(breather, damping)
     branch = trace(
-        periodic(breather.state(sites), m=hard, symmetric=True, **on), "m",
-        within={"m": (5.0, hard + 1.0)}, towards="down",
-        events=(replace(fold(), ends="branch"),), progress=False,
+        on_ring(breather, hard, damping, sites), "m", within={"m": (5.0, hard + 1.0)},
+        towards="down", events=(replace(fold(), ends="branch"),), progress=False,
     )  # fmt: skip
     return float(branch.first("LP")["m"]) if "LP" in {p.kind for p in branch.special} else math.nan
 
 
-def enough_damping(breather: Orbit, sites: int) -> float:
+def enough_damping(breather: Orbit, sites: int = SITES) -> float:
     """Damping at which the breather of the ring with rigid walls becomes an attractor."""
     from scipy.optimize import brentq
 
     check_kind(breather, Orbit, "a breather")
-    start = breather.state(sites)
 
     def excess(damping: float) -> float:
-        return periodic(start, symmetric=True, **_conditions(breather, damping)).largest - 1.0
+        return on_ring(breather, damping=damping, sites=sites).largest - 1.0
 
     high = 0.01
     while high < 0.06 and excess(high) > 0.0:  # enough for every breather of the figures
@@ -138,45 +143,37 @@ def enough_damping(breather: Orbit, sites: int) -> float:
     return float(brentq(excess, high - 0.01, high, xtol=1e-10))
 
 
-def lives(
-    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int,
-    periods: int = 2400,
-) -> dict[str, float]:  # fmt: skip
-    """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
+def lives(breather: Orbit, m: int, lost: int | None) -> dict[str, float]:
+    """Lives (NaN: kept), the largest multipliers, and what would keep the breather.
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
     """
-    on, start = _conditions(breather, damping), breather.state(sites)
-    rigid = periodic(start, symmetric=True, **on)
-    rigid_lost = life(completed(simulate(start, periods=600, **on)))
-    rates = {"growth": math.nan, "multiplier": math.nan, "softest": math.nan}
+    run = simulate(breather.state(SITES), periods=600, **conditions_of(breather))
+    rigid_lost = life(completed(run))
+    multiplier = fold_at = math.nan
     try:
-        smooth = periodic(start, m=m, symmetric=True, **on)
+        multiplier = on_ring(breather, m).largest
     except NotConverged:
-        rates["softest"] = softest(breather, damping, sites)
-    else:
-        rates |= {"growth": growth(smooth, periods), "multiplier": smooth.largest}
+        fold_at = softest(breather)
     return {
         "lost": math.nan if lost is None else float(lost),
-        **rates,
+        "multiplier": multiplier,
+        "softest": fold_at,
         "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
-        "rigid_growth": growth(rigid, periods),
-        "rigid_multiplier": rigid.largest,
-        "enough_damping": enough_damping(breather, sites),
-        "long_multiplier": periodic(breather.state(long), symmetric=True, **on).largest,
+        "rigid_multiplier": on_ring(breather).largest,
+        "enough_damping": enough_damping(breather),
+        "long_multiplier": on_ring(breather, sites=LONG).largest,
     }
 
 
-def lives_in_words(stats: dict[str, float], m: int, long: int) -> str:
-    """A sentence of the numbers of `lives`."""
+def lives_in_words(stats: dict[str, float], m: int) -> str:
+    why = f"multiplier {stats['multiplier']:.4f}"
     if math.isnan(stats["multiplier"]):
         why = f"there is no breather at m = {m}, it ends in a fold at m = {stats['softest']:.2f}"
-    else:
-        why = f"growth {stats['growth']:.4f}, multiplier {stats['multiplier']:.4f}"
     return (
-        f"{gone(stats['lost'])} ({why}); rigid walls: {gone(stats['rigid_lost'])} (growth "
-        f"{stats['rigid_growth']:.4f}, multiplier {stats['rigid_multiplier']:.4f}), an attractor "
-        f"from damping {stats['enough_damping']:.4f} on; on a ring of {long} the multiplier is "
+        f"{gone(stats['lost'])} ({why}); rigid walls: {gone(stats['rigid_lost'])} (multiplier "
+        f"{stats['rigid_multiplier']:.4f}), an attractor from damping "
+        f"{stats['enough_damping']:.4f} on; on a ring of {LONG} the multiplier is "
         f"{stats['long_multiplier']:.4f}."
     )
 

@@ -30,7 +30,6 @@ from contbreather.stability.verdict import THRESHOLD
 from contbreather.stability.zeros import nearest_pair, outermost
 
 Array = NDArray[Any]
-Path = Callable[[float], Orbit]
 
 SITES = 400
 upper = partial(symmetric, root=1)  # behind a wall, too: where the line ends is sought there
@@ -45,26 +44,25 @@ class ThresholdLine:
     kind : str
         ``"NS"`` for complex pairs, ``"PF"`` for a real multiplier.
     k, threshold : float
-    sites : int or None
-        Length of the ring; None for the infinite chain.
+    sites : int
+        Length of the ring.
     gamma, a, angle : ndarray
         Along the line; the angle of the multiplier of QS in units of pi.
     """
 
     kind: str
     k: float
-    sites: int | None
+    sites: int
     threshold: float
     gamma: Array
     a: Array
     angle: Array
 
     def __repr__(self) -> str:
-        chain = "infinite chain" if self.sites is None else f"ring of {self.sites}"
-        reach = f"gamma {min(self.gamma):.6g} to {max(self.gamma):.6g}" if len(self.gamma) else ""
+        reach = f", gamma {min(self.gamma):.6g} to {max(self.gamma):.6g}" if self.gamma.size else ""
         return (
-            f"<ThresholdLine {self.kind}, {chain}, k = {self.k:g}, threshold {self.threshold:g}: "
-            f"{len(self.gamma)} points{', ' * bool(reach)}{reach}>"
+            f"<ThresholdLine {self.kind}, ring of {self.sites}, k = {self.k:g}, threshold "
+            f"{self.threshold:g}: {self.gamma.size} points{reach}>"
         )
 
 
@@ -128,12 +126,12 @@ def neimark_sacker_line(
     >>> round(float(line.gamma.min()), 3)
     0.082
     """
+    from scipy.optimize import brentq  # dear to import
+
     points = whole("points", points, 1)
-
-    def fold(gamma: float) -> Orbit:
-        return upper(smallest_amplitude(gamma, k), gamma, k)
-
-    lowest = _first(fold, sites, threshold)
+    lowest = _first(
+        lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), sites, threshold
+    )  # on the fold
     start = smallest_amplitude(lowest.gamma, k)
     crossings = {start: lowest}
 
@@ -143,10 +141,18 @@ def neimark_sacker_line(
             crossings[a] = _first(lambda gamma: upper(a, gamma, k), sites, threshold, guess)
         return crossings[a]
 
-    end = _upper_end(k, at, start)
+    def margin(a: float) -> float:
+        return upper(a, at(a).gamma, k).admissibility().margin
+
+    # in steps of 0.05 to where the line leaves the region in which breathers exist
+    end, steps = start, np.arange(0.05 * math.ceil(start / 0.05 + 0.5), 1.0, 0.05).tolist()
+    for high in steps:
+        if margin(high) <= 0.0:
+            end = float(brentq(margin, end, high, xtol=1e-13))
+            break
+        end = high
     amplitudes = np.linspace(start, end, points)
-    line = [at(float(a)) for a in amplitudes]
-    gamma, angle = (np.array(column) for column in zip(*line, strict=True))
+    gamma, angle = np.array([at(a) for a in amplitudes.tolist()]).T
     return ThresholdLine("NS", k, sites, threshold, gamma, amplitudes, angle)
 
 
@@ -180,7 +186,7 @@ def pitchfork_line(
 
 
 def _radius(threshold: float) -> float:
-    """Radius of the circle that multipliers of QS pass."""
+    """Radius of the circle that multipliers of QS pass; its square they have over 2 pi."""
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
@@ -189,7 +195,9 @@ def _radius(threshold: float) -> float:
     return math.sqrt(threshold)
 
 
-def _first(path: Path, sites: int | None, threshold: float, guess: float = 0.02) -> ThresholdPoint:
+def _first(
+    path: Callable[[float], Orbit], sites: int | None, threshold: float, guess: float = 0.02
+) -> ThresholdPoint:
     """Find the first coupling, next to a guess, at which a pair of multipliers of QS passes the
     circle of a threshold; below 0.02 there is no band to speak of."""
     from scipy.optimize import brentq  # dear to import
@@ -226,18 +234,3 @@ def _first(path: Path, sites: int | None, threshold: float, guess: float = 0.02)
         return ThresholdPoint(gamma, nearest_pair(map.unstable_multipliers(), radius))
     near = map.reduced.around(radius)
     return ThresholdPoint(gamma, nearest_pair(map.coupled if near is None else near.zeros, radius))
-
-
-def _upper_end(k: float, at: Callable[[float], ThresholdPoint], start: float) -> float:
-    """The amplitude at which the line leaves the region where breathers exist."""
-    from scipy.optimize import brentq  # dear to import
-
-    def margin(a: float) -> float:
-        return upper(a, at(a).gamma, k).admissibility().margin
-
-    low = start
-    for high in np.arange(0.05 * math.ceil(start / 0.05 + 0.5), 1.0, 0.05).tolist():
-        if margin(high) <= 0.0:
-            return float(brentq(margin, low, high, xtol=1e-13))
-        low = high
-    return low

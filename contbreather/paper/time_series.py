@@ -22,28 +22,43 @@ from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import pitchfork
-from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words
+from contbreather.paper.lifetimes import (
+    DAMPING,
+    SITES,
+    conditions_of,
+    delocalised,
+    gone,
+    life,
+    lives,
+    lives_in_words,
+    on_ring,
+)
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
 from contbreather.simulation.classify import classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.periodic import periodic
-from contbreather.simulation.simulate import SmoothRun, completed, simulate, simulate_smooth
+from contbreather.simulation.simulate import completed, simulate, simulate_smooth
 from contbreather.simulation.states import PERIOD
 from contbreather.simulation.sweep import sweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SITES, LONG = 20, 120  # of the long ring: a wave that goes round it is damped away
-RESTITUTION, DAMPING = 0.8, 0.005
-RINGS: dict[str, Any] = {"damping": DAMPING, "sites": SITES, "long": LONG}
+RESTITUTION = 0.8
 HARDNESS = 6  # "for m > 5 the simulation results ceased to depend on the exact choice of m"
-SETTLING = 400  # periods after which the start of the paper has become the breather of Fig. 5
-RUNS6 = ((0.1, 600), (0.2, 160), (0.7, 160))  # amplitude, periods shown
 SHOWN = (0, 1, 10)
 CENTRAL = (-2, -1, 0, 1, 2)
 CIRCLES = 32  # in a period
 APART = 2.2  # between the lines of two sites in one panel
+TIME = r"$t/2\pi$"
+LOOKS: dict[str, dict[str, Any]] = {
+    "line": {"color": VERMILLION},
+    "dashed": {"linestyle": "--", "color": BLUE, "linewidth": 0.9},
+    "circles": {"linestyle": "", "marker": "o", "color": "black", "markerfacecolor": "none",
+                "markersize": 2.6, "markeredgewidth": 0.5},
+    "points": {"linestyle": "", "marker": ".", "color": BLUE, "markersize": 0.9, "label": None},
+    "trace": {"linewidth": 0.25, "rasterized": True, "label": None},  # in the colour of its site
+}  # fmt: skip
 
 
 class SampledCurve(NamedTuple):
@@ -57,22 +72,12 @@ class SampledCurve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Curves in one pair of axes; a mark says where the breather is lost."""
+    """Curves of one style in one pair of axes; a mark says where the breather is lost."""
 
     title: str
     curves: tuple[SampledCurve, ...]
-    labels: tuple[str, str] = (r"$t/2\pi$", "$u$")
+    labels: tuple[str, str] = (TIME, "$u$")
     lost: float | None = None
-
-
-LOOKS: dict[str, dict[str, Any]] = {
-    "line": {"color": VERMILLION},
-    "dashed": {"linestyle": "--", "color": BLUE, "linewidth": 0.9},
-    "circles": {"linestyle": "", "marker": "o", "color": "black", "markerfacecolor": "none",
-                "markersize": 2.6, "markeredgewidth": 0.5},
-    "points": {"linestyle": "", "marker": ".", "color": BLUE, "markersize": 0.9, "label": None},
-    "trace": {"linewidth": 0.25, "rasterized": True, "label": None},  # in the colour of its site
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,35 +107,22 @@ class TimeSeries:
                     yield {"panel": letter, "curve": name, "site": site, "t": t, "u": u}
 
     def draw(self) -> Figure:
-        """Panels below each other, as printed; those of one time axis share it."""
-        # lines over one stretch of time share the axis of the panel below
+        """Panels below each other, as printed; lines over one stretch of time share its axis."""
         spans = [
             (panel.labels[0], *panel.curves[0].t[[0, -1]], panel.curves[0].style)
             for panel in self.panels
         ]
-        ticks = [upper == lower and lower[-1] == "line" for upper, lower in pairwise(spans)]
-        ticks.append(False)
-        height = sum(2.9 if shared else 3.9 for shared in ticks)
+        shared = [upper == lower and lower[-1] == "line" for upper, lower in pairwise(spans)]
+        shared.append(False)
         with style():
-            figure, axes = new_figure(len(self.panels), height=height)
-            for ax, letter, panel, shared in zip(axes, "abcdef", self.panels, ticks, strict=False):
-                for name, site, t, u, look in panel.curves:
-                    own = {"label": name, "color": CYCLE[abs(site) % len(CYCLE)]}
-                    ax.plot(t, u, **{**own, **LOOKS[look]})
+            figure, axes = new_figure(
+                len(self.panels), height=sum(2.9 if above else 3.9 for above in shared)
+            )
+            for ax, letter, panel, above in zip(axes, "abcdef", self.panels, shared, strict=False):
+                _draw(ax, panel)
                 ax.set_title(f"({letter}) {panel.title}".rstrip(), loc="left", pad=3)
-                ax.set_xlabel("" if shared else panel.labels[0])
-                ax.set_ylabel(panel.labels[1])
-                ax.locator_params(axis="x", nbins=7)
-                ax.tick_params(labelbottom=not shared)
-                looks = {curve.style for curve in panel.curves}
-                if "trace" in looks:
-                    sites = [curve.site for curve in panel.curves]
-                    ax.set_yticks([APART * n for n in sites], [f"${n}$" for n in sites])
-                    ax.margins(x=0.0)
-                elif "circles" in looks:
-                    ax.margins(x=0.01)
-                if panel.lost:
-                    ax.axvline(panel.lost, color="black", linewidth=0.8, linestyle="--")
+                ax.set(xlabel="" if above else panel.labels[0], ylabel=panel.labels[1])
+                ax.tick_params(labelbottom=not above)
             if axes[0].get_legend_handles_labels()[0]:
                 axes[0].legend(  # over the panel, where no data are
                     loc="lower right", bbox_to_anchor=(1.015, 0.965), ncols=3, frameon=False,
@@ -140,11 +132,22 @@ class TimeSeries:
         return figure
 
 
+def _draw(ax: Any, panel: Panel) -> None:
+    for name, site, t, u, look in panel.curves:
+        own = {"label": name, "color": CYCLE[abs(site) % len(CYCLE)]}
+        ax.plot(t, u, **{**own, **LOOKS[look]})
+    ax.locator_params(axis="x", nbins=7)
+    looks = {curve.style for curve in panel.curves}
+    if "trace" in looks:
+        sites = [curve.site for curve in panel.curves]
+        ax.set_yticks([APART * n for n in sites], [f"${n}$" for n in sites])
+    if looks & {"trace", "circles"}:
+        ax.margins(x=0.0 if "trace" in looks else 0.01)
+    if panel.lost:
+        ax.axvline(panel.lost, color="black", linewidth=0.8, linestyle="--")
+
+
 # --- runs, beside exact breathers -----------------------------------------------------------------
-
-
-def _on(a: float, gamma: float) -> dict[str, Any]:
-    return {"a": a, "gamma": gamma, "k": RESTITUTION, "damping": DAMPING}
 
 
 def _run(start: Any, m: int | None = None, **on: Any) -> Any:
@@ -152,7 +155,7 @@ def _run(start: Any, m: int | None = None, **on: Any) -> Any:
     return completed(simulate(start, **on) if m is None else simulate_smooth(start, m=m, **on))
 
 
-def _against(orbits: dict[str, Orbit], run: Any, word: str) -> tuple[Panel, ...]:
+def _against(orbits: dict[str, Orbit], run: Any, m: int) -> tuple[Panel, ...]:
     """Panels of sites 0, 1 and 10: lines of exact breathers through circles of a dense record."""
     times, gap = run.record.times, run.record.times[1] - run.record.times[0]
     fine = np.linspace(times[0], times[-1] + gap, 1200)
@@ -164,17 +167,15 @@ def _against(orbits: dict[str, Orbit], run: Any, word: str) -> tuple[Panel, ...]
             SampledCurve(name, n, fine / PERIOD, orbit.displacement(n, fine), look)
             for look, (name, orbit) in zip(("line", "dashed"), orbits.items(), strict=False)
         ]
-        circles = SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles")
-        panels.append(Panel("", (*lines, circles), (r"$t/2\pi$", f"$u_{{{n}}}$")))
+        ring = SampledCurve(f"ring, $m = {m}$", n, times[::step] / PERIOD, u[::step], "circles")
+        panels.append(Panel("", (*lines, ring), (TIME, f"$u_{{{n}}}$")))
     return tuple(panels)
 
 
-def _best_shift(exact: Orbit, run: SmoothRun) -> tuple[float, float]:
+def _best_shift(exact: Orbit, times: NDArray[Any], u: NDArray[Any]) -> tuple[float, float]:
     """The difference in u_0 that is left after the best time shift, and that shift."""
     from scipy.optimize import minimize_scalar
 
-    assert run.record is not None
-    times, u = run.record.times, run.record.u[:, 0]
     wanted = exact.displacement(0, times)
 
     def left(shift: float) -> float:
@@ -198,10 +199,11 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     (0.098, 0.0104)
     """
     a, gamma, m = 0.1, 0.08, whole("m", m, 1)
-    on, exact = _on(a, gamma), symmetric(a, gamma, RESTITUTION)
+    exact, settling = symmetric(a, gamma, RESTITUTION), 400
+    on = conditions_of(exact)
     v = np.zeros(SITES)
     v[0] = 3.0  # the start of the paper; all else zero
-    final = _run((np.zeros(SITES), v), m, periods=SETTLING, **on).final
+    final = _run((np.zeros(SITES), v), m, periods=settling, **on).final
     orbit = periodic(final, m=m, symmetric=True, **on)
     circles, settled = (
         _run(state, m, periods=2, sample=Sample(SHOWN, n), **on)
@@ -210,19 +212,19 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     t, gaps = settled.record.times, {}
     for n, u in zip(SHOWN, settled.record.u.T, strict=True):
         gaps[f"difference_{n}"] = float(np.abs(u - exact.displacement(n, t)).max())
-    left, shift = _best_shift(exact, settled)
+    left, shift = _best_shift(exact, t, settled.record.u[:, 0])
     numbers = {
         **gaps,
         "difference_0_shifted": left,
         "shift": shift,
         "away": float(np.abs(np.subtract(final, orbit.state)).max()),
         "smooth_multiplier": orbit.largest,
-        "rigid_multiplier": periodic(exact.state(SITES), symmetric=True, **on).largest,
+        "rigid_multiplier": on_ring(exact).largest,
         "undamped_multiplier": float(np.abs(exact.multipliers(sites=SITES)).max()),
     }
     caption = (
         f"Exact breather of the infinite chain (lines) and the ring of {SITES} sites with smooth "
-        f"walls, m = {m}, {SETTLING} periods after the paper's start (circles): a = {a}, "
+        f"walls, m = {m}, {settling} periods after the paper's start (circles): a = {a}, "
         f"k = {RESTITUTION}, gamma = {gamma}, damping {DAMPING}. Verdict: an attractor, with this "
         "damping: largest multiplier {smooth_multiplier:.4f} (rigid walls: "
         "{rigid_multiplier:.4f}; without damping {undamped_multiplier:.4f}, unstable). The circles "
@@ -231,19 +233,17 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
         "by {late:.3f}: the soft wall holds the site for a while), {difference_1:.4f} in u_1, "
         "{difference_10:.4f} in u_10."
     ).format(late=-shift, **numbers)
-    return TimeSeries(5, _against({"exact": exact}, circles, f"ring, $m = {m}$"), caption, numbers)
+    return TimeSeries(5, _against({"exact": exact}, circles, m), caption, numbers)
 
 
-def figure6(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
+def figure6(m: int = HARDNESS) -> TimeSeries:
     """Fig. 6: three breathers at gamma = 0.104, started on the exact solution; all are lost.
-
-    Growth in a period is simulated over `grown` of them.
 
     Examples
     --------
-    >>> from contbreather.paper import time_series
-    >>> [a for a, _ in time_series.RUNS6]
-    [0.1, 0.2, 0.7]
+    >>> found = figure6()
+    >>> round(found.numbers["rigid_multiplier_0.1"], 4), round(found.numbers["softest_0.7"], 2)
+    (1.0325, 16.46)
     """
     gamma, m = 0.104, whole("m", m, 1)
     panels: list[Panel] = []
@@ -253,23 +253,21 @@ def figure6(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
         f"exact solution at gamma = {gamma}, k = {RESTITUTION}, damping {DAMPING}; dashed: the "
         "breather is lost, site 0 misses a wall or a neighbour comes to one. Verdict: transients, "
         "all three; on long rings (a) and (c) are attractors, for no wave comes round. A life "
-        "grows with the logarithm of how exact the start is; what counts is the growth in a "
-        "period, simulated beside the multiplier."
+        "grows with the logarithm of how exact the start is; what counts is the largest multiplier."
     )
-    for letter, (a, periods) in zip("abc", RUNS6, strict=True):
+    for letter, (a, periods) in zip("abc", {0.1: 600, 0.2: 160, 0.7: 160}.items(), strict=True):
         exact = symmetric(a, gamma, RESTITUTION)
-        run = _run(
-            exact.state(SITES), m, periods=periods, sample=Sample(CENTRAL, 24), **_on(a, gamma)
-        )
-        stats = lives(exact, m, life(run), periods=grown, **RINGS)
+        record = {"sample": Sample(CENTRAL, 24), "periods": periods}
+        run = _run(exact.state(SITES), m, **record, **conditions_of(exact))
+        stats = lives(exact, m, life(run))
         t, lost = run.record.times / PERIOD, stats["lost"]
         curves = tuple(
             SampledCurve(f"u_{n}", n, t, u + APART * n, "trace")
             for n, u in zip(CENTRAL, run.record.u.T, strict=True)
         )
         mark = None if math.isnan(lost) else lost
-        panels.append(Panel(f"$a = {a}$: {gone(lost)}", curves, (r"$t/2\pi$", "site $n$"), mark))
-        caption += f" ({letter}) a = {a}: {lives_in_words(stats, m, LONG)}"
+        panels.append(Panel(f"$a = {a}$: {gone(lost)}", curves, (TIME, "site $n$"), mark))
+        caption += f" ({letter}) a = {a}: {lives_in_words(stats, m)}"
         numbers |= {f"{name}_{a}": value for name, value in stats.items()}
     return TimeSeries(6, tuple(panels), caption, numbers)
 
@@ -285,7 +283,8 @@ def figure7(m: int = 20) -> TimeSeries:
     """
     low, a, gamma, m = 0.7, 0.82, 0.04, whole("m", m, 1)
     other, gentle = 20 if m == HARDNESS else HARDNESS, 15  # walls at which a gentler ramp succeeds
-    on, exact = _on(a, gamma), symmetric(a, gamma, RESTITUTION)
+    exact = symmetric(a, gamma, RESTITUTION)
+    on = conditions_of(exact)
     start = symmetric(low, gamma, RESTITUTION).state(SITES)
 
     def ramped(m: int, steps: int, periods: int) -> Any:
@@ -312,14 +311,15 @@ def figure7(m: int = 20) -> TimeSeries:
         "phase_1": first,
         "phase_2": second,
         "rigid_multiplier": closed.largest,
-        "symmetric_multiplier": periodic(exact.state(SITES), symmetric=True, **on).largest,
+        "symmetric_multiplier": on_ring(exact).largest,
         f"multiplier_{gentle}": periodic(ramped(gentle, 61, 6), m=gentle, **on).largest,
         "delocalised": float(delocalised(settled)),
         f"delocalised_{other}": float(delocalised(rested(other))),
     }
     lost, slow = numbers["delocalised"], numbers[f"multiplier_{gentle}"]
     fate = f"the asymmetric breather: mean of u_0 {mean[0]:.4f}, of u_10 {mean[2]:.4f}"
-    fate = "this ramp ends delocalised, impacts are everywhere" if lost else fate
+    if lost:
+        fate = "this ramp ends delocalised, impacts are everywhere"
     end = "ends delocalised" if numbers[f"delocalised_{other}"] else "keeps its breather"
     caption = (
         f"Past the pitchfork (exactly at a = {fork['a']:.6f} without damping): a = {a}, "
@@ -334,13 +334,11 @@ def figure7(m: int = 20) -> TimeSeries:
         "mean of u_0 {rigid_mean_0:.4f} or its opposite; exactly, without damping, {exact_c:.4f}."
     ).format(**numbers)
     lines = {"exact": exact} if lost else {"exact": exact, "asymmetric": arm}
-    return TimeSeries(7, _against(lines, settled, f"ring, $m = {m}$"), caption, numbers)
+    return TimeSeries(7, _against(lines, settled, m), caption, numbers)
 
 
-def figure8(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
+def figure8(m: int = HARDNESS) -> TimeSeries:
     """Fig. 8: beyond Neimark-Sacker, a = 0.15, gamma = 0.104: a transient; and a genuine torus.
-
-    Growth in a period is simulated over `grown` of them.
 
     Examples
     --------
@@ -349,31 +347,32 @@ def figure8(m: int = HARDNESS, *, grown: int = 2400) -> TimeSeries:
     0.3916
     """
     a, gamma, m = 0.15, 0.104, whole("m", m, 1)
-    exact, on = symmetric(a, gamma, RESTITUTION), _on(a, gamma)
+    exact = symmetric(a, gamma, RESTITUTION)
+    on = conditions_of(exact)
     long = _run(exact.state(SITES), m, periods=250, sample=Sample(CENTRAL, 24), **on)
     lost = life(long)
     first = max(0, (lost or 250) - 40)
     there = long.strobe.u[first], long.strobe.v[first]
     window = _run(there, m, periods=6, sample=Sample(SHOWN, CIRCLES // 2), **on)
-    stats = lives(exact, m, lost, periods=grown, **RINGS)
-    damping, beyond = 0.02, 0.106  # where a torus attracts
+    stats = lives(exact, m, lost)
+    wandering = symmetric(a, 0.106, RESTITUTION)  # where, with more damping, a torus attracts
+    damping = 0.02
     torus = classify(
-        symmetric(a, beyond, RESTITUTION).state(SITES), settle=8000, periods=3000,
-        **_on(a, beyond) | {"damping": damping},
-    )  # fmt: skip
+        wandering.state(SITES), settle=8000, periods=3000, **conditions_of(wandering, damping)
+    )
     evidence = {name: float(value) for name, value in torus.evidence.items()}
     zero = max(abs(evidence["exponent"]), evidence["exponent_error"])
     caption = (
         f"(a) to (c): a = {a}, gamma = {gamma}, k = {RESTITUTION}, damping {DAMPING}, beyond the "
         f"Neimark-Sacker line. Lines: exact breather, unstable. Circles: ring of {SITES} with "
         f"smooth walls, m = {m}, {first} periods after its start on the exact solution. "
-        f"Verdict: a transient, {lives_in_words(stats, m, LONG)} (d) A genuine quasi-periodic "
-        f"breather, rigid walls, N = {SITES}, damping {damping}, gamma = {beyond}, a = {a}: "
-        f"stroboscopic section of site 0, rotation number {evidence['rotation']:.8f}, largest "
-        f"Lyapunov exponent zero to {zero:.0e}."
+        f"Verdict: a transient, {lives_in_words(stats, m)} (d) A genuine quasi-periodic "
+        f"breather, rigid walls, N = {SITES}, damping {damping}, gamma = {wandering.gamma}, "
+        f"a = {a}: stroboscopic section of site 0, rotation number {evidence['rotation']:.8f}, "
+        f"largest Lyapunov exponent zero to {zero:.0e}."
     )
     u, v = torus.run.strobe
     dots = (SampledCurve("section", 0, u[:, 0], v[:, 0], "points"),)
     section = Panel(f"rigid walls, damping {damping}: a torus", dots, ("$u_0$", r"$\dot u_0$"))
-    panels = (*_against({"exact": exact}, window, f"ring, $m = {m}$"), section)
+    panels = (*_against({"exact": exact}, window, m), section)
     return TimeSeries(8, panels, caption, {**stats, **evidence})

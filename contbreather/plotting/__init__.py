@@ -13,9 +13,9 @@ __all__ = front(
         "branches": "plot_diagram",
         "canvas": "Drawn new_figure save_figure style",
         "multipliers": "plot_multipliers plot_spectrum",
-        "orbits": "plot_orbit plot_profile plot_space_time",
+        "orbits": "plot_orbit plot_profile",
         "pictures": "plot",
-        "runs": "plot_basin plot_localisation plot_motion plot_section plot_sweep",
+        "runs": "plot_basin plot_localisation plot_motion plot_section plot_space_time plot_sweep",
         "zones": "plot_atlas plot_zones",
     },
 )

@@ -7,12 +7,12 @@ from .multipliers import plot_multipliers as plot_multipliers
 from .multipliers import plot_spectrum as plot_spectrum
 from .orbits import plot_orbit as plot_orbit
 from .orbits import plot_profile as plot_profile
-from .orbits import plot_space_time as plot_space_time
 from .pictures import plot as plot
 from .runs import plot_basin as plot_basin
 from .runs import plot_localisation as plot_localisation
 from .runs import plot_motion as plot_motion
 from .runs import plot_section as plot_section
+from .runs import plot_space_time as plot_space_time
 from .runs import plot_sweep as plot_sweep
 from .zones import plot_atlas as plot_atlas
 from .zones import plot_zones as plot_zones

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind
 from contbreather.continuation.branches.diagram import Diagram
 from contbreather.continuation.curve.branch import Branch
-from contbreather.continuation.curve.kinds import look_of
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.settings import MARGIN, walls_are_lifted
 from contbreather.continuation.events.step_interpolant import between
@@ -45,14 +44,13 @@ ROUNDING = 1e-9  # relative; what varies by less is constant
 AS_LARGE = 1e-6  # relative; entries that differ by less, by what Newton leaves, are as large
 
 
-class Word(NamedTuple):
-    """Name of a point, in its colour; in pixels the place of the point, and how high it is."""
+class Mark(NamedTuple):
+    """Special point that is marked, where, and in the colour of which branch."""
 
     point: Point
     branch: int
-    place: Array
+    x: float
     y: float
-    text: str
     colour: str
 
 
@@ -81,45 +79,46 @@ def plot_branches(
         raise BadInput("plot needs at least one branch")
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
+    check_kind(labels, (bool, type(None)), "True, False or None for labels")
     x = branches[0].free if x is None else x
     y = _ordinate(branches) if y is None else y
     marked = [_marked(branch, kinds) for branch in branches]
-    check_kind(labels, (bool, type(None)), "True, False or None for labels")
     with canvas.drawing(ax) as (drawn, axes):
         canvas.name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
             axes.margins(0.08)  # for the names of points at the ends
         groups = _groups(branches) if colours is None else []
-        alike = groups or _families(branches)
-        key = _key(axes, alike, bool(groups))
-        shades = [key[family] for family in alike] if colours is None else _given(colours, marked)
-        styles: set[str] = set()
-        heights = [ordinates(branch, y) for branch in branches]
+        key, shades = _colours(axes, branches, groups, colours)
         coloured = bool(groups) or colours is not None  # then colours say what they stand for
-        for branch, points, colour, names in zip(branches, marked, shades, heights, strict=True):
+        styles: set[str] = set()
+        marks: list[Mark] = []
+        for i, (branch, points, colour) in enumerate(zip(branches, marked, shades, strict=True)):
             looks = _styles(branch)
             styles |= {*looks.tolist()} or {STABLE}
-            for name in names:
+            for side, name in enumerate(ordinates(branch, y)):
                 for style, *line in pieces(branch, x, name, looks):
                     grey = style == UNKNOWN and not coloured
                     axes.plot(*line, style, color=GREY if grey else colour)
-                _markers(axes, points, x, name, colour)
+                its = [Mark(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
+                for mark in its:
+                    _draw_mark(axes, mark)
+                marks += its[: None if side == 0 else 0]  # an envelope is named at its top
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
-        tops = [names[0] for names in heights]
         pixel, plain = canvas.lay_out(axes), canvas.text_colour(axes)
-        by_value = any(group.values for group in groups)
-        words = _words(axes, pixel, marked, x, tops, shades if by_value else [plain] * len(shades))
+        if not any(group.values for group in groups):  # kinds are told by words
+            marks = [mark._replace(colour=plain) for mark in marks]
+        words = _words(axes, pixel, marks, len(branches))
         named = len(words) <= MANY if labels is None else labels
         entries = _legend_entries(key if groups else {}, styles, plain, plain if coloured else GREY)
-        _legend(axes, entries | ({} if named else _by_marker(marked, plain)))
+        if not named:
+            entries |= {
+                kind: {**canvas.marker_of(kind), "color": plain}
+                for kind in sorted({mark.point.kind for mark in marks} - {"EP"})
+            }
+        _legend(axes, entries)
         if named:
-            words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
-            end = {"fontsize": "x-small", "color": GREY}
-            canvas.place_words(axes, (
-                (value_of(p, x), y, text, end if p.kind == "EP" else {"color": shade})
-                for p, _, _, y, text, shade in words
-            ))  # fmt: skip
+            canvas.place_words(axes, words)
     return drawn
 
 
@@ -135,29 +134,32 @@ def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
     return [point for point in points if wanted is None or point.kind in wanted]
 
 
-def _given(colours: Any, marked: Sequence[object]) -> list[str]:
-    from matplotlib.colors import is_color_like
+def _colours(
+    ax: Axes, branches: Sequence[Branch], groups: Sequence[Group], given: Any
+) -> tuple[dict[Any, str], list[str]]:
+    """Colours of groups, or of families, and of each branch; no two values have the same one."""
+    if given is not None:
+        from matplotlib.colors import is_color_like
 
-    shades = [colours] if isinstance(colours, str) else list(colours)
-    if len(shades) != len(marked) or not all(map(is_color_like, shades)):
-        raise BadInput(f"colours = {colours!r}: a colour for each of {len(marked)} was expected")
-    return shades
-
-
-def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
-    """Colours of groups of branches that are alike; no two values have the same one."""
+        shades = [given] if isinstance(given, str) else list(given)
+        if len(shades) != len(branches) or not all(map(is_color_like, shades)):
+            wanted = f"a colour for each of {len(branches)} was expected"
+            raise BadInput(f"colours = {given!r}: {wanted}")
+        return {}, shades
+    alike: Sequence[Any] = groups or _families(branches)
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], canvas.text_colour(ax))
-    if not values or len(order) <= len(colours):
-        return {one: colours[(taken + i) % len(colours)] for i, one in enumerate(order)}
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
+    order, cycle = list(dict.fromkeys(alike)), (*CYCLE[:-1], canvas.text_colour(ax))
+    key: dict[Any, str] = {one: cycle[(taken + i) % len(cycle)] for i, one in enumerate(order)}
+    if groups and len(order) > len(cycle):
+        from matplotlib import colormaps
+        from matplotlib.colors import to_hex
 
-    order = sorted(order, key=lambda group: (group.kind, [value for _, value in group.values]))
-    # its yellow is not seen on white
-    shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))
-    return dict(zip(order, map(to_hex, shades), strict=True))
+        order.sort(key=lambda group: (group.kind, [value for _, value in group.values]))
+        # its yellow is not seen on white
+        shades = [to_hex(c) for c in colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))]
+        key = dict(zip(order, shades, strict=True))
+    return key, [key[one] for one in alike]
 
 
 def _families(branches: Iterable[Branch]) -> list[int]:
@@ -204,19 +206,15 @@ def _ordinate(branches: Sequence[Branch]) -> str:
 def _of_breathers(branches: Sequence[Branch]) -> str:
     """Column of the size of an impact; with arms one that tells them apart, for mirror images have
     one size."""
-    families: dict[int, list[Branch]] = {}
-    for family, branch in zip(_families(branches), branches, strict=True):
-        if any(point.parent for point in branch.special):
-            families.setdefault(family, []).append(branch)
+    families = zip(_families(branches), branches, strict=True)
+    arms = [(i, arm) for i, arm in families if any(point.parent for point in arm.special)]
     for name in ("asymmetry", "t1"):
-        if families and all(name in branch.names for branch in branches):
-            ends = [[(np.nanmin(arm[name]), np.nanmax(arm[name])) for arm in arms]
-                    for arms in families.values()]  # fmt: skip
-            if all(np.ptp(pair) > ALIKE for arms in ends for pair in arms) and all(
-                np.abs(np.subtract(one, other)).max() > ALIKE
-                for arms in ends for one, other in combinations(arms, 2)
-            ):  # fmt: skip
-                return name
+        if not (arms and all(name in branch.names for branch in branches)):
+            continue
+        spans = [(i, np.array([np.nanmin(arm[name]), np.nanmax(arm[name])])) for i, arm in arms]
+        apart = (abs(u - v).max() > ALIKE for (i, u), (j, v) in combinations(spans, 2) if i == j)
+        if all(np.ptp(span) > ALIKE for _, span in spans) and all(apart):
+            return name
     return "p"
 
 
@@ -246,6 +244,8 @@ def _largest(rows: Array) -> Array:
 
 def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     """Sample both columns, also between the points; broken where one jumps."""
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
     columns = column_of(branch, x), column_of(branch, y)
     jumps = _jumps(branch, x, columns[0]) | _jumps(branch, y, columns[1])
     if jumps.any():
@@ -263,22 +263,15 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     fine = np.arange(6) / 6  # of the line between two points
     at = nodes[:-1, None] + np.diff(nodes)[:, None] * fine
     at = np.append(at.ravel(), nodes[-1])
-    first, second = (
-        _cubic(branch, name, nodes, column[apart], apart)(at)
-        for name, column in zip((x, y), columns, strict=True)
-    )
-    return first, second
-
-
-def _cubic(branch: Branch, name: str, nodes: Array, column: Array, apart: Any) -> Any:
-    """Interpolate by the tangents; what is measured by a cubic that keeps between its values."""
-    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
-
-    slot = branch.curve.slots.get(name)
-    if not isinstance(slot, int):
-        return PchipInterpolator(nodes, column)
     tangents = np.stack([point.direction for point in branch])[apart]
-    return CubicHermiteSpline(nodes, column, tangents[:, slot])
+
+    def fit(name: str, column: Array) -> Any:
+        slot = branch.curve.slots.get(name)
+        if isinstance(slot, int):
+            return CubicHermiteSpline(nodes, column[apart], tangents[:, slot])(at)
+        return PchipInterpolator(nodes, column[apart])(at)  # measured: keeps between its values
+
+    return fit(x, columns[0]), fit(y, columns[1])
 
 
 def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
@@ -291,18 +284,6 @@ def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
     change = abs(np.diff(rows, axis=0)).max(axis=1)
     small = AS_LARGE * abs(rows).max() + ROUNDING * branch.problem.scales.get(name, 1.0)
     return np.asarray(abs(np.diff(column)) > change + small)
-
-
-def _same_name(point: Point, other: Point) -> bool:
-    """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
-    kinds = [{*one.kind.split("-")} for one in (point, other)]
-    return kinds[0] == kinds[1] if len(kinds[0]) > 1 else point.label == other.label
-
-
-def _is_one(point: Point, other: Point) -> bool:
-    """Tell whether two points are one solution, or an arm's start and the point it left."""
-    first, second = (p.parent or p for p in (point, other))
-    return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
 
 def value_of(point: Point, name: str) -> float:
@@ -325,20 +306,15 @@ def _unstable(branch: Branch) -> Array:
     for i in range(pieces.size):
         ends = [j for j in (i, i + 1) if not special[j]]
         inside = None if ends else between(branch[i], branch[i + 1])
-        if inside is not None:
-            pieces[i] = inside[STABILITY]
-        else:
-            pieces[i] = np.fmax.reduce(unstable[ends or [i, i + 1]])
+        counts = unstable[ends or [i, i + 1]]
+        pieces[i] = np.fmax.reduce(counts) if inside is None else inside[STABILITY]
     return pieces
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
-    if _is_boundary(branch):  # on boundaries rounding would decide the count
-        count = np.zeros(len(branch) - 1)
-    else:
-        count = _unstable(branch)
-    known = np.where(count > 0, UNSTABLE, STABLE)
-    styles = np.where(np.isnan(count), UNKNOWN, known)
+    # on boundaries rounding would decide the count
+    count = np.zeros(len(branch) - 1) if _is_boundary(branch) else _unstable(branch)
+    styles = np.where(np.isnan(count), UNKNOWN, np.where(count > 0, UNSTABLE, STABLE))
     if walls_are_lifted(branch.problem):
         beyond = np.asarray(branch[MARGIN]) < 0.0
         styles[beyond[1:] | beyond[:-1]] = BEYOND
@@ -358,32 +334,27 @@ def pieces(
         yield str(styles[start]) if styles.size else STABLE, *curve
 
 
-def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> None:
-    for point in points:
-        plain, edge = point.kind == "EP", ax.get_facecolor()
-        mark = ax.plot(
-            value_of(point, x), value_of(point, y), look_of(point.kind).marker,
-            color=GREY if plain else colour, markersize=5 if plain else canvas.size(point.kind),
-            markeredgecolor=colour if point.kind == "MX" else "none" if plain else edge,
-            markeredgewidth=0.5, zorder=3,
-        )  # fmt: skip
-        canvas.to_the_rim(mark)
+def _draw_mark(ax: Axes, mark: Mark) -> None:
+    kind, end = mark.point.kind, mark.point.kind == "EP"
+    edge = {"EP": "none", "MX": mark.colour}.get(kind, ax.get_facecolor())
+    canvas.to_the_rim(ax.plot(
+        mark.x, mark.y, **canvas.marker_of(kind), color=GREY if end else mark.colour,
+        markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
+    ))  # fmt: skip
 
 
 def _without_offset(axis: Axis, scale: float) -> None:
     """Tick labels without an offset, and a range wide enough for rounding not to show."""
-    from matplotlib.ticker import ScalarFormatter
-
-    formatter = axis.get_major_formatter()
-    if isinstance(formatter, ScalarFormatter):
+    formatter: Any = axis.get_major_formatter()
+    if hasattr(formatter, "set_useOffset"):
         formatter.set_useOffset(False)
     low, high = axis.get_data_interval()
     middle = 0.5 * (low + high)
     if high - low <= ROUNDING * max(abs(middle), 1e-3 * scale):
         room = 0.1 * max(abs(middle), scale)
         corners = np.array([[middle - room] * 2, [middle + room] * 2])
-        horizontal = axis is axis.axes.xaxis
-        axis.axes.update_datalim(corners, updatex=horizontal, updatey=not horizontal)
+        level = axis is axis.axes.xaxis
+        axis.axes.update_datalim(corners, updatex=level, updatey=not level)
         axis.axes.autoscale_view()
 
 
@@ -392,24 +363,15 @@ def _legend_entries(
 ) -> dict[str, dict[str, Any]]:
     """Lines that say what colours and styles stand for: of many groups some, the others are in
     between."""
-    indices = np.unique(np.linspace(0, len(key) - 1, min(len(key), MANY - 1)).round().astype(int))
-    shown = [list(key.items())[i] for i in indices]
+    count = min(len(key), MANY - 1)
+    shown = [list(key.items())[i] for i in np.linspace(0, len(key) - 1, count).round().astype(int)]
     entries: dict[str, dict[str, Any]] = {str(group): {"color": colour} for group, colour in shown}
-    if left := len(key) - len(indices):
+    if left := len(key) - count:
         entries[f"and {left} more"] = {"linestyle": "none"}
     for style, words in WORDS.items():
         if style in styles and styles != {STABLE}:
             entries[words] = {"color": unknown if style == UNKNOWN else plain, "linestyle": style}
     return entries
-
-
-def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict[str, Any]]:
-    kinds = {p.kind for points in marked for p in points} - {"EP"}
-    look = {"color": colour, "linestyle": "none"}
-    return {
-        kind: {**look, "marker": look_of(kind).marker, "markersize": canvas.size(kind)}
-        for kind in sorted(kinds)
-    }
 
 
 def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
@@ -422,41 +384,49 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
-        inside, pixel = legend(loc="best"), canvas.lay_out(ax)
-        if not canvas.beneath(
-            np.asarray(inside.get_window_extent().extents), canvas.curve_samples(ax, pixel)
-        ):
+        inside, samples = legend(loc="best"), canvas.curve_samples(ax, canvas.lay_out(ax))
+        if not canvas.beneath(inside.get_window_extent(), samples):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 
 
-def _words(
-    ax: Axes,
-    pixel: float,
-    marked: Sequence[Sequence[Point]],
-    x: str,
-    tops: Sequence[str],
-    colours: Sequence[str],
-) -> list[Word]:
-    """Words beside points. What is close to a word of its name, or of its kind on another branch,
-    gets none: a pitchfork is on its branch and on both arms."""
-    # with several branches their ends are many, and say nothing: a dot is enough
-    quiet = "EP" if len(marked) > 1 else ""
-    words: list[Word] = []
-    for i, (points, top, colour) in enumerate(zip(marked, tops, colours, strict=True)):
-        for point in (point for point in points if point.kind != quiet):
-            y = value_of(point, top)
-            place = ax.transData.transform((value_of(point, x), y))
-            for j, word in enumerate(words):
-                kin = word.branch != i and word.point.kind == point.kind
-                close = np.hypot(*(place - word.place)) < 12.0 * pixel  # half a word
-                if close and word.colour == colour and (kin or _same_name(word.point, point)):
-                    if word.branch != i and not _is_one(word.point, point):
-                        words[j] = word._replace(text=point.kind)  # each branch numbers its own
-                    break
-            else:
-                words.append(Word(point, i, place, y, name_of(point), colour))
-    return words
+def _words(ax: Axes, pixel: float, marks: Iterable[Mark], branches: int) -> list[Any]:
+    """Words beside points, as `place_words` takes them, what is special first. What is close to a
+    word of its name, or of its kind on another branch, gets none: a pitchfork is on its branch and
+    on both arms."""
+    words: list[tuple[Mark, Array, str]] = []
+    for mark in marks:
+        if mark.point.kind == "EP" and branches > 1:
+            continue  # with several branches their ends are many, and say nothing: a dot is enough
+        place = ax.transData.transform((mark.x, mark.y))
+        for j, (other, there, _) in enumerate(words):
+            elsewhere = other.branch != mark.branch
+            kin = elsewhere and other.point.kind == mark.point.kind
+            close = np.hypot(*(place - there)) < 12.0 * pixel  # half a word
+            if close and other.colour == mark.colour and (kin or _same_name(other, mark)):
+                if elsewhere and not _is_one(other.point, mark.point):
+                    words[j] = other, there, mark.point.kind  # each branch numbers its own
+                break
+        else:
+            words.append((mark, place, name_of(mark.point)))
+    words.sort(key=lambda word: word[0].point.kind == "EP")
+    end = {"fontsize": "x-small", "color": GREY}
+    return [
+        (mark.x, mark.y, text, end if mark.point.kind == "EP" else {"color": mark.colour})
+        for mark, _, text in words
+    ]
+
+
+def _same_name(one: Mark, other: Mark) -> bool:
+    """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
+    kinds = [{*mark.point.kind.split("-")} for mark in (one, other)]
+    return kinds[0] == kinds[1] if len(kinds[0]) > 1 else one.point.label == other.point.label
+
+
+def _is_one(point: Point, other: Point) -> bool:
+    """Tell whether two points are one solution, or an arm's start and the point it left."""
+    first, second = (p.parent or p for p in (point, other))
+    return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
 
 def name_of(point: Point) -> str:
@@ -512,13 +482,11 @@ def plot_diagram(
         check_kind(branch, Branch, "a diagram, or a sequence of branches,")
     if not branches:
         raise BadInput("there is no branch to draw")
-    y = _ordinate(branches) if y is None else y
-    if not callable(y):
-        check_kind(y, str, "the name of a column, or a function of a point,")
     if callable(y):
         name = getattr(y, "__name__", "y")
-        branches = [with_columns(branch, **{name: y}) for branch in branches]
-        y = name
+        branches, y = [with_columns(branch, **{name: y}) for branch in branches], name
+    y = _ordinate(branches) if y is None else y
+    check_kind(y, str, "the name of a column, or a function of a point,")
     drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
     shown = [refined(branch, 60) for branch in drawable]  # points, for a smooth line
     if not shown:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 Array = NDArray[np.float64]
 
@@ -291,9 +292,11 @@ def to_the_rim(artists: Iterable[Artist]) -> None:
         artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
 
 
-def size(kind: str) -> float:
-    """Points across the marker of a kind: those with little inside are larger."""
-    return {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}.get(look_of(kind).marker, 4.5)
+def marker_of(kind: str) -> dict[str, Any]:
+    """Marker of a kind, and its size in points: those with little inside are larger."""
+    marker = look_of(kind).marker
+    size = {"*": 9.0}.get(marker, 5.0 if marker in ".XxP" else 4.5)
+    return {"marker": marker, "markersize": size, "linestyle": "none"}
 
 
 # --- words beside points --------------------------------------------------------------------------
@@ -310,15 +313,13 @@ def lay_out(ax: Axes) -> float:
 def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
     """Write words beside points of finished axes, each in its style: where they cover least of
     other words and the legend, of other points, of lines. Points outside of the axes get none."""
-    pixel, frame = lay_out(ax), np.asarray(ax.bbox.extents)
-    outwards = pixel * np.array([-1.0, -1.0, 1.0, 1.0])
-    inner, outer = frame - 3.0 * outwards, frame + 2.0 * outwards  # off the ticks; at the rim
-    written = [*ax.texts, *filter(None, [ax.get_legend()])]
-    taken = [np.asarray(other.get_window_extent().extents) for other in written]
+    pixel = lay_out(ax)
+    inner, outer = ax.bbox.padded(-3.0 * pixel), ax.bbox.padded(2.0 * pixel)  # off ticks, at rim
+    taken = [word.get_window_extent() for word in (*ax.texts, ax.get_legend()) if word]
     curves = curve_samples(ax, pixel)
     placed = [(ax.transData.transform(word[:2]), word) for word in words]
     for point, (x, y, text, style) in placed:
-        if np.any(point < outer[:2]) or np.any(point > outer[2:]):
+        if not outer.contains(*point):
             continue
         look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
         look["fontsize"] = type_size(ax, look["fontsize"])
@@ -332,35 +333,37 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
         taken.append(box)
 
 
-def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Array]]:
+def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Bbox]]:
     """Ways from a point to the middle of a word of this size, nearest first and to the upper right
     before elsewhere, and the boxes that it takes there."""
+    from matplotlib.transforms import Bbox
+
     for points in (3.0, 6.0, 10.0, 15.0, 22.0, 30.0):  # typographic ones, from point to word
         for angle in np.pi * (0.25 + np.arange(16) / 8.0):
             side = np.array([np.cos(angle), np.sin(angle)])
             way = side * points * pixel + 0.5 * size * np.clip(1.5 * side, -1.0, 1.0)
             half = 0.5 * size + pixel
-            yield way, np.concatenate([point + way - half, point + way + half])
+            yield way, Bbox([point + way - half, point + way + half])
 
 
 def _covered(
-    box: Array, point: Array, frame: Array, taken: list[Array], others: list[Array], curves: Array
+    box: Bbox, point: Array, frame: Any, taken: list[Any], others: list[Array], curves: Array
 ) -> tuple[int, int, int]:
     """Count the words that a box covers, or the edge of the axes; the other points to which it
     would seem to belong; the samples of curves beneath it."""
-    outside = bool(np.any(box[:2] < frame[:2]) or np.any(box[2:] > frame[2:]))
-    words = sum(bool(np.all(box[:2] < o[2:]) and np.all(o[:2] < box[2:])) for o in taken)
+    outside = not (frame.contains(*box.min) and frame.contains(*box.max))
     own, *gaps = (
-        float(np.linalg.norm(np.clip(there, box[:2], box[2:]) - there))
+        float(np.linalg.norm(np.clip(there, box.min, box.max) - there))
         for there in (point, *others)
     )
-    return words + outside, sum(gap <= 1.5 * own for gap in gaps), beneath(box, curves)
+    near = sum(gap <= 1.5 * own for gap in gaps)
+    return box.count_overlaps(taken) + outside, near, beneath(box, curves)
 
 
-def beneath(box: Array, curves: Array) -> int:
+def beneath(box: Any, curves: Array) -> int:
     """Number of the samples of curves that a box would cover."""
     at, half = curves[:, :2], curves[:, 2:]
-    return int(np.all((at + half >= box[:2]) & (at - half <= box[2:]), axis=1).sum())
+    return int(np.all((at + half >= box.min) & (at - half <= box.max), axis=1).sum())
 
 
 def curve_samples(ax: Axes, pixel: float) -> Array:

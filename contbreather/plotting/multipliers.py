@@ -84,12 +84,10 @@ def plot_multipliers(
     if isinstance(orbit, Cycle | PeriodicMotion):
         _not_of_cycles(sites, half)
         mu = orbit.others if isinstance(orbit, Cycle) else orbit.multipliers
-        waves = np.empty((0, 0))
-        alone = np.ones(mu.size, dtype=bool)
+        waves, alone = np.empty((0, 0)), np.ones(mu.size, dtype=bool)
     else:
-        if sites is None and orbit.lattice.sites is None:
-            sites = 400
-        mu, waves, alone = with_band(orbit, sites, half)
+        ring = 400 if orbit.lattice.sites is None else None
+        mu, waves, alone = with_band(orbit, ring if sites is None else sites, half)
     with canvas.drawing(ax, height=8.5) as (drawn, axes):
         _circle_and_band(axes, waves)
         size = np.abs(mu)  # those far out are shown at the edge, in their direction
@@ -102,14 +100,12 @@ def plot_multipliers(
         _dots(axes, mu, shown, alone)
         # in axes narrower than 150 points a pair takes two lines
         space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
-        canvas.place_words(
-            axes,
-            (
-                (place.real, place.imag, _number(multiplier, digits, space),
-                 {"color": VERMILLION if abs(multiplier) > 1.0 else canvas.text_colour(axes)})
-                for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0))
-            ),
-        )  # fmt: skip
+        plain = canvas.text_colour(axes)
+        canvas.place_words(axes, (
+            (shown[i].real, shown[i].imag, _number(mu[i], digits, space),
+             {"color": VERMILLION if size[i] > 1.0 else plain})
+            for i in _named(mu, alone & (mu.imag >= 0.0))
+        ))  # fmt: skip
     return drawn
 
 
@@ -212,27 +208,21 @@ def with_band(
     BadInput
         Where an impact vanishes, which has none.
     """
+    from scipy.spatial import KDTree
+
     mu, waves = np.asarray(orbit.multipliers(sites=sites, half=half)), band(orbit, half)
     if np.isnan(mu).any():
         raise BadInput(orbit.stability(sites).describe())
-    return mu, waves, off_the_band(mu, waves, sites or orbit.lattice.sites or 1)
-
-
-def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:
-    """Find multipliers that stand off the band by more than a ring's ripple."""
-    from scipy.spatial import KDTree
-
     places = [np.stack([z.real, z.imag], axis=-1) for z in (waves.ravel(), mu)]
     gap, _ = KDTree(places[0]).query(places[1])
-    return np.asarray(gap > max(0.01, 3.0 / sites))
+    ripple = max(0.01, 3.0 / (sites or orbit.lattice.sites or 1))  # of a ring
+    return mu, waves, np.asarray(gap > ripple)
 
 
-def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[complex, complex]]:
-    """Multipliers to name and their places: those farthest off the circle, of these the tightest
-    place first."""
+def _named(mu: Array, which: NDArray[np.bool_]) -> list[int]:
+    """Multipliers to name: those farthest off the circle, of these the tightest place first."""
     off = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
-    chosen = sorted(np.flatnonzero(which), key=lambda i: off[i])[-MANY:]
-    return [(complex(mu[i]), complex(shown[i])) for i in chosen]
+    return sorted(np.flatnonzero(which).tolist(), key=lambda i: off[i])[-MANY:]
 
 
 def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
@@ -245,13 +235,9 @@ def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
         ax.plot(place.real, place.imag, marker=pointing, color=VERMILLION, markersize=5, zorder=3)
 
 
-def _circle() -> tuple[Array, Array]:
-    angle = np.linspace(-math.pi, math.pi, 361)
-    return np.cos(angle), np.sin(angle)
-
-
 def _circle_and_band(ax: Axes, waves: Array) -> None:
-    ax.plot(*_circle(), color=GREY, linewidth=0.6, zorder=1)
+    angle = np.linspace(-math.pi, math.pi, 361)
+    ax.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=0.6, zorder=1)
     for part in waves:
         ax.plot(part.real, part.imag, color=SKY, linewidth=5.0, alpha=0.5, zorder=2,
                 solid_capstyle="butt")  # fmt: skip

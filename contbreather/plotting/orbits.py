@@ -1,5 +1,4 @@
-"""One motion: chosen sites of an orbit between their walls, all sites at one time, over time and on
-a grid, or the states of flows."""
+"""One orbit: chosen sites between their walls, all sites at one time, or the states of flows."""
 
 from __future__ import annotations
 
@@ -20,10 +19,6 @@ from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting import canvas
 from contbreather.plotting.canvas import BLUE, CYCLE, DASHES, GREY, Drawn
-from contbreather.plotting.envelopes import LONG, ROWS, largest
-from contbreather.simulation.integrator import Sample
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
-from contbreather.simulation.states import State
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,11 +90,10 @@ def plot_orbit(
     if x is not None or y is not None:
         raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
-    if sites is None:  # two beside the first that hits, as far as there are any
-        beside = [n % (whole.lattice.sites or n + 1) for n in (hit[0] + 1, hit[0] + 2)]
-        chosen = list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
-    else:
-        chosen = chosen_sites(sites)
+    # two beside the first that hits, as far as there are any
+    beside = [n % (whole.lattice.sites or n + 1) for n in (hit[0] + 1, hit[0] + 2)]
+    default = list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
+    chosen = default if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with canvas.drawing(ax) as (drawn, axes):
         for alike, u in _motions(whole, chosen, t):
@@ -123,7 +117,6 @@ def solution_of(value: Any) -> Any:
 
 
 def drawn_orbit(value: object) -> Orbit:
-    """Return an orbit, or that of a point of a branch of orbits."""
     orbit = solution_of(value)
     if not isinstance(orbit, Orbit):
         raise no_orbit(orbit, "an orbit of a lattice")
@@ -150,11 +143,12 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
     motions: list[tuple[list[int], Array]] = []
     for n in chosen:
         u = orbit.displacement(n, t)
-        same = next((sites for sites, other in motions if np.allclose(u, other, atol=1e-9)), None)
-        if same is None:
-            motions.append(([n], u))
+        for alike, other in motions:
+            if np.allclose(u, other, atol=1e-9):
+                alike.append(n)
+                break
         else:
-            same.append(n)
+            motions.append(([n], u))
     return motions
 
 
@@ -212,7 +206,7 @@ def plot_profile(
     ('$n$', '$u_n$')
     """
     motion = drawn_orbit(orbit)
-    chosen = _all_sites(motion) if sites is None else chosen_sites(sites)
+    chosen = all_sites(motion) if sites is None else chosen_sites(sites)
     if sites is None and shape is None:
         shape = getattr(motion.lattice, "shape", None)
     time = number("t", t, -math.inf, math.inf, "a time")
@@ -225,123 +219,7 @@ def plot_profile(
     return drawn
 
 
-def plot_space_time(
-    motion: Orbit | Point | Record | SimulationRun | SmoothRun,
-    *,
-    sites: Sequence[int] | None = None,
-    ax: Axes | None = None,
-) -> Drawn:
-    """Displacements as colours over sites and time in periods of the forcing.
-
-    Parameters
-    ----------
-    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
-        An orbit is shown over its period; a run as its sites were recorded densely, of more than
-        20 periods by the largest size of each site in a period, or in several. Of a run without a
-        record the last 20 periods are shown, simulated again from its state before them; under
-        noise, its states once a period, which the scale says.
-    sites : sequence of int, optional
-        As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
-        that of the site that hits, of a run that of the site that moves most, if all
-        of that row was recorded.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> ax = plot_space_time(cb.symmetric(a=0.5, gamma=0.08, k=0.8)).axes
-    >>> ax.get_xlabel(), ax.get_ylabel()
-    ('$n$', '$t/2\\\\pi$')
-    """
-    row, title = _row_of_grid(motion) if sites is None else (None, "")
-    shown, periods = _with_record(motion)
-    title = ", ".join(filter(None, (title, periods)))
-    times, there, u = _field(shown, sites if row is None else row)
-    words, signed = "$u_n$", True
-    if not isinstance(shown, Orbit | Point):
-        once = getattr(shown, "record", shown) is None  # a record is one itself
-        long = float(times[-1] - times[0]) / math.tau
-        if once:
-            words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
-        if long > (ROWS if once else LONG):
-            times, u, words = largest(times, there, u, shown)
-            signed = False
-    label, there = ("$n$", there) if row is None else ("column", there - row.start)
-    with canvas.drawing(ax, height=8.0) as (drawn, axes):
-        mesh = axes.pcolormesh(
-            there, times / math.tau, u, **_colours(u, signed), shading="nearest", rasterized=True
-        )
-        axes.set(xlabel=label, ylabel=PERIODS)
-        axes.set_title(title, loc="left")
-        _whole_numbers(axes.xaxis)
-        axes.figure.colorbar(mesh, ax=axes, label=words)
-    return drawn
-
-
-def _with_record(motion: Any) -> tuple[Any, str]:
-    """The end of a run without a record, simulated again with all sites recorded, and which of its
-    periods these are; anything else as it is.
-
-    At the strobe every site of a breather has one sign.
-    """
-    strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
-    if not strobed or getattr(motion, "noise", False):  # noise would be another one
-        return motion, ""
-    first = max(0, motion.periods - int(LONG))
-    state = State(motion.strobe.u[first], motion.strobe.v[first])
-    again = let_go(
-        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
-        sample=Sample(range(motion.sites)), progress=False,
-    )  # fmt: skip
-    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
-
-
-def _row_of_grid(motion: Any) -> tuple[range | None, str]:
-    """Sites of one row of a grid, and which it is; None off a grid."""
-    if isinstance(motion, Record):
-        return None, ""
-    if isinstance(motion, States):
-        recorded = range(motion.sites) if motion.record is None else motion.record.sites
-        site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
-        lattice, role = motion.conditions.lattice, "moves most"
-    else:
-        orbit = drawn_orbit(motion)
-        lattice, site, role = orbit.lattice, orbit.section.impacts[0][0], "hits"
-    shape = getattr(lattice, "shape", None)
-    if shape is None:
-        return None, ""
-    row, columns = site // shape[1], shape[1]
-    sites = range(row * columns, (row + 1) * columns)
-    if isinstance(motion, States) and not {*sites} <= {*recorded}:
-        return None, ""  # a few sites that were recorded are no row
-    return sites, f"row {row}, in which site {site} {role}"
-
-
-def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
-    """Times, sites in ascending order, and displacements of shape (times, sites)."""
-    if isinstance(motion, States):
-        if sites is not None:
-            sites = [n % motion.sites for n in chosen_sites(sites)]
-        if motion.record is None:
-            there = np.sort(np.arange(motion.sites) if sites is None else sites)
-            return motion.times, there, motion.strobe.u[:, there]
-        motion = motion.record
-    if isinstance(motion, Record):
-        wanted = motion.sites if sites is None else chosen_sites(sites)
-        if missing := [n for n in wanted if n not in motion.sites]:
-            raise BadInput(
-                f"sites = {sites}: site {missing[0]} was not recorded; there are {motion.sites}"
-            )
-        there = np.sort([n for n in motion.sites if n in wanted])
-        return motion.times, there, motion.u[:, [motion.sites.index(n) for n in there]]
-    orbit = drawn_orbit(motion)
-    drawn = sorted(_all_sites(orbit) if sites is None else chosen_sites(sites))
-    times = np.linspace(0.0, orbit.period, MOMENTS * orbit.section.turns + 1)
-    return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
-
-
-def _all_sites(orbit: Orbit) -> list[int]:
+def all_sites(orbit: Orbit) -> list[int]:
     first = orbit.section.impacts[0][0]
     if orbit.lattice.sites is None:
         return list(range(first - BESIDE, first + BESIDE + 1))
@@ -357,30 +235,27 @@ def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Orbit) -> None:
         struck = [n for n, pair in zip(sites, ends, strict=True) if wall in pair]
         ax.plot(struck, np.full(len(struck), wall), "_", color=GREY, markersize=8)
     ax.set(xlabel="$n$", ylabel="$u_n$")
-    _whole_numbers(ax.xaxis)
+    whole_numbers(ax.xaxis)
 
 
 def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
     rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
     if rows * columns != u.size:
         raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
-    image = ax.imshow(u.reshape(rows, columns), **_colours(u))
+    image = ax.imshow(u.reshape(rows, columns), **colours_of(u))
     ax.set(xlabel="column", ylabel="row")
-    _whole_numbers(ax.xaxis)
-    _whole_numbers(ax.yaxis)
+    for axis in (ax.xaxis, ax.yaxis):
+        whole_numbers(axis)
     ax.figure.colorbar(image, ax=ax, label="$u_n$")
 
 
-def _colours(u: Array, signed: bool = True) -> dict[str, Any]:
+def colours_of(u: Array, signed: bool = True) -> dict[str, Any]:
     limit = float(np.abs(u).max()) or 1.0
-    return {
-        "cmap": "RdBu_r" if signed else "Blues",
-        "vmin": -limit if signed else 0.0,
-        "vmax": limit,
-    }
+    cmap, low = ("RdBu_r", -limit) if signed else ("Blues", 0.0)
+    return {"cmap": cmap, "vmin": low, "vmax": limit}
 
 
-def _whole_numbers(axis: Axis) -> None:
+def whole_numbers(axis: Axis) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
@@ -390,10 +265,9 @@ def _whole_numbers(axis: Axis) -> None:
 
 
 class Stretch(NamedTuple):
-    """Flow: times, states of shape (n, len(t)), and whether a condition ended it."""
+    """Flow: its columns by name, the time among them, and whether a condition ended it."""
 
-    t: Array
-    states: Array
+    columns: Mapping[str, Array]
     ended: bool
 
 
@@ -413,18 +287,18 @@ def draw_states(
     for name in (x, *chosen):
         if name not in (TIME, *names):
             raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")
-    if isinstance(motion, Cycle):
-        pieces = [
-            Stretch(flight.start + flight.duration * s, states, flow.until is not None)
-            for flow, flight in zip(motion.equations.flows, motion.flights, strict=True)
-            for s, states in [flight.sampled(FINE)]
-        ]
-    else:
-        pieces = _of_run(motion, within)
+    pieces = [
+        Stretch(
+            # a flow of fewer states has none of the others
+            {n: np.full(t.size, np.nan) for n in names} | dict(zip(names, u, strict=False))
+            | {TIME: t}, ended,
+        )
+        for t, u, ended in (_of_cycle(motion) if cycle else _of_run(motion, within))
+    ]  # fmt: skip
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     together = _of_one_size(
-        {name: np.concatenate([_column(piece, names, name) for piece in pieces]) for name in chosen}
+        {name: np.concatenate([piece.columns[name] for piece in pieces]) for name in chosen}
     )
     with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = _panels(axes, len(together))
@@ -433,13 +307,13 @@ def draw_states(
             panel = panel_of[name]
             around, i = divmod(i, len(CYCLE))
             colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
-            lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
+            lines = [(piece.columns[x], piece.columns[name]) for piece in pieces]
             for j, line in enumerate(lines):
                 panel.plot(*line, dashes, color=colour, label=None if j else canvas.symbol(name))
             for piece, after, line in zip(pieces, following, lines, strict=False):
                 if piece.ended:
                     last = line[0][-1], line[1][-1]
-                    first = _column(after, names, x)[0], _column(after, names, name)[0]
+                    first = after.columns[x][0], after.columns[name][0]
                     panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
                     canvas.to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
         for panel in panels:
@@ -485,27 +359,25 @@ def _panels(axes: Axes, count: int) -> list[Axes]:
     return panels
 
 
-def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:
-    if name == TIME:
-        return piece.t
-    i = names.index(name)
-    return piece.states[i] if i < len(piece.states) else np.full(piece.t.size, np.nan)
+def _of_cycle(cycle: Any) -> Iterator[tuple[Array, Array, bool]]:
+    for flow, flight in zip(cycle.equations.flows, cycle.flights, strict=True):
+        along, states = flight.sampled(FINE)
+        yield flight.start + flight.duration * along, states, flow.until is not None
 
 
-def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Stretch]:
+def _of_run(run: Any, within: tuple[float, float] | None) -> list[tuple[Array, Array, bool]]:
     """Sample each flow between the steps of the integrator, by its own interpolant."""
     first, last = (-np.inf, np.inf) if within is None else within
-    pieces = []
+    sampled = []
     for piece in run.pieces:
         steps = piece.t.size - 1
         t = np.interp(np.linspace(0, steps, FINE * steps + 1), np.arange(steps + 1), piece.t)
         t = t[(first <= t) & (t <= last)]
         if t.size:
-            ended = bool(piece.ended and t[-1] == piece.t[-1])
-            pieces.append(Stretch(t, piece(t), ended))
-    if not pieces:
+            sampled.append((t, piece(t), bool(piece.ended and t[-1] == piece.t[-1])))
+    if not sampled:
         raise BadInput(
             f"nothing lies between {first:g} and {last:g}: the trajectory goes from "
             f"t = {run.t[0]:g} to {run.t[-1]:g}"
         )
-    return pieces
+    return sampled

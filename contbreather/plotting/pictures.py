@@ -107,15 +107,8 @@ def plot(
     names = [value for value in values if isinstance(value, str)]
     if len(names) > 2 or any((x, y)[: len(names)]):
         raise BadInput(f"the columns {', '.join(names)}: x and y were expected, each once")
-    columns = [*names, *(x, y)[len(names) :]]
-    options = {
-        "x": columns[0],
-        "y": columns[1],
-        "ax": ax,
-        "labels": labels,
-        "kinds": kinds,
-        "colours": colours,
-    }
+    options = {"ax": ax, "labels": labels, "kinds": kinds, "colours": colours}
+    options |= dict(zip("xy", [*names, *(x, y)[len(names) :]], strict=True))
     wanted: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     # several may be given together as well, as `switch` returns them
     single = [one for value in values for one in (value if isinstance(value, LISTS) else [value])]
@@ -231,10 +224,9 @@ def _sentence(value: Any) -> str:
             return f"{len(value)} branches"
         case ZoneDiagrams():
             return f"{len(value)} zone diagrams"
-        case Zones():
-            return ". ".join([repr(value).strip("<>"), *value.sentences()])
         case _:
-            return repr(value).strip("<>")
+            further = value.sentences() if isinstance(value, Zones) else ()
+            return ". ".join([repr(value).strip("<>"), *further])
 
 
 def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:

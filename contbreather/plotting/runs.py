@@ -1,7 +1,12 @@
-"""Runs, sections, slow sweeps and attraction: what simulation leaves, as pictures."""
+"""Runs, sections, slow sweeps and attraction: what simulation leaves, as pictures.
+
+Long runs are drawn by what they reach in each of their periods: a picture has fewer dots than they
+have swings, and what is left of these, if some are skipped, is not there in the run.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -10,16 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, one_of, row, whole
+from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
-from contbreather.plotting import canvas
+from contbreather.orbits.orbit import Orbit
+from contbreather.plotting import canvas, orbits
 from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
-from contbreather.plotting.envelopes import LONG, edges_of, envelope, samples, with_impacts
-from contbreather.plotting.orbits import draw_states
 from contbreather.simulation.basin import Basin, Outcome
+from contbreather.simulation.integrator import Sample
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
-from contbreather.simulation.states import PERIOD
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
+from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -27,6 +33,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+LONG = 20.0  # periods; of more, lines would fill the axes
+ROWS = 300  # as many as a column of a journal shows one beside the other
 RUNS = (SimulationRun, SmoothRun)
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
@@ -90,36 +98,34 @@ def plot_motion(
     """
     if isinstance(record, Trajectory):
         within = None if periods is None else _window(record.t, periods)
-        return draw_states(ax, record, x, y, within)
+        return orbits.draw_states(ax, record, x, y, within)
     if x is not None or y is not None:
         raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
-    if isinstance(record, RUNS):
-        if record.record is None:
-            raise BadInput(
-                "this run has its states once in a period only; simulate with "
-                "sample=cb.simulation.Sample(sites=(0, 1)) to record some sites densely"
-            )
-        run, record = record, record.record
-    else:
-        run = None
+    run: Any = record
+    record = getattr(run, "record", run)
+    if record is None:
+        raise BadInput(
+            "this run has its states once in a period only; simulate with "
+            "sample=cb.simulation.Sample(sites=(0, 1)) to record some sites densely"
+        )
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
+    assert isinstance(record, Record)
     first, last = _window(record.times / PERIOD, periods)
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
-            t, u = record.times, record.u[:, i]
-            t, u = with_impacts(t, u, run, n)
+            t, u = with_impacts(record.times, record.u[:, i], run, n)
             inside = (first <= t / PERIOD) & (t / PERIOD <= last)
             t, u = t[inside], u[inside]
             look: dict[str, Any] = {"color": CYCLE[i % len(CYCLE)], "label": f"$u_{{{n}}}$"}
             if last - first > LONG:
-                edges, _ = edges_of(t)
-                low, high = (np.append(end, end[-1]) for end in envelope(t, u, edges))
+                edges = _edges_of(t)
+                low, high = (np.append(end, end[-1]) for end in _envelope(t, u, edges))
                 band = {"step": "post", "alpha": 0.5, "linewidth": 0.5, **look}
                 axes.fill_between(edges / PERIOD, low, high, **band)
             else:
                 axes.plot(t / PERIOD, u, "-", linewidth=1.0, **look)
-        extremes = f", range in a period ({samples(record.times)})"
-        axes.set(xlabel=r"$t/2\pi$", ylabel=f"$u_n${extremes if last - first > LONG else ''}")
+        extremes = f", range in a period ({_samples(record.times)})"
+        axes.set(xlabel=orbits.PERIODS, ylabel=f"$u_n${extremes if last - first > LONG else ''}")
         axes.margins(x=0.0)
         canvas.legend_above(axes, fontsize=canvas.legend_size(axes))
     return drawn
@@ -135,6 +141,162 @@ def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float
             f"{t[0]:.6g} to {t[-1]:.6g}"
         )
     return ends[0], ends[1]
+
+
+def plot_space_time(
+    motion: Orbit | Point | Record | SimulationRun | SmoothRun,
+    *,
+    sites: Sequence[int] | None = None,
+    ax: Axes | None = None,
+) -> Drawn:
+    """Displacements as colours over sites and time in periods of the forcing.
+
+    Parameters
+    ----------
+    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
+        An orbit is shown over its period; a run as its sites were recorded densely, of more than
+        20 periods by the largest size of each site in a period, or in several. Of a run without a
+        record the last 20 periods are shown, simulated again from its state before them; under
+        noise, its states once a period, which the scale says.
+    sites : sequence of int, optional
+        As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
+        that of the site that hits, of a run that of the site that moves most, if all
+        of that row was recorded.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ax = plot_space_time(cb.symmetric(a=0.5, gamma=0.08, k=0.8)).axes
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('$n$', '$t/2\\\\pi$')
+    """
+    row, title = _row_of_grid(motion) if sites is None else (None, "")
+    shown, periods = _with_record(motion)
+    title = ", ".join(filter(None, (title, periods)))
+    times, there, u = _field(shown, sites if row is None else row)
+    words, signed = "$u_n$", True
+    if not isinstance(shown, Orbit | Point):
+        once = getattr(shown, "record", shown) is None  # a record is one itself
+        long = float(times[-1] - times[0]) / math.tau
+        if once:
+            words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
+        if long > (ROWS if once else LONG):
+            times, u, words = _largest(times, there, u, shown)
+            signed = False
+    label, there = ("$n$", there) if row is None else ("column", there - row.start)
+    with canvas.drawing(ax, height=8.0) as (drawn, axes):
+        look = {**orbits.colours_of(u, signed), "shading": "nearest", "rasterized": True}
+        mesh = axes.pcolormesh(there, times / math.tau, u, **look)
+        axes.set(xlabel=label, ylabel=orbits.PERIODS)
+        axes.set_title(title, loc="left")
+        orbits.whole_numbers(axes.xaxis)
+        axes.figure.colorbar(mesh, ax=axes, label=words)
+    return drawn
+
+
+def _with_record(motion: Any) -> tuple[Any, str]:
+    """The end of a run without a record, simulated again with all sites recorded, and which of its
+    periods these are; anything else as it is.
+
+    At the strobe every site of a breather has one sign.
+    """
+    strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
+    if not strobed or getattr(motion, "noise", False):  # noise would be another one
+        return motion, ""
+    first = max(0, motion.periods - int(LONG))
+    state = State(motion.strobe.u[first], motion.strobe.v[first])
+    again = let_go(
+        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
+        sample=Sample(range(motion.sites)), progress=False,
+    )  # fmt: skip
+    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
+
+
+def _row_of_grid(motion: Any) -> tuple[range | None, str]:
+    """Sites of one row of a grid, and which it is; None off a grid."""
+    if isinstance(motion, Record):
+        return None, ""
+    if isinstance(motion, States):
+        recorded = range(motion.sites) if motion.record is None else motion.record.sites
+        site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
+        lattice, role = motion.conditions.lattice, "moves most"
+    else:
+        orbit = orbits.drawn_orbit(motion)
+        lattice, site, role = orbit.lattice, orbit.section.impacts[0][0], "hits"
+    shape = getattr(lattice, "shape", None)
+    if shape is None:
+        return None, ""
+    row = site // shape[1]
+    sites = range(row * shape[1], (row + 1) * shape[1])
+    if isinstance(motion, States) and not {*sites} <= {*recorded}:
+        return None, ""  # a few sites that were recorded are no row
+    return sites, f"row {row}, in which site {site} {role}"
+
+
+def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
+    """Times, sites in ascending order, and displacements of shape (times, sites)."""
+    chosen = None if sites is None else orbits.chosen_sites(sites)
+    if isinstance(motion, States):
+        if chosen is not None:
+            chosen = [n % motion.sites for n in chosen]
+        if motion.record is None:
+            there = np.sort(np.arange(motion.sites) if chosen is None else chosen)
+            return motion.times, there, motion.strobe.u[:, there]
+        motion = motion.record
+    if isinstance(motion, Record):
+        wanted = motion.sites if chosen is None else chosen
+        if missing := [n for n in wanted if n not in motion.sites]:
+            raise BadInput(
+                f"sites = {sites}: site {missing[0]} was not recorded; there are {motion.sites}"
+            )
+        there = np.sort([n for n in motion.sites if n in wanted])
+        return motion.times, there, motion.u[:, [motion.sites.index(n) for n in there]]
+    orbit = orbits.drawn_orbit(motion)
+    drawn = sorted(orbits.all_sites(orbit) if chosen is None else chosen)
+    times = np.linspace(0.0, orbit.period, orbits.MOMENTS * orbit.section.turns + 1)
+    return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
+
+
+def with_impacts(t: Array, u: Array, run: Any, site: int) -> tuple[Array, Array]:
+    """Samples of a site, and its impacts between them, where it is at a wall."""
+    if not isinstance(run, SimulationRun):
+        return t, u
+    impacts = run.at_site(site)
+    impacts = impacts[(impacts["time"] >= t[0]) & (impacts["time"] <= t[-1])]
+    walls = [run.conditions.walls.position(site, int(wall)) for wall in impacts["wall"]]
+    order = np.argsort(np.concatenate([t, impacts["time"]]), kind="stable")
+    return np.concatenate([t, impacts["time"]])[order], np.concatenate([u, walls])[order]
+
+
+def _envelope(t: Array, u: Array, edges: Array) -> tuple[Array, Array]:
+    begins = np.searchsorted(t, edges[:-1] - 1e-9 * PERIOD)  # but for rounding
+    return np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
+
+
+def _edges_of(t: Array, many: int = 1) -> Array:
+    """Begins of periods, or of several together, and the end."""
+    length = float(t[-1] - t[0]) / PERIOD
+    return np.append(t[0] + PERIOD * np.arange(0.0, length - 1e-9, many), t[-1])
+
+
+def _largest(t: Array, sites: Array, u: Array, run: Any) -> tuple[Array, Array, str]:
+    """Times, the largest size of each site about each of them, and that in words."""
+    many = max(1, math.ceil(float(t[-1] - t[0]) / PERIOD / ROWS - 1e-9))
+    edges = _edges_of(t, many)
+    columns = [
+        np.max(np.abs(_envelope(*with_impacts(t, u[:, i], run, int(n)), edges)), axis=0)
+        for i, n in enumerate(sites)
+    ]
+    periods = "a period" if many == 1 else f"{many} periods"
+    words = f"largest $|u_n|$ in {periods} ({_samples(t, many)})"
+    return 0.5 * (edges[:-1] + edges[1:]), np.stack(columns, axis=1), words
+
+
+def _samples(t: Array, periods: int = 1) -> str:
+    count = round(periods * PERIOD * (len(t) - 1) / float(t[-1] - t[0]))
+    return f"{count} sample{'s' if count > 1 else ''}"
 
 
 def plot_section(
@@ -183,7 +345,7 @@ def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None)
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
         axes.margins(x=0.0)
-        axes.set(xlabel=r"$t/2\pi$", ylabel="participation ratio")
+        axes.set(xlabel=orbits.PERIODS, ylabel="participation ratio")
     return drawn
 
 
@@ -213,19 +375,15 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     one_of("y", y, tuple(COLUMNS))
     x, column = sweep.value, np.asarray(getattr(sweep, y), dtype=float)
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
-    looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
-    named: set[float] = set()
+    looks = {True: ("sweep up", BLUE, "^"), False: ("sweep down", VERMILLION, "v")}
     with canvas.drawing(ax) as (drawn, axes):
         canvas.name_axes(axes, canvas.symbol(sweep.name), COLUMNS[y])
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
-            way = float(np.sign(x[end] - x[start])) or 1.0
-            name, colour, mark = looks[way]
+            name, colour, mark = looks[bool(x[end] >= x[start])]
+            look = {"color": colour, "markersize": 2.6, "linestyle": "none"}
+            named = name in axes.get_legend_handles_labels()[1]
             piece = slice(start, end + 1)
-            axes.plot(
-                x[piece], column[piece], mark, color=colour, markersize=2.6, linestyle="none",
-                label=None if way in named else name,
-            )  # fmt: skip
-            named.add(way)
+            axes.plot(x[piece], column[piece], mark, label=None if named else name, **look)
         axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=canvas.legend_size(axes))
     return drawn
 
@@ -258,22 +416,16 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
             basin.x.values, basin.y.values, basin.outcome, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,
         )  # fmt: skip
-        axes.set(
-            xlabel=_coordinate(basin.x.name, basin.x.site),
-            ylabel=_coordinate(basin.y.name, basin.y.site),
-        )
-        seen = [outcome for outcome in OUTCOMES if np.any(basin.outcome == outcome)]
+        names = {"u": "u_{{{}}}", "v": r"\dot u_{{{}}}"}
+        x, y = (f"${names[along.name].format(along.site)}$" for along in (basin.x, basin.y))
+        axes.set(xlabel=x, ylabel=y)
         patches = [
-            Patch(facecolor=OUTCOMES[outcome], edgecolor=GREY, linewidth=0.4, label=outcome.words)
-            for outcome in seen
-        ]
+            Patch(facecolor=colour, edgecolor=GREY, linewidth=0.4, label=outcome.words)
+            for outcome, colour in OUTCOMES.items() if np.any(basin.outcome == outcome)
+        ]  # fmt: skip
         axes.legend(
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
             handlelength=1.0, handletextpad=0.4, columnspacing=1.0,
             fontsize=canvas.legend_size(axes),
         )  # fmt: skip
     return drawn
-
-
-def _coordinate(name: str, site: int) -> str:
-    return f"$u_{{{site}}}$" if name == "u" else rf"$\dot u_{{{site}}}$"

@@ -196,26 +196,21 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
 
 
 def _shade(ax: Axes, regions: Sequence[Region]) -> None:
+    """Colour regions and letter them, as large as fits; not where none fits."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
     for region in regions:
-        if region.verdict:
-            rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
-            shape = Path.make_compound_path(*rings)
-            ax.add_patch(PathPatch(shape, color=SHADES[region.verdict], linewidth=0, zorder=0))
-            _letter(ax, region)
-
-
-def _letter(ax: Axes, region: Region) -> None:
-    """Letter a region as large as fits; not where none fits."""
-    for size, room in LETTERS:
-        if region.room > room:
+        if not region.verdict:
+            continue
+        rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
+        shape = Path.make_compound_path(*rings)
+        ax.add_patch(PathPatch(shape, color=SHADES[region.verdict], linewidth=0, zorder=0))
+        if size := next((size for size, room in LETTERS if region.room > room), None):
             ax.text(
                 region.x, region.y, region.verdict, ha="center", va="center", color=BLACK,
                 fontsize=canvas.type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
             )  # fmt: skip
-            return
 
 
 # --- words --------------------------------------------------------------------------------------
@@ -226,8 +221,8 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
     drawn: dict[str, Any] = {}
     for panel in panels:
         drawn |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    first = [LINES[kind]["label"] for kind in KINDS if LINES[kind]["label"] in drawn]
-    labels = [*first, *(label for label in drawn if label not in first)]
+    named = [LINES[kind]["label"] for kind in KINDS]
+    labels = [label for label in dict.fromkeys([*named, *drawn]) if label in drawn]
     handles = [drawn[label] for label in labels]
     if figure is not None:
         figure.legend(
@@ -241,10 +236,9 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
     """Places and names of codim-2 points, the kinds that meet, stability first."""
     x, y = zones.pair
-    words = (name.replace("-", "\N{EN DASH}") for name in zones.meetings())
     return [
-        (float(point[x]), float(point[y]), name)
-        for point, name in zip(zones.special, words, strict=True)
+        (float(point[x]), float(point[y]), name.replace("-", "\N{EN DASH}"))
+        for point, name in zip(zones.special, zones.meetings(), strict=True)
     ]
 
 
@@ -308,10 +302,8 @@ def plot_atlas(
         values = sorted({value for curves in lines.values() for value in curves})
         for kind, curves in lines.items():
             _draw(panel, kind, curves, values)
-        for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
-            getattr(panel, f"set_{axis}label")(
-                canvas.symbol(name), labelpad=0.0 if axis == "z" else 4.0
-            )
+        for name, axis, pad in zip((plane[0], over, plane[1]), "xyz", (4.0, 4.0, 0.0), strict=True):
+            getattr(panel, f"set_{axis}label")(canvas.symbol(name), labelpad=pad)
             panel.locator_params(axis=axis, nbins=5)
         panel.set_box_aspect(None, zoom=0.82)  # the layout does not know of the labels
         small = canvas.legend_size(panel)
@@ -350,9 +342,8 @@ def _lines(
             raise BadInput(f"at {name} = {value!r}: the atlas has {there}")
     rows = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
     existing = _words(atlas.kind, "flag_meanings")
-    for kind in kinds:
-        if kind not in existing:
-            raise BadInput(f"no surface {kind!r}; there are {existing}")
+    if unknown := [kind for kind in kinds if kind not in existing]:
+        raise BadInput(f"no surface {unknown[0]!r}; there are {existing}")
     space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
     curve, drawn = atlas.curve.to_numpy(), np.array(words(atlas, "kind"))
     lines: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
@@ -375,13 +366,8 @@ def _draw(
             ax.plot(*points.T, linewidth=0.8, **style)
             style.pop("label", None)  # once
     for curve, partner in chain.from_iterable(strips):
-        ax.plot_surface(
-            *np.stack([curve, partner]).transpose(2, 0, 1),
-            color=style["color"],
-            alpha=0.25,
-            linewidth=0,
-            shade=False,
-        )
+        look = {"color": style["color"], "alpha": 0.25, "linewidth": 0, "shade": False}
+        ax.plot_surface(*np.stack([curve, partner]).transpose(2, 0, 1), **look)
 
 
 def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, Array]]:
@@ -390,16 +376,15 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
         return []
     left, pairs = [_even(points) for points in there], []
     for curve in map(_even, here):
-        gaps = [min(_apart(curve, way), _apart(curve, way[::-1])) for way in left]
-        partner = left.pop(int(np.argmin(gaps)))
-        pairs.append((curve, min(partner, partner[::-1], key=lambda way: _apart(curve, way))))
+        # each of the other ones, walked both ways: how far it is off, at one value apart
+        ways = [(i, way) for i, other in enumerate(left) for way in (other, other[::-1])]
+        gaps = [float(np.abs((curve - way)[:, [0, 2]]).sum()) for _, way in ways]
+        nearest, partner = ways[int(np.argmin(gaps))]
+        del left[nearest]
+        pairs.append((curve, partner))
     return pairs
 
 
 def _even(points: Array) -> Array:
     extent = np.ptp(points, axis=0)
     return canvas.evenly(points, 60, np.where(extent > 0, extent, 1.0))
-
-
-def _apart(curve: Array, other: Array) -> float:
-    return float(np.abs((curve - other)[:, [0, 2]]).sum())
