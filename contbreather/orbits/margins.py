@@ -162,7 +162,7 @@ def next_impact(motion: Motion, i: int) -> tuple[float, int]:
     """The time up to the next impact of the same site, and which that is."""
     length, then = period_of(motion), i
     for j in range(motion.impacts.shape[1]):
-        since = later(motion, motion.impacts[TIME, i], motion.impacts[TIME, j])
+        since = elapsed(motion, motion.impacts[TIME, i], motion.impacts[TIME, j])
         if j != i and motion.impacts[SITE, j] == motion.impacts[SITE, i] and since < length:
             length, then = since, j
     return length, then
@@ -172,8 +172,8 @@ def period_of(motion: Motion) -> float:
     return motion.length * (2.0 if motion.sign < 0.0 else 1.0)
 
 
-def later(motion: Motion, since: float, t: float) -> float:
-    """The time from one moment to another, within a period."""
+def elapsed(motion: Motion, since: float, t: float) -> float:
+    """The time from one moment to another, less than a period."""
     return t - since - period_of(motion) * math.floor((t - since) / period_of(motion))
 
 
@@ -288,7 +288,7 @@ def margins(
         length, then = next_impact(motion, i)
         contact = NONE
         if touching == motion.impacts[SITE, i]:
-            contact = later(motion, motion.impacts[TIME, i], time)
+            contact = elapsed(motion, motion.impacts[TIME, i], time)
             if motion.sign < 0.0 and contact > length:
                 contact -= motion.length
             contact = contact if 0.0 < contact < length else NONE
@@ -300,7 +300,7 @@ def margins(
         if ceiling < math.inf:
             below = min(below, margin)
     if touching >= motion.busy:
-        contact = later(motion, motion.start, time)
+        contact = elapsed(motion, motion.start, time)
         besides_contact(motion, touching, contact, work, work.shape[0] - 2)
     for site in range(motion.busy, motion.places.shape[0]):
         low, high = motion.places[site, LOW], motion.places[site, HIGH]

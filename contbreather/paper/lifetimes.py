@@ -103,7 +103,7 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     return float(np.exp(slope))
 
 
-def conditions_of(breather: Orbit, damping: float = DAMPING) -> dict[str, Any]:
+def keywords_of(breather: Orbit, damping: float = DAMPING) -> dict[str, Any]:
     return {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
 
 
@@ -111,7 +111,7 @@ def on_ring(
     breather: Orbit, m: int | None = None, damping: float = DAMPING, sites: int = SITES
 ) -> PeriodicMotion:
     """Breather of a damped ring, between walls of hardness `m` or rigid ones."""
-    on = conditions_of(breather, damping) | ({} if m is None else {"m": m})
+    on = keywords_of(breather, damping) | ({} if m is None else {"m": m})
     return periodic(breather.state(sites), symmetric=True, **on)
 
 
@@ -148,7 +148,7 @@ def lives(breather: Orbit, m: int, lost: int | None) -> dict[str, float]:
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
     """
-    run = simulate(breather.state(SITES), periods=600, **conditions_of(breather))
+    run = simulate(breather.state(SITES), periods=600, **keywords_of(breather))
     rigid_lost = life(completed(run))
     multiplier = fold_at = math.nan
     try:

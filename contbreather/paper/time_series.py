@@ -25,9 +25,9 @@ from contbreather.orbits.orbit_events import pitchfork
 from contbreather.paper.lifetimes import (
     DAMPING,
     SITES,
-    conditions_of,
     delocalised,
     gone,
+    keywords_of,
     life,
     lives,
     lives_in_words,
@@ -200,7 +200,7 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     """
     a, gamma, m = 0.1, 0.08, whole("m", m, 1)
     exact, settling = symmetric(a, gamma, RESTITUTION), 400
-    on = conditions_of(exact)
+    on = keywords_of(exact)
     v = np.zeros(SITES)
     v[0] = 3.0  # the start of the paper; all else zero
     final = _run((np.zeros(SITES), v), m, periods=settling, **on).final
@@ -258,7 +258,7 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
     for letter, (a, periods) in zip("abc", {0.1: 600, 0.2: 160, 0.7: 160}.items(), strict=True):
         exact = symmetric(a, gamma, RESTITUTION)
         record = {"sample": Sample(CENTRAL, 24), "periods": periods}
-        run = _run(exact.state(SITES), m, **record, **conditions_of(exact))
+        run = _run(exact.state(SITES), m, **record, **keywords_of(exact))
         stats = lives(exact, m, life(run))
         t, lost = run.record.times / PERIOD, stats["lost"]
         curves = tuple(
@@ -284,7 +284,7 @@ def figure7(m: int = 20) -> TimeSeries:
     low, a, gamma, m = 0.7, 0.82, 0.04, whole("m", m, 1)
     other, gentle = 20 if m == HARDNESS else HARDNESS, 15  # walls at which a gentler ramp succeeds
     exact = symmetric(a, gamma, RESTITUTION)
-    on = conditions_of(exact)
+    on = keywords_of(exact)
     start = symmetric(low, gamma, RESTITUTION).state(SITES)
 
     def ramped(m: int, steps: int, periods: int) -> Any:
@@ -348,7 +348,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     """
     a, gamma, m = 0.15, 0.104, whole("m", m, 1)
     exact = symmetric(a, gamma, RESTITUTION)
-    on = conditions_of(exact)
+    on = keywords_of(exact)
     long = _run(exact.state(SITES), m, periods=250, sample=Sample(CENTRAL, 24), **on)
     lost = life(long)
     first = max(0, (lost or 250) - 40)
@@ -358,7 +358,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     wandering = symmetric(a, 0.106, RESTITUTION)  # where, with more damping, a torus attracts
     damping = 0.02
     torus = classify(
-        wandering.state(SITES), settle=8000, periods=3000, **conditions_of(wandering, damping)
+        wandering.state(SITES), settle=8000, periods=3000, **keywords_of(wandering, damping)
     )
     evidence = {name: float(value) for name, value in torus.evidence.items()}
     zero = max(abs(evidence["exponent"]), evidence["exponent_error"])

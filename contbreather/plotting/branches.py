@@ -44,7 +44,7 @@ ROUNDING = 1e-9  # relative; what varies by less is constant
 AS_LARGE = 1e-6  # relative; entries that differ by less, by what Newton leaves, are as large
 
 
-class Mark(NamedTuple):
+class Marker(NamedTuple):
     """Special point that is marked, where, and in the colour of which branch."""
 
     point: Point
@@ -91,7 +91,7 @@ def plot_branches(
         key, shades = _colours(axes, branches, groups, colours)
         coloured = bool(groups) or colours is not None  # then colours say what they stand for
         styles: set[str] = set()
-        marks: list[Mark] = []
+        marks: list[Marker] = []
         for i, (branch, points, colour) in enumerate(zip(branches, marked, shades, strict=True)):
             looks = _styles(branch)
             styles |= {*looks.tolist()} or {STABLE}
@@ -99,7 +99,7 @@ def plot_branches(
                 for style, *line in pieces(branch, x, name, looks):
                     grey = style == UNKNOWN and not coloured
                     axes.plot(*line, style, color=GREY if grey else colour)
-                its = [Mark(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
+                its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
                 for mark in its:
                     _draw_mark(axes, mark)
                 marks += its[: None if side == 0 else 0]  # an envelope is named at its top
@@ -334,7 +334,7 @@ def pieces(
         yield str(styles[start]) if styles.size else STABLE, *curve
 
 
-def _draw_mark(ax: Axes, mark: Mark) -> None:
+def _draw_mark(ax: Axes, mark: Marker) -> None:
     kind, end = mark.point.kind, mark.point.kind == "EP"
     edge = {"EP": "none", "MX": mark.colour}.get(kind, ax.get_facecolor())
     canvas.to_the_rim(ax.plot(
@@ -390,11 +390,11 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 
 
-def _words(ax: Axes, pixel: float, marks: Iterable[Mark], branches: int) -> list[Any]:
+def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:
     """Words beside points, as `place_words` takes them, what is special first. What is close to a
     word of its name, or of its kind on another branch, gets none: a pitchfork is on its branch and
     on both arms."""
-    words: list[tuple[Mark, Array, str]] = []
+    words: list[tuple[Marker, Array, str]] = []
     for mark in marks:
         if mark.point.kind == "EP" and branches > 1:
             continue  # with several branches their ends are many, and say nothing: a dot is enough
@@ -417,7 +417,7 @@ def _words(ax: Axes, pixel: float, marks: Iterable[Mark], branches: int) -> list
     ]
 
 
-def _same_name(one: Mark, other: Mark) -> bool:
+def _same_name(one: Marker, other: Marker) -> bool:
     """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
     kinds = [{*mark.point.kind.split("-")} for mark in (one, other)]
     return kinds[0] == kinds[1] if len(kinds[0]) > 1 else one.point.label == other.point.label

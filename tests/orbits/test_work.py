@@ -13,7 +13,7 @@ from contbreather import kernels
 from contbreather.continuation import Steps
 from contbreather.continuation.curve import derivative_checks
 from contbreather.continuation.events.step_interpolant import StepInterpolant
-from contbreather.continuation.walk import starts
+from contbreather.continuation.walk import ends
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts
@@ -28,7 +28,7 @@ def branch(**more: Any) -> cb.Branch:
 
 
 def test_both_sides_of_a_branch_set_out_from_one_start(counted) -> None:
-    checks = counted(starts, "check_start")
+    checks = counted(ends, "check_start")
     assert len(branch().special) == 3
     assert checks["calls"] == 1
 
