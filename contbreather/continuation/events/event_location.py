@@ -337,6 +337,9 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
         value = samples.event.value_or_nan(samples.segment.provisional(u))
         return abs(samples.deflated(u, value))
 
+    def glanced(u: float) -> float:  # kept
+        return abs(samples.deflated(u, samples.glance(u)))
+
     size = {u: abs(samples.deflated(u)) for u in (0.0, 0.5, 1.0)}
     if not all(0 < value < math.inf for value in size.values()):
         return
@@ -350,20 +353,24 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
-    # golden section, g^2 = 1 - g, unless the sign changes
+    # golden section, unless the sign changes; g^2 = 1 - g: one inner place stays when it shrinks
     golden, left, right = 0.5 * (math.sqrt(5) - 1), places[at - 1], places[at + 1]
     first, last = size[left], size[right]
+    inner, outer = right - golden * (right - left), left + golden * (right - left)
+    low, high = glanced(inner), glanced(outer)
     while right - left > _ONE and not samples.changes():
-        inner, outer = right - golden * (right - left), left + golden * (right - left)
-        low, high = (abs(samples.deflated(u, samples.glance(u))) for u in (inner, outer))
         steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
         # no closer than shows that it stays above zero, even if it fell four times as fast inside
         if min(low, high) - 4.0 * steepest * (right - left) > _TOUCH * highest:
             break
         if low < high:
-            right, last = outer, high
+            right, last, outer, high = outer, high, inner, low
+            inner = right - golden * (right - left)
+            low = glanced(inner)
         else:
-            left, first = inner, low
+            left, first, inner, low = inner, low, outer, high
+            outer = left + golden * (right - left)
+            high = glanced(outer)
     u = 0.5 * (left + right)
     if samples.changes() or not _ONE < u < 1 - _ONE:  # at an end it only approaches zero
         return
