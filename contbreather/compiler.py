@@ -29,7 +29,7 @@ TEXTS = (  # the modules with kernels, those with most code first; each imports 
     "contbreather.stability.band_pairs",
     "contbreather.orbits.site_motion",
     "contbreather.lattice.periodic_green",
-    "contbreather.simulation.smooth_flow",
+    "contbreather.simulation.smooth",
     "contbreather.lattice.modal_flow",
     "contbreather.lattice.forcing",
 )

@@ -115,7 +115,7 @@ def test_what_a_kernel_is_given_stays_until_it_returns(monkeypatch: pytest.Monke
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
-    from contbreather.simulation.smooth_flow import RATES, SmoothParameters
+    from contbreather.simulation.smooth import RATES, SmoothParameters
     from contbreather.simulation.taylor import Harmonics
 
     drive, force = np.zeros(2, int), Harmonics(*np.zeros((3, 1)))
@@ -124,6 +124,15 @@ def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
         pytest.skip("nothing is compiled")
     with pytest.raises(TypeError, match=r"drive is int64 \(2,\); f8 with 1 axes, row by row"):
         RATES.following(np.zeros(4), on, 0, np.zeros(4))
+
+
+def test_what_is_compiled_at_installation_needs_numpy_alone() -> None:
+    """The build environment has the build's requirements, scipy is none of them."""
+    without = "import sys; sys.modules['scipy'] = None; from importlib import import_module as load"
+    texts = (
+        "from contbreather.compiler import TEXTS; print(*(load(text).__name__ for text in TEXTS))"
+    )
+    assert python("-c", f"{without}; {texts}").split() == [*compiler.TEXTS]
 
 
 # --- a package with one kernel --------------------------------------------------------------------

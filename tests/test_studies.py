@@ -394,7 +394,7 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         (ARMS.format("y"), "no branch, arms or boundary 'y'; there are x"),
         (ONE + ARMS.format("b/arm1"), "arms.x.of: 'b' was expected"),
         (ARMS.format("y/arm1") + "[arms.y]\nof = 'x/arm1'\nat = 'PD1'", "itself"),
-        (ONE + "[arms.x]\nof = 'b'\nat = 'GR1'", "arms.x.at: arms start at BP, PF, PD, PF1 for"),
+        (ONE + "[arms.x]\nof = 'b'\nat = 'LP1'", "arms start at BP, PF, PD, GR, VI, PF1"),
         (ZONES + ARMS.format("z"), "no branch, arms or boundary 'z'"),
         (RING + "threshold = 1.01\n" + ONE + ARMS.format("b"),
          "line 3, chain.threshold: arms are judged by the paper's 1.005; leave threshold out"),

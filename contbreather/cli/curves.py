@@ -399,6 +399,7 @@ def diagram(
     along: BranchWindow,
     depth: Whole = 2,
     most: Whole = 100,
+    beyond: bool = False,
     into: SavedOutput = SavedOutput(),
 ) -> None:
     """Follow the breathers, switch wherever other branches leave, follow these, and so on.
@@ -411,11 +412,13 @@ def diagram(
         How often to switch on the way from the first branch to another.
     most
         Number of branches after which no others are followed.
+    beyond
+        Switch at GR and VI, too: to orbits with an impact more or less.
     """
     into.check(where.read)
     tree, cut = until_interrupted(
         cb.diagram, along.problem(where, switched=True), along.free,
-        within=along.within, depth=depth, most=most, save=into.save,
+        within=along.within, depth=depth, most=most, beyond=beyond, save=into.save,
     )  # fmt: skip
     result = of_diagram(tree)
     loose = (f"{line}." for line in _loose_ends(tree, depth))

@@ -37,6 +37,15 @@ Whole = Annotated[int, Parameter(converter=whole_number)]
 Workers = Annotated[int, Parameter(converter=whole_number, validator=validators.Number(gte=1))]
 
 
+def number_or_numbers(_: Any, tokens: Sequence[Token]) -> Any:
+    """Read a number, or one for each site, apart by commas."""
+    read = [float(word) for word in tokens[0].value.split(",")]
+    return read if len(read) > 1 else read[0]
+
+
+PerSite = Annotated[float, Parameter(converter=number_or_numbers)]
+
+
 def parameter_help(name: str) -> Parameter:
     """Help of a parameter of the model."""
     return Parameter(help={**NUMBERS, **CHOICES}[name].help)
@@ -75,8 +84,8 @@ class LatticeOptions:
         NAME=VALUE of a parameter in the formula.
     """
 
-    damping: Annotated[float | None, parameter_help("damping")] = None
-    spring: Annotated[float | None, parameter_help("spring")] = None
+    damping: Annotated[PerSite | None, parameter_help("damping")] = None
+    spring: Annotated[PerSite | None, parameter_help("spring")] = None
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
@@ -122,7 +131,7 @@ class LatticeOptions:
 class _Needed:
     a: Annotated[float | None, parameter_help("a")] = None
     gamma: Annotated[float | None, parameter_help("gamma")] = None
-    k: Annotated[float | None, parameter_help("k")] = None
+    k: Annotated[PerSite | None, parameter_help("k")] = None
 
 
 @Parameter(name="*")

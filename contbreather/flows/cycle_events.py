@@ -26,7 +26,7 @@ from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, crossing_event
 from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .collocation import TrajectorySegment
-from .cycle_problem import Cycle, equations_of
+from .cycle_problem import SHORTEST, Cycle, equations_of
 from .equations import FlowEquations
 from .flow import Clock, Filippov, slid_along
 from .functions import Function, Params, slopes, values
@@ -36,7 +36,6 @@ from .multipliers import paces
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
-_SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -140,11 +139,13 @@ _BRANCH_POINT = replace(
 
 
 class Margin(NamedTuple):
-    """Distance of an orbit from one end of its branch, the equations of the end, and a sentence."""
+    """Distance of an orbit from one end of its branch, the equations of the end, a sentence, and
+    the flow that begins another one there or is none, -1 where none is known to."""
 
     value: float
     system: Callable[[], DefiningSystem]
     said: str
+    flow: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +162,8 @@ class _Nearest:
         return self._least(point).system()
 
     def examine(self, point: Point) -> Examined:
-        return {"said": self._least(point).said}
+        least = self._least(point)
+        return {"said": least.said} | ({"flow": least.flow} if least.flow >= 0 else {})
 
     def _least(self, point: Point) -> Margin:
         return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)
@@ -301,10 +303,11 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
         flow = orbit.equations.flows[touch.flow]
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
         system = partial(reached(None, slice(2)).system, touch=touch.place)
+        beyond = touch.flow if touch.guard == "until" else -1
         if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-            system = partial(reached(touch.place, slice(1)).system)
+            system, beyond = partial(reached(touch.place, slice(1)).system), -1
         said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
-        yield Margin(touch.clearance, system, said)
+        yield Margin(touch.clearance, system, said, beyond)
 
 
 def _rates(orbit: Cycle) -> Iterator[Margin]:
@@ -343,9 +346,9 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
         before = (i - 1) % len(flows)
         # of its largest rate less than this: all but touched
         if flows[before].until and not flows[before].reset and rates[before][1] < 1e-2:
-            shrunk = Lasting(lengths, np.eye(len(flows))[i] - _SHORTEST, 0.0).system
+            shrunk = Lasting(lengths, np.eye(len(flows))[i] - SHORTEST, 0.0).system
             said = f"flow {i} shrinks to nothing, it begins at a tangency"
-            yield Margin(flight.duration / orbit.period - _SHORTEST, shrunk, said)
+            yield Margin(flight.duration / orbit.period - SHORTEST, shrunk, said, i)
 
 
 # --- all of them --------------------------------------------------------------------------------

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..continuation.algebra.derivatives import directional
 from ..continuation.algebra.newton import Array, Undefined, newton
 from ..continuation.algebra.sparse import Matrix
-from ..continuation.branches.switching import SwitchingProblem
+from ..continuation.branches.switching import Seed, SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
@@ -23,15 +25,16 @@ from ..continuation.systems.branch_points import crossing
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
-from .collocation import TrajectorySegment
+from .collocation import TrajectorySegment, fitted, sizes_of
 from .equations import FlowEquations
 from .flow import refuse_false_period
-from .functions import Function, Params
+from .functions import Function, Params, values
 from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
+SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +303,7 @@ class CycleProblem(Problem):
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return _doubled if kind == "PD" else None
+        return {"PD": _doubled, "GR": _beyond}.get(kind)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -351,6 +354,108 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
 def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:
     """Evaluate a function of (t, x, p) so many periods before."""
     return function(t - turns * period(t, x, p), x, p)
+
+
+# --- beyond grazing ----------------------------------------------------------------------------
+
+Margin = Callable[[Curve, Array], Array]  # zero at GR, positive where orbits have these flows
+
+
+@dataclass(frozen=True)
+class _Beyond(SwitchingProblem):
+    """A cycle at GR as one of other flows, and margins of both branches, here and there."""
+
+    point: Point = field(kw_only=True)
+    here: Margin = field(kw_only=True)
+    there: Margin = field(kw_only=True)
+    along: Array = field(kw_only=True)
+
+    def seeds(self) -> tuple[Seed, ...]:
+        """Start where orbits of the other flows are: the orbit "persists" as one of these, or both
+        kinds are on one side, a nonsmooth "fold"."""
+        curve, point = Curve(self.problem, (self.free,)), self.point
+        # one curve passes it, though while a flow is that short its end hardly has an equation
+        z, tangent = curve.start, curve.tangent_at(curve.start, self.along)[0]
+        growth = _growth(self.there, curve, z, tangent)
+        z = z - self.there(curve, z) / growth * tangent  # to GR as this branch has it
+        z = newton(curve, z, curve.metric * tangent).z
+        tangent *= math.copysign(1.0, growth)
+        inside = _growth(self.here, point.curve, point.z, point.direction) * point.direction[-1]
+        what = "fold" if inside * tangent[-1] > 0.0 else "persists"
+        return (Seed(self.problem, z, tangent, detail={"beyond": what}),)
+
+
+def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
+    """Differentiate a margin along a way."""
+    return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
+
+
+def _lasts(i: int, short: float, curve: Curve, z: Array) -> Array:
+    return z[curve.problem.residual.layout.lengths[[i]]] - short
+
+
+def _height(wall: Function, i: int, part: float, curve: Curve, z: Array) -> Array:
+    """Evaluate a wall at a part of a flow."""
+    p = curve.params(z)
+    t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
+    return values(wall, t, state[:, None], p)[:, 0]
+
+
+def _beyond(point: Point) -> SwitchingProblem:
+    """Make the cycle of the flows that follow at GR: one contact more where a condition is touched,
+    one less where it has shrunk to nothing.
+
+    The parameter moves by the square of how long a contact lasts, so that one which counts as none
+    is there to begin with.
+    """
+    equations, orbit, p = equations_of(point), point.solution, point.params
+    more, flow = "touch" in point.detail, point.detail.get("flow", -1)
+    begins = flow if more else (flow - 1) % len(orbit.flights)  # the flow that touches
+    order = [*range(begins, len(orbit.flights)), *range(begins)]
+    flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
+    first, contact, last = (flows * 2)[:3]
+    back = (first.f, first.until) == (last.f, last.until)
+    if flow < 0 or first.reset or contact.reset or not back:
+        raise Undefined(
+            "which flows follow there is known where a flow touches the condition that ends it, "
+            "without a reset, and the flow after it leads back to it"
+        )
+    start, short, lasts = flights[0].start, SHORTEST * orbit.period, orbit.durations[order]
+    if more:
+        touch = start + point.detail["touch"] * lasts[0]
+        cuts, own = [start, touch - short / 2, touch + short / 2, flights[0].last], 1
+        parts = [first, contact, first]
+        margins = (
+            partial(_height, first.until, flow, point.detail["touch"]),
+            partial(_lasts, 1, short),
+        )
+    else:
+        cuts, own = [start, start + min(lasts[:3].sum(), orbit.period)], 3
+        parts = [last if flows[2:] else replace(last, until=None, walls=(*last.walls, last.until))]
+        middle = (lasts[0] + lasts[1] / 2) / (cuts[1] - cuts[0])
+        margins = partial(_lasts, flow, short), partial(_height, first.until, 0, middle)
+    scheme, parts = flights[0].scheme, [*parts, *flows[own:]]
+    pieces = [fitted(scheme, a, b - a, orbit.states) for a, b in pairwise(cuts)] + [
+        replace(flight, start=start + (flight.start - start) % orbit.period)
+        for flight in flights[own:]
+    ]
+    equations = replace(
+        equations, start=tuple(pieces), sizes=sizes_of(pieces),
+        flows=tuple(part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)),
+    )  # fmt: skip
+    problem: Problem = problem_of(equations, p, point.curve.problem.events, "cycle")
+    curve = Curve(problem, point.curve.free)
+    along = np.zeros(curve.start.size)
+    along[equations.layout.lengths[1] if more else -1] = 1.0
+    solution = newton(curve, curve.start, along)
+    if not solution.converged:
+        raise Undefined(
+            f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
+        )
+    (free,), (here, there) = curve.free, margins
+    return _Beyond(
+        Point(curve, solution.z).problem, free, point=point, here=here, there=there, along=along
+    )
 
 
 def problem_of(

@@ -148,7 +148,8 @@ class Ring(UniformLattice):
     def masses(self) -> FloatArray:
         return np.ones(self.sites)
 
-    drive = masses
+    drive = springs = dampings = restitutions = masses
+    even = True
 
     @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ import numpy as np
 from contbreather.checks import MOST, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.finite import Lattice
+from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
 from contbreather.lattice.forcing import (
     Forcing,
     Fourier,
@@ -136,7 +136,8 @@ class Conditions:
     a, gamma, k : float
         Amplitude of the forcing, coupling, restitution coefficient.
     damping, spring : float
-        ``u'' + damping u' + spring u + ...``, per unit mass.
+        ``u'' + damping u' + spring u + ...``, per unit mass. These and k may be given for each site
+        of a finite lattice: they are the means then, and the lattice has their proportions.
     forcing : Forcing
     walls : Walls
     lattice : InfiniteChain, Ring or Lattice
@@ -155,7 +156,11 @@ class Conditions:
     restitution: Restitution | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "walls", self.walls.placed(self.lattice))
+        given = {name: getattr(self, name) for name in PER_SITE}
+        lattice, means = per_site(self.lattice, given)
+        for name, value in {**means, "lattice": lattice}.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "walls", self.walls.placed(lattice))
 
     def checked(self) -> Conditions:
         """The same, or what is wrong with it. Derivatives by differences look beyond the edges of
@@ -171,6 +176,13 @@ class Conditions:
         """All parameters by name, those of the forcing last."""
         own = [name for name in NAMES if name != "k" or self.restitution is None]
         return {**{name: getattr(self, name) for name in own}, **self.forcing.params}
+
+    def at_sites(self, name: str, sites: Any) -> Any:
+        """Values of k, damping or spring at sites, of which a lattice may give each its own."""
+        if self.lattice.sites is None:
+            return getattr(self, name)
+        which = np.asarray(sites) % self.lattice.sites  # around a ring
+        return getattr(self, name) * getattr(self.lattice, PER_SITE[name])[which]
 
     @property
     def law(self) -> ImpactLaw:
@@ -279,7 +291,7 @@ def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:
     """By the entries of its stiffness that are not zero, each once."""
     rows, columns = np.nonzero(np.triu(lattice.stiffness))
     entries = lattice.stiffness[rows, columns]
-    weights = {name: getattr(lattice, name) for name in ("masses", "drive")}
+    weights = {name: getattr(lattice, name) for name in ROWS}
     return {
         "name": lattice.name,
         "sites": lattice.sites,
@@ -298,12 +310,11 @@ def _lattice(
     rows: list[int],
     columns: list[int],
     entries: list[float],
-    masses: list[float] | None = None,
-    drive: list[float] | None = None,
+    **weights: list[float],
 ) -> Lattice:
     matrix = np.zeros((sites, sites))
     matrix[rows, columns] = matrix[columns, rows] = entries  # symmetric: a file has its upper half
-    return Lattice(matrix, masses, drive, name=name)
+    return Lattice(matrix, **weights, name=name)
 
 
 def _ends(pair: Pair) -> list[float | None]:

@@ -11,17 +11,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import flag, one_of, whole
+from contbreather.checks import brief, flag, one_of, whole
 from contbreather.errors import BadInput
 from contbreather.kernels import inlined
 from contbreather.one_thread import one_thread
+from contbreather.parameters import parameter
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -31,6 +32,10 @@ FloatArray = NDArray[np.float64]
 ALIKE = 1e-9  # eigenvalues closer than this, relative to the largest, are one eigenspace
 MOST = 10_000  # sites of a lattice whose modes are those of a dense matrix
 UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
+# parameters of which each site may have its own value, and the rows of a lattice that say so
+PER_SITE = {"k": "restitutions", "damping": "dampings", "spring": "springs"}
+ROWS = ("masses", "drive", *PER_SITE.values())
+NODES = ("mass", "drive", "restitution", "damping", "spring")  # the same of a node of a graph
 
 
 class Finite(Protocol):
@@ -44,6 +49,18 @@ class Finite(Protocol):
     @property
     def drive(self) -> FloatArray:
         """How strongly each site feels the forcing."""
+
+    @property
+    def springs(self) -> FloatArray:
+        """The spring of each site in units of the parameter; damping and k likewise."""
+
+    @property
+    def dampings(self) -> FloatArray: ...
+    @property
+    def restitutions(self) -> FloatArray: ...
+    @property
+    def even(self) -> bool:
+        """Whether springs and dampings are the same everywhere, so that modes decouple."""
 
     @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]: ...
@@ -115,6 +132,8 @@ class Lattice:
         Positive; 1 unless given.
     drive : array_like, shape (N,), optional
         How strongly each site feels the forcing; 1 unless given.
+    springs, dampings, restitutions : array_like, shape (N,), optional
+        Spring, damping and k of each site in units of these parameters; 1 unless given.
     name : str
         Shown in tables.
 
@@ -134,20 +153,22 @@ class Lattice:
     stiffness: Any
     masses: Any = None
     drive: Any = None
+    springs: Any = field(default=None, kw_only=True)
+    dampings: Any = field(default=None, kw_only=True)
+    restitutions: Any = field(default=None, kw_only=True)
     name: str = field(default="lattice", kw_only=True)
 
     def __post_init__(self) -> None:
         matrix = _matrix(self.stiffness)
         object.__setattr__(self, "stiffness", matrix)
-        masses, drive = (
-            _row(name, value, len(matrix))
-            for name, value in (("masses", self.masses), ("drive", self.drive))
-        )
-        if (masses <= 0.0).any():
-            n = int(masses.argmin())
-            raise BadInput(f"masses[{n}] = {masses[n]:g}: every mass must be positive.")
-        object.__setattr__(self, "masses", masses)
-        object.__setattr__(self, "drive", drive)
+        for name in ROWS:
+            values = _row(name, getattr(self, name), len(matrix))
+            n = int(values.argmin())
+            if name == "masses" and values[n] <= 0.0:
+                raise BadInput(f"masses[{n}] = {values[n]:g}: every mass must be positive.")
+            if name not in ("masses", "drive") and values[n] < 0.0:
+                raise BadInput(f"{name}[{n}] = {values[n]:g}: none may be negative.")
+            object.__setattr__(self, name, values)
         lowest, highest = float(self.spectrum[0][0]), float(self.spectrum[0][-1])
         if lowest < -ALIKE * max(highest, 1.0):
             raise BadInput(
@@ -160,7 +181,7 @@ class Lattice:
     def from_graph(cls, graph: Any, *, weight: str = "weight", **more: Any) -> Lattice:
         """The lattice whose bonds are the edges of a networkx graph, with their weights (1 where
         an edge has none); sites are numbered in the order of ``graph.nodes``, and have its
-        attributes "mass" and "drive", 1 where a node has none.
+        attributes `NODES`, 1 where a node has none.
 
         Examples
         --------
@@ -183,7 +204,7 @@ class Lattice:
             ) from error
         attributes = {
             name: [graph.nodes[n].get(kind, 1.0) for n in graph]
-            for name, kind in (("masses", "mass"), ("drive", "drive"))
+            for name, kind in zip(ROWS, NODES, strict=True)
         }
         return cls(matrix, **{"name": "graph", **attributes, **more})
 
@@ -195,7 +216,7 @@ class Lattice:
 
     @cached_property
     def _key(self) -> Hashable:
-        return tuple(np.asarray(x).tobytes() for x in (self.stiffness, self.masses, self.drive))
+        return tuple(getattr(self, name).tobytes() for name in ("stiffness", *ROWS))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Lattice) and self._key == other._key
@@ -227,7 +248,12 @@ class Lattice:
         """Whether a drive without springs moves all sites alike."""
         # row sums of a lattice that nothing ties to the ground are 0, but for rounding
         loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
-        return bool(loose and (self.drive == 1.0).all())
+        return bool(loose and self.even and (self.drive == 1.0).all())
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether springs and dampings are the same everywhere, so that modes decouple."""
+        return bool((self.springs == 1.0).all() and (self.dampings == 1.0).all())
 
     highest_gamma = math.inf
 
@@ -341,11 +367,44 @@ def _row(name: str, values: Any, sites: int) -> FloatArray:
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"{name} = {values!r}: one number for each site is expected.") from error
     if row.shape != (sites,):
-        raise BadInput(f"{name} has shape {row.shape}; one number for each of {sites} sites.")
+        raise BadInput(
+            f"{name} = {brief(values)} has shape {row.shape}; a number, or one for each of {sites} "
+            "sites, is expected."
+        )
     if not np.isfinite(row).all():
         raise BadInput(f"{name} = {row.tolist()}: finite numbers are expected.")
     row.setflags(write=False)
     return row
+
+
+def per_site(lattice: Any, values: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Take k, damping and spring apart where they are given for each site: the lattice with their
+    proportions, and their means.
+
+    Examples
+    --------
+    >>> chain, means = per_site(OpenChain(2), {"spring": [0.1, 0.3]})
+    >>> chain.springs, means
+    (array([0.5, 1.5]), {'spring': 0.2})
+    """
+    for name, given in values.items():
+        if type(given) is float or isinstance(given, str) or not np.ndim(given):
+            continue
+        if getattr(lattice, "sites", None) is None:
+            raise BadInput(
+                f"{name} = {brief(given)}: one number for each site is for finite lattices, "
+                "lattice=Ring(20) or OpenChain(9); the infinite chain has one for all."
+            )
+        row = _row(name, given, lattice.sites)
+        mean = float(np.mean([parameter(name, value) for value in row.tolist()]))
+        alike = not np.ptp(row)
+        if not (alike or isinstance(lattice, Lattice)):
+            lattice = Lattice(stiffness_of(lattice), name=lattice.describe().partition(" of")[0])
+        if isinstance(lattice, Lattice):
+            shares: dict[str, Any] = {PER_SITE[name]: None if alike else row / mean}
+            lattice = replace(lattice, **shares)
+        values = {**values, name: float(row[0]) if alike else mean}
+    return lattice, values
 
 
 def finite(lattice: Any) -> Finite:

@@ -9,8 +9,8 @@ Whatever the forcing was given as, inside it is one trigonometric series.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import brief, real
+from contbreather.checks import brief, number, numbers, real, whole
 from contbreather.errors import BadInput
 from contbreather.kernels import Kernel, Matrix, Vector, inlined
 
@@ -56,6 +56,9 @@ class Forcing(Protocol):
     def peak(self) -> float: ...
     def describe(self) -> str: ...
     def __hash__(self) -> int: ...
+
+
+Drive = Forcing | str | Callable[[float], float]  # what `forcing_of` makes a forcing of
 
 
 @inlined
@@ -109,9 +112,12 @@ class TrigonometricSeries:
     def at(self, t: Any, order: int) -> Any:
         """The derivative of that order, at one time or many."""
         if order > 3:  # of the second derivative, a series like this one
-            bent = tuple((m, -m * m * A, -m * m * B) for m, A, B in self.harmonics)
-            return TrigonometricSeries(bent).at(t, order - 2)
+            return self.second().at(t, order - 2)
         return self.motion(t)[order]
+
+    def second(self) -> TrigonometricSeries:
+        """Its second derivative: F, of f."""
+        return TrigonometricSeries(tuple((m, -m * m * A, -m * m * B) for m, A, B in self.harmonics))
 
     def on_grid(self, size: int) -> FloatArray:
         """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
@@ -261,6 +267,8 @@ class Fourier(Periodic):
 
     cos: tuple[tuple[int, float], ...]
     sin: tuple[tuple[int, float], ...]
+    # of the samples that it was fitted to, rms; it is no part of the drive
+    residual: float | None = field(default=None, compare=False)
 
     def __init__(
         self, cos: Mapping[int, float] | None = None, sin: Mapping[int, float] | None = None
@@ -290,6 +298,91 @@ class Fourier(Periodic):
             {m: -(m**2) * c for m, c in _coefficients("sin", sin)},
         )
 
+    @classmethod
+    def fit(
+        cls, t: ArrayLike, F: ArrayLike, harmonics: int = 5, frequency: float | None = None
+    ) -> Fourier:
+        """Fit odd harmonics to noisy samples of F, by least squares.
+
+        Mean and even harmonics are fitted along, so that they do not pass for odd ones where
+        the samples are uneven, and left out: they count as residual.
+
+        Parameters
+        ----------
+        t, F : array_like, shape (M,)
+            Times, in any order, over at least one period, and the force at them.
+        harmonics : int
+            The highest harmonic: 1, 3 and 5 for 5.
+        frequency : float, optional
+            Periods per unit of t, hertz for seconds; the period is 2 pi without it.
+
+        Returns
+        -------
+        Fourier
+            With ``residual``, the root mean square of what it leaves of F.
+
+        Raises
+        ------
+        BadInput
+            For samples that are too few, not over a whole period, not finite, or of which the
+            harmonics leave more than they explain, as of a force that is not periodic.
+
+        Examples
+        --------
+        >>> t = np.linspace(0.0, 20.0, 400)
+        >>> noise = 0.01 * np.random.default_rng(1).normal(size=400)
+        >>> drive = Fourier.fit(t, -np.cos(t) + noise, harmonics=1)
+        >>> round(drive.params["c1"], 2), round(drive.residual, 2)
+        (-1.0, 0.01)
+        """
+        t, F, highest = numbers("t", t), numbers("F", F), whole("harmonics", harmonics, 1)
+        rate = 1.0
+        if frequency is not None:
+            wanted = "periods per unit of t, above 0"
+            rate = 2.0 * math.pi * number("frequency", frequency, 1.0 / LARGEST, LARGEST, wanted)
+        if t.ndim != 1 or t.shape != F.shape:
+            raise BadInput(
+                f"t and F have the shapes {t.shape} and {F.shape}: two rows of the same length "
+                "were expected, times and the force at them."
+            )
+        if t.size <= 2 * highest + 1:
+            raise BadInput(
+                f"{t.size} samples: harmonics up to {highest} with a mean are {2 * highest + 1} "
+                "unknowns, and more samples are needed than that; take more, or fewer harmonics."
+            )
+        # M samples at equal steps over a period span M - 1 of them
+        periods = rate * np.ptp(t) / (2.0 * math.pi) * t.size / (t.size - 1)
+        if periods < 1.0 - 1e-9:
+            raise BadInput(
+                f"the samples span {periods:.3g} of a period: at least a whole one is needed; "
+                "give more of them, or `frequency=` if the period is not 2 pi."
+            )
+        waves = np.exp(1j * rate * np.outer(t, np.arange(highest + 1)))
+        columns = np.hstack([waves.real, waves.imag[:, 1:]])
+        # phases are rounded, and columns that are alike differ by as much
+        rounding = np.finfo(float).eps * t.size * (1.0 + highest * rate * float(abs(t).max()))
+        found, _, rank, _ = np.linalg.lstsq(columns, F, rcond=rounding)
+        if rank < columns.shape[1]:
+            raise BadInput(
+                f"the samples do not tell harmonics up to {highest} apart: too many are at the "
+                "same place of the period; take fewer harmonics, or sample between."
+            )
+        cos, sin = found[: highest + 1], np.append(0.0, found[highest + 1 :])
+        kept = waves.real[:, 1::2] @ cos[1::2] + waves.imag[:, 1::2] @ sin[1::2]
+        left, explained = float(np.std(F - kept)), float(np.std(kept))
+        left = math.hypot(left, float(np.mean(F - kept)))
+        if not left < explained:
+            raise BadInput(
+                f"odd harmonics up to {highest} leave {left:.3g} of the force and explain "
+                f"{explained:.3g} (rms; its mean is {cos[0]:.3g}): either it is not periodic with "
+                f"{2.0 * math.pi / rate:.6g}, then give `frequency=`, or not antisymmetric, "
+                "F(t + T/2) = -F(t), or needs more harmonics."
+            )
+        odd = range(1, highest + 1, 2)
+        drive = cls({m: cos[m] for m in odd}, {m: sin[m] for m in odd})
+        object.__setattr__(drive, "residual", left)
+        return drive
+
     @property
     def params(self) -> dict[str, float]:
         return {f"c{m}": v for m, v in self.cos} | {f"s{m}": v for m, v in self.sin}
@@ -305,7 +398,8 @@ class Fourier(Periodic):
         return f"F = a ({' '.join(terms)})"
 
     def __repr__(self) -> str:
-        return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)})"
+        said = "" if self.residual is None else f"  # residual {self.residual:.3g} (rms)"
+        return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)}){said}"
 
 
 @lru_cache(maxsize=256)
@@ -378,6 +472,9 @@ class Samples(Periodic):
         M even and at least 8. The upper half of the spectrum must be empty to 1e-10 of the largest
         harmonic (at least four points to the period of the highest harmonic); then F and f
         are right to about that everywhere, and to rounding for exact samples.
+    harmonics : int, optional
+        The highest harmonic kept, of noisy samples: odd ones up to it, at most M/4, are all that
+        is left of the values, whatever else is in them.
 
     Raises
     ------
@@ -394,7 +491,7 @@ class Samples(Periodic):
 
     values: tuple[float, ...]
 
-    def __init__(self, values: ArrayLike) -> None:
+    def __init__(self, values: ArrayLike, harmonics: int | None = None) -> None:
         try:
             samples = np.asarray(values, dtype=float)
         except (TypeError, ValueError, OverflowError):
@@ -406,6 +503,8 @@ class Samples(Periodic):
                 f"{samples.size} samples: give an even number, at least 8, on t = 2 pi j/M, "
                 "so that every sample has its partner half a period later."
             )
+        if harmonics is not None:
+            samples = _reduced(samples, whole("harmonics", harmonics, 1))
         object.__setattr__(self, "values", tuple(samples.tolist()))
         half = samples.size // 2
         size, worst = np.max(np.abs(samples)), np.max(np.abs(samples[:half] + samples[half:]))
@@ -439,6 +538,18 @@ class Samples(Periodic):
 
     def __repr__(self) -> str:
         return f"Samples(<{len(self.values)} values>)"
+
+
+def _reduced(samples: FloatArray, highest: int) -> FloatArray:
+    """Their odd harmonics, up to the highest."""
+    if 4 * highest > samples.size:
+        raise BadInput(
+            f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and {highest} "
+            "were asked for: sample finer, or keep fewer."
+        )
+    spectrum = np.fft.rfft(samples)
+    spectrum[::2] = spectrum[highest + 1 :] = 0.0
+    return np.fft.irfft(spectrum, samples.size)
 
 
 def spectrum_of(values: FloatArray) -> ComplexArray:

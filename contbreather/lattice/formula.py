@@ -20,10 +20,12 @@ from contbreather.errors import BadInput
 from contbreather.lattice.forcing import (
     LARGEST,
     ComplexArray,
+    Drive,
     FloatArray,
     Forcing,
     Harmonic,
     Periodic,
+    Samples,
     TrigonometricSeries,
     check_size,
     is_finite,
@@ -344,23 +346,45 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
         raise BadInput(f"unknown forcing parameter {listed(unknown)}: {text} has {have}.")
 
 
-def forcing_of(forcing: Forcing | str | sympy.Expr | None, /, **params: float) -> Forcing:
-    """A forcing from what was given: itself, a formula in t with values of the parameters in it, or
-    nothing for the harmonic one.
+def sampled(force: Callable[[float], float]) -> Samples:
+    """Samples of anybody's function F(t), as many as tell all its harmonics.
+
+    Examples
+    --------
+    >>> import math
+    >>> sampled(lambda t: -math.cos(t) - 2.7 * math.cos(3.0 * t))
+    Samples(<12 values>)
+    """
+
+    def value(at: Mapping[str, Any]) -> FloatArray:
+        return np.array([real(force(t)) for t in at["t"].tolist()])
+
+    formula = Formula(getattr(force, "__name__", repr(force)), frozenset(), (value,), 1)
+    series = _series_of(formula, ())[""]
+    # four samples to the shortest period, as `Samples` asks for
+    size = max(8, 4 * max(m for m, _, _ in series.harmonics))
+    return Samples(series.second().on_grid(size))
+
+
+def forcing_of(forcing: Drive | sympy.Expr | None, /, **params: float) -> Forcing:
+    """A forcing from what was given: itself, a formula in t with values of the parameters in it, a
+    function of t, or nothing for the harmonic one.
 
     Examples
     --------
     >>> forcing_of("-cos(t) - 2.7*cos(3*t)").highest
     3
     """
-    forcing = HARMONIC if forcing is None else forcing
-    if isinstance(forcing, str) and forcing.replace(" ", "") == HARMONIC and not params:
+    given: Any = HARMONIC if forcing is None else forcing
+    if isinstance(given, str) and given.replace(" ", "") == HARMONIC and not params:
         return Harmonic()
-    if isinstance(forcing, str) or hasattr(forcing, "free_symbols"):
-        return Symbolic(forcing, **params)
-    if isinstance(forcing, type) or not hasattr(forcing, "harmonics"):
+    if isinstance(given, str) or hasattr(given, "free_symbols"):
+        return Symbolic(given, **params)
+    known = hasattr(given, "harmonics")
+    if isinstance(given, type) or not (known or callable(given)):
         raise BadInput(
-            f"forcing = {forcing!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
-            "Harmonic, Fourier, Symbolic or Samples."
+            f"forcing = {given!r}: F/a was expected, a formula in t such as '-cos(t)', a function "
+            "of t, or a Harmonic, Fourier, Symbolic or Samples."
         )
-    return forcing
+    drive: Forcing = given if known else sampled(given)
+    return drive

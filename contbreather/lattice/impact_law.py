@@ -56,10 +56,12 @@ class ImpactLaw:
         near, far = (self.after(v + step) - self.after(v - step) for step in (h, 2.0 * h))
         return (8.0 * near - far) / (12.0 * h) if h else -self.at(0.0)
 
-    def along(self, velocities: ArrayLike) -> tuple[Array, Array]:
-        """Ratios of the velocities after and before many impacts, and slopes."""
+    def along(self, velocities: ArrayLike, shares: ArrayLike = 1.0) -> tuple[Array, Array]:
+        """Ratios of the velocities after and before many impacts, at sites with these shares of k,
+        and slopes."""
         v = np.asarray(velocities, dtype=float)
         if self.by_speed is None:
-            return np.full(v.shape, -self.k), np.full(v.shape, -self.k)
+            ratios = np.full(v.shape, -self.k) * shares
+            return ratios, ratios.copy()
         ratios = [-self.at(abs(x)) for x in v.tolist()]
         return np.array(ratios, float), np.array([self.slope(x) for x in v.tolist()], float)

@@ -22,14 +22,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.finite import Basis, stiffness_of
+from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
 from contbreather.lattice.forcing import Forcing, Harmonics
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
@@ -40,6 +40,9 @@ from contbreather.lattice.periodic_green import (
     half_period_green,
     periodic_green,
 )
+
+if TYPE_CHECKING:
+    from contbreather.lattice.uneven import SiteWaves
 
 FloatArray = NDArray[np.float64]
 HELD = "gamma", "spring", "damping"  # what a response depends on besides the drive
@@ -112,10 +115,11 @@ class Response:
         (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
         out = np.empty((4, times.size, times.size))
         INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
-        i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}
+        i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}.get(by, 0.0)
         # u' jumps by 1 at an impulse, and the damping brakes it by that much
         out[1, i, i] -= 0.5 * (not by)
-        out[2, i, i] += jump.get(by, 0.0)
+        if jump:
+            out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
         return out
 
     # ------------------------------------------------------------------------ to the drive
@@ -201,7 +205,7 @@ def _bonds_between(ring: int | None, hit: Sites) -> FloatArray:
 
 
 class AnswerWaves(NamedTuple):
-    """Sums of ``Re A exp(l s)``, each of one mode, and a constant for every mode."""
+    """Sums of ``Re A exp(l s)``, mode after mode, and a constant for every mode."""
 
     rates: Array
     sizes: Array
@@ -296,7 +300,8 @@ class ModalResponse(Response):
                 size = (-weight / (self.length * gap)).sum(keepdims=True)
                 parts.append((np.array([turn]), size, np.array([i])))
         rates, sizes, which = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return AnswerWaves(rates, sizes, which, level)
+        sorted_ = np.argsort(which, kind="stable")
+        return AnswerWaves(rates[sorted_], sizes[sorted_], which[sorted_], level)
 
     def _exponentials(self, z: Array) -> tuple[Array, Array, Array]:
         """Rates and amplitudes of both waves of a mode, and what is taken out of its mean."""
@@ -314,32 +319,48 @@ class ModalResponse(Response):
     def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
         """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
         from the times and impulses of a section, shape (3, times, K)."""
-        waves = self._answers
-        since = at[:, None] - times
-        laps = np.floor((since + LATE + SLACK * abs(since)) / self.length)
-        J = np.where(laps % 2 != 0, float(self.sign), 1.0) * impulses
-        kicks = self.kicks[[self.hit.index(n) for n in self.hits]]
-        turned = np.exp(np.multiply.outer(since - laps * self.length, waves.rates))
-        moved = (turned * J[..., None] * kicks[:, waves.modes]).sum(axis=1) * waves.sizes
-        out = np.zeros((3, waves.level.size, at.size))
+        waves, kicks = self._answers, self.kicks[[self.hit.index(n) for n in self.hits]]
+        laps, age = self._since(at[:, None] - times)
+        last, row = age.argmin(axis=1), np.arange(at.size)  # the latest impact of each time
+        before, ages = self._since(times[:, None] - times)
+        J = np.where(before % 2 != 0, float(self.sign), 1.0) * impulses
+        # all waves as they are just after each impact; from the latest one on they turn freely
+        turned = np.exp(np.multiply.outer(ages, waves.rates))
+        moved = (turned * (J[..., None] * kicks[:, waves.modes])).sum(axis=1) * waves.sizes
+        signs = np.where(laps[row, last] % 2 != 0, float(self.sign), 1.0)
+        moved = (
+            signs[:, None] * moved[last] * np.exp(np.multiply.outer(age[row, last], waves.rates))
+        )
+        out = np.empty((3, at.size, waves.level.size))
+        first = np.searchsorted(waves.modes, np.arange(waves.level.size))
         for order in range(3):
-            np.add.at(out[order], waves.modes, (moved * waves.rates**order).real.T)
-        out[0] += ((J @ kicks) * waves.level).T
-        return out.swapaxes(1, 2)
+            out[order] = np.add.reduceat(moved.real, first, axis=1)
+            moved *= waves.rates
+        out[0] += (impulses @ kicks) * waves.level  # none where signs alternate
+        return out
+
+    def _since(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Laps that impacts so long ago have recurred since, and what is beyond them."""
+        laps = np.floor((times + LATE + SLACK * abs(times)) / self.length)
+        return laps, times - laps * self.length
 
     # ------------------------------------------------------------------------ in resonance
 
     def swing(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """``e cos wt, e sin wt`` of each mode whose amplitude is an unknown, at sites and times,
         and three derivatives, (4, n, 2 modes)."""
-        shapes = self.basis.at(np.array(sites))
-        out = np.empty((4, times.size, 2 * len(self.resonant)))
-        for j, (i, w) in enumerate(self.resonant):
-            wave = shapes[:, i] * np.exp(-1j * w * times)
-            for order in range(4):
-                turned = (-1j * w) ** order * wave
-                out[order, :, 2 * j], out[order, :, 2 * j + 1] = turned.real, -turned.imag
-        return out
+        modes, w = self._swinging
+        wave = self.basis.at(np.array(sites))[:, modes] * np.exp(np.multiply.outer(times, -1j * w))
+        out = np.empty((4, *wave.shape, 2))
+        for order in range(4):
+            out[order, ..., 0], out[order, ..., 1] = wave.real, -wave.imag
+            wave = -1j * w * wave
+        return out.reshape(4, times.size, 2 * w.size)
+
+    @cached_property
+    def _swinging(self) -> tuple[list[int], FloatArray]:
+        """Modes whose amplitude is an unknown, and their frequencies."""
+        return [i for i, _ in self.resonant], np.array([w for _, w in self.resonant])
 
     def gaps(self, by: str = "") -> FloatArray:
         """``T/2 (z - w^2 + i w damping)`` of each, as matrices of the amplitudes, or derivatives:
@@ -353,56 +374,88 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to the drive
 
-    @cached_property
-    def driven(self) -> Any:
-        from contbreather.lattice.modal_flow import driven_modes  # a breather needs none
+    def driven(self, by: str = "") -> Any:
+        """The forced motion of all sites at unit amplitude, or its derivative."""
+        from contbreather.lattice.modal_flow import driven_spectrum  # a breather needs none
 
-        return driven_modes(self.lattice, self.drive, self.gamma, self.spring, self.damping)
+        held = self.gamma, self.spring, self.damping
+        return driven_spectrum(self.lattice, self.drive, *held, by)
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        moved: FloatArray = self.driven.along(sites, times)
-        return moved
+        return self.driven().along(sites, times)
 
     def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        moved: FloatArray = self.driven.slope(name, sites, times)
-        return moved
+        return self.driven(name).along(sites, times)[:3]
+
+    def harmonics(self, site: int) -> Harmonics:
+        return self.driven().harmonics(site)
 
     # ------------------------------------------------------------------------ at rest
 
-    def harmonics(self, site: int) -> Harmonics:
-        series: Harmonics = self.driven.harmonics(site)
-        return series
+    @cached_property
+    def _at_rest(self) -> AtRest:
+        # without coupling sites rest as they do next to none, unless springs hold them
+        ratio = self.spring / self.gamma if self.gamma else math.inf if self.spring else 0.0
+        return _at_rest(self.lattice, self.hit, ratio)
 
     def profile(self, sites: Any) -> FloatArray:
         sites = np.asarray(sites) % self.lattice.sites
         if not self.gamma:
             return np.asarray((sites[..., None] == np.array(self.hit)) * 1.0)
-        return _profile(self.lattice, self.hit, self.spring / self.gamma)[0][sites]
+        return self._at_rest.profile[sites]
 
     def profile_slope(self, name: str, site: int) -> FloatArray:
         # it depends on spring/gamma alone
         if not self.gamma or name not in ("gamma", "spring"):
             return np.zeros(len(self.hit))
-        ratio = self.spring / self.gamma
-        change = 1.0 / self.gamma if name == "spring" else -ratio / self.gamma
-        return np.asarray(change * _profile(self.lattice, self.hit, ratio)[1][site])
+        change = 1.0 / self.gamma if name == "spring" else -self.spring / self.gamma**2
+        return np.asarray(change * self._at_rest.slope[site])
 
     def links(self, by: str = "") -> FloatArray:
-        # without coupling sites rest as they do next to none, unless springs hold them
-        loose = self.gamma or not self.spring
-        ratio = self.spring / self.gamma if self.gamma else 0.0
-        profile = (
-            _profile(self.lattice, self.hit, ratio)[0]
-            if loose
-            else self.profile(np.arange(len(self.lattice.masses)))
-        )
-        masses, pull = self.lattice.masses, np.zeros_like(profile)
         # the energy at rest is least in all other sites: its slopes are direct ones
-        if by in ("", "gamma"):
-            pull = pull + (1.0 if by else self.gamma) * (stiffness_of(self.lattice) @ profile)
-        if by in ("", "spring"):
-            pull = pull + (1.0 if by else self.spring) * masses[:, None] * profile
-        return np.asarray(profile.T @ pull / masses[list(self.hit)][:, None])
+        weights = {"gamma": (1.0, 0.0), "spring": (0.0, 1.0)}.get(by, (self.gamma, self.spring))
+        return weights[0] * self._at_rest.bonds + weights[1] * self._at_rest.springs
+
+
+@dataclass(frozen=True)
+class UnevenResponse(ModalResponse):
+    """That of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+
+    @cached_property
+    def basis(self) -> Basis:
+        size = self.lattice.sites
+        return NormalModes(np.zeros(size), np.empty(0), np.eye(size), np.ones(size))
+
+    def table(self, sites: Sites, by: str = "") -> Responses:
+        waves = _site_waves(self, by)
+        each, hit = list(sites), list(self.hit)
+        level = waves.level[np.ix_(each, hit)].ravel()
+        grown = (waves.left.T[each][:, None] * waves.right.T[hit]).reshape(level.size, -1)
+        return _as_table(self, sites, level, waves.rates, grown)
+
+    def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
+        """Displacement, velocity and acceleration of all sites, see `ModalResponse.modes`."""
+        waves, hits = _site_waves(self, ""), list(self.hits)
+        laps, past = self._since(at[:, None] - times)
+        J = np.where(laps % 2 != 0, float(self.sign), 1.0) * impulses
+        turned = np.exp(np.multiply.outer(past, waves.rates))
+        moved = (turned * J[..., None] * waves.right.T[hits]).sum(axis=1)
+        orders = [((moved * waves.rates**order) @ waves.left).real for order in range(3)]
+        return np.array([orders[0] + J @ waves.level[:, hits].T, *orders[1:]])
+
+
+@lru_cache(maxsize=64)
+def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
+    from contbreather.lattice.uneven import Medium  # even lattices need none
+
+    medium = Medium(of.lattice, of.gamma, of.spring, of.damping)
+    room = medium.room(*harmonics(of.turns, of.sign), by)
+    if not room > RESONANT:
+        raise Resonance(
+            f"a mode of the {of.lattice.describe()} is in resonance with the orbit: change gamma "
+            "or spring, or give it damping."
+        )
+    return medium.waves(of.length, of.sign, RADIUS * room, PLACES, by)
 
 
 @lru_cache(maxsize=256)
@@ -414,32 +467,49 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     kicks = of.kicks * of.basis.lam if by == "gamma" else of.kicks  # dz/dgamma
     weights = (of.basis.at(np.array(sites))[:, None] * kicks).reshape(-1, level.size)
     grown = weights[:, waves.modes] * sizes
+    return _as_table(of, sites, weights @ level, waves.rates, grown)
+
+
+def _as_table(
+    of: ModalResponse, sites: Sites, level: FloatArray, waves: Array, grown: Array
+) -> Responses:
+    """What kernels take, of constants and of sizes of waves by their rates."""
     r, own = len(of.hit), np.array([of.hit.index(n) for n in of.hits])
     which = r * np.arange(len(sites))[:, None] + own
-    table = np.zeros((len(weights), 3))
-    table[:, 0] = weights @ level
-    rates = np.column_stack([waves.rates.real, waves.rates.imag])
+    table = np.zeros((level.size, 3))
+    table[:, 0] = level
+    rates = np.column_stack([waves.real, waves.imag])
     parts = np.ascontiguousarray(grown.real), np.ascontiguousarray(grown.imag)
-    unbounded = np.full(len(weights), math.inf)
+    unbounded = np.full(level.size, math.inf)
     return Responses(which, table, rates, *parts, unbounded, float(of.turns), of.sign < 0)
 
 
+class AtRest(NamedTuple):
+    """A lattice at rest if one of the sites that are hit is held at 1 and the others at 0."""
+
+    profile: FloatArray  # of all sites, a column for each
+    slope: FloatArray  # its derivative in the ratio of springs to coupling
+    bonds: FloatArray  # stiffness between the sites that are hit by bonds alone, per mass
+    springs: FloatArray  # and by springs
+
+
 @lru_cache(maxsize=64)
-def _profile(lattice: Any, hit: Sites, ratio: float) -> tuple[FloatArray, FloatArray]:
-    """Where sites rest if one of those that are hit is held at 1 and the others at 0, a column for
-    each, with springs of so many times the coupling; and its derivative in that ratio."""
+def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
+    """With springs of so many times the coupling; an infinite one holds all other sites at 0."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
-    rest, masses = np.setdiff1d(np.arange(lattice.sites), hit), lattice.masses
+    rest, held = np.setdiff1d(np.arange(lattice.sites), hit), lattice.masses * lattice.springs
     profile = np.eye(lattice.sites)[:, list(hit)]
-    slope = np.zeros_like(profile)
-    if rest.size:
-        matrix = (stiffness_of(lattice) + ratio * sparse.diags_array(masses)).tocsc()
+    slope, stiffness = np.zeros_like(profile), stiffness_of(lattice)
+    if rest.size and ratio < math.inf:
+        matrix = (stiffness + ratio * sparse.diags_array(held)).tocsc()
         solve = splu(matrix[rest][:, rest].tocsc()).solve
         profile[rest] = -solve(matrix[rest][:, list(hit)].toarray())
-        slope[rest] = -solve(masses[rest, None] * profile[rest])
-    return profile, slope
+        slope[rest] = -solve(held[rest, None] * profile[rest])
+    own = lattice.masses[list(hit)][:, None]
+    bonds = profile.T @ (stiffness @ profile) / own
+    return AtRest(profile, slope, bonds, profile.T @ (held[:, None] * profile) / own)
 
 
 # --- which it is --------------------------------------------------------------------------------
@@ -451,7 +521,7 @@ def resonant_modes(
 ) -> Resonant:
     """Modes of a finite lattice beyond half the lowest harmonic of an orbit, if its coupling can
     bring them to one: their amplitudes are unknowns."""
-    if lattice.sites is None:
+    if lattice.sites is None or not lattice.even:
         return ()
     lam, (first, step) = lattice.basis(hit).lam, harmonics(turns, sign)
     w = np.sqrt(gamma * lam + spring)
@@ -479,4 +549,5 @@ def answers_of(
     slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
     local = sign > 0 or (turns == 1 and len({*hits}) == 1)
     kind = UniformResponse if chain and (slow or lattice.sites is None) and local else ModalResponse
+    kind = UnevenResponse if not chain and not lattice.even else kind
     return kind(lattice, drive, *held, hits, turns, sign, resonant)

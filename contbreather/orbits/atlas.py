@@ -15,7 +15,7 @@ import numpy as np
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.forcing import Drive, Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phases_on
 from contbreather.orbits.zone_search import PAIRS
@@ -43,7 +43,7 @@ def zones_many(
     gamma: float | Sequence[float] | None = None,
     a: float | Sequence[float] | None = None,
     over: Mapping[str, float | Sequence[float]] | None = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float | None = None,
@@ -118,7 +118,7 @@ def drawn_in_plane(where: Slice, **shared: Any) -> Zones:
 def slices_of(
     values_of: Mapping[str, float | Sequence[float] | None],
     over: Mapping[str, float | Sequence[float]] | None,
-    forcing: Forcing | str | None,
+    forcing: Drive | None,
 ) -> list[Slice]:
     """List the planes, those of the first value first."""
     over = {} if over is None else over
@@ -146,7 +146,7 @@ def atlas(
     k: float | Sequence[float] | None = None,
     gamma: float | Sequence[float] | None = None,
     a: float | Sequence[float] | None = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float | None = None,

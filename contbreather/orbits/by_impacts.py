@@ -29,7 +29,6 @@ from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.response import Resonant, resonant_modes
 from contbreather.orbits.asymmetric_breather import (
     EQUAL,
-    LEAST,
     asymmetric_problem,
     pitchfork_of_arms,
 )
@@ -105,13 +104,6 @@ class ByImpacts:
         parameter("a", on.a)
         restitution_ratio(on.k)
         check_coupling(on.lattice, on.gamma, self.section.turns)
-        for i, impact in enumerate(self.impacts):
-            if impact.wall * impact.impulse >= 0.0:
-                raise BadInput(
-                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
-                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
-                    f"{-impact.wall:+d}."
-                )
 
     @classmethod
     def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
@@ -143,6 +135,12 @@ class ByImpacts:
             )
         size = 0 if section.symmetric else len(section.hit)
         offsets = tuple(offsets) if size else ()
+        for i, ((_, wall), impulse) in enumerate(zip(section.impacts, impulses, strict=True), 1):
+            if on.lattice.sites is None and wall * impulse > 0.0:
+                raise BadInput(
+                    f"impact {i} has the impulse {impulse:.6g} at the wall {wall:+d}: a wall "
+                    f"pushes away from itself, so the sign must be {-wall:+d}."
+                )
         if size and on.lattice.sites is None:
             offsets = offsets or (0.0,) * size
         if offsets and len(offsets) != size:
@@ -233,7 +231,8 @@ class ByImpacts:
         >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
         ['upper', 'lower']
         """
-        chi, loss = _closure(self.terms.h, self.conditions.k)
+        k = self.conditions.at_sites("k", self.impacts[0].site)
+        chi, loss = _closure(self.terms.h, float(k))
         _, slope, bend, _ = self.terms.forced[:, 0]
         # the determinant of the closure, over -a
         return "upper" if chi * bend + loss * slope >= 0.0 else "lower"
@@ -269,7 +268,8 @@ class ByImpacts:
     def entry_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
         """Derivatives of the entries b of the saltations by the names of unknowns, and of
         parameters, in k and damping with b at its impact."""
-        at, on, c = self.terms, self.conditions, 1.0 + self.conditions.k
+        at, on, share = self.terms, self.conditions, self.equations.shares
+        c = 1.0 + on.k * share
         i, J, w = np.arange(at.times.size), at.impulses, self.accelerations
         jerk = at.h[3].copy()
         jerk[i, i] = 0.0
@@ -289,9 +289,11 @@ class ByImpacts:
             slopes[name] = self.equations.moved(at, on.params, name)[2]
         slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
         if "k" in names:
-            slopes["k"] = on.damping - 2.0 * c * w / J
+            slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
         if "damping" in names:
-            slopes["damping"] = slopes["damping"] + c
+            slopes["damping"] = (
+                slopes["damping"] + c * on.lattice.dampings[list(self.equations.sites)]
+            )
         return slopes
 
     # --------------------------------------------------------------------- as a representation
@@ -321,8 +323,7 @@ class ByImpacts:
         return _grazing_site(Orbit(self), site)
 
     def speed_slope(self, j: int) -> Any:
-        """On the infinite chain an impulse of 0 pushes away from no wall."""
-        return None if self.conditions.lattice.sites is None else partial(_speed_slope, j)
+        return partial(_speed_slope, j)
 
     def lifted(self) -> Problem:
         orbit = Orbit(self)
@@ -404,15 +405,15 @@ def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, An
 
 
 def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float, float]]:
-    """Domain: parameters mean something, and each impulse pushes away from its wall."""
+    """Domain: parameters mean something."""
     if on.lattice.sites is not None:
         bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
-        return {**bounds, "gamma": (0.0, on.lattice.highest_gamma)}
+        # k up to where the hardest site loses nothing
+        most = 1.0 / max(1.0, float(on.lattice.restitutions.max()))
+        return {**bounds, "gamma": (0.0, on.lattice.highest_gamma), "k": (0.0, most)}
     domain = {name: NUMBERS[name].domain for name in NEEDED}
     # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
     domain["gamma"] = (0.0, domain["gamma"][1] / equations.section.turns**2)
-    for i, (_, wall) in enumerate(equations.section.impacts):
-        domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
     return domain
 
 
@@ -488,10 +489,11 @@ def _while_asymmetric(side: float, point: Point) -> float:
 
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
     orbit = Point(curve, z).solution
-    row, c = np.zeros((1, z.size + extra.size)), 1.0 + orbit.k  # u' = -J/(1 + k)
+    share = float(orbit.representation.equations.shares[j])
+    row, c = np.zeros((1, z.size + extra.size)), 1.0 + orbit.k * share  # u' = -J/(1 + k)
     row[0, curve.slots[f"J{j + 1}"]] = -1.0 / c
     if "k" in curve.free:
-        row[0, curve.slots["k"]] = orbit.impulses[j] / c**2
+        row[0, curve.slots["k"]] = share * orbit.impulses[j] / c**2
     return row
 
 
@@ -588,7 +590,7 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     check_possible(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
     response = impact_equations(section, on.forcing, on.lattice, on.walls).response(on.params)
-    chi, loss = _closure(response.interactions(np.zeros(1)), on.k)
+    chi, loss = _closure(response.interactions(np.zeros(1)), float(on.at_sites("k", site)))
     series = response.harmonics(site)
     moved = any(A or B for _, A, B in series)
     cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}

@@ -347,10 +347,11 @@ def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
     if not hits:
         u = orbit.at(site, time)[0]
         return f"site {site} between its impacts is at u = {u:.6g} at t = {time:.6g}"
-    if orbit.k == 0.0 and at_start:
+    k = float(orbit.on.at_sites("k", site))
+    if k == 0.0 and at_start:
         way = "inwards" if margin > 0.0 else "into the wall, so it sticks"
         return f"after its impact with k = 0 site {site} is pushed {way}"
-    speed = -hits[0].wall * hits[0].impulse / (1.0 + orbit.k) * (orbit.k if at_start else 1.0)
+    speed = -hits[0].wall * hits[0].impulse / (1.0 + k) * (k if at_start else 1.0)
     if abs(margin) < LIMIT:
         return f"the impact of site {site} itself vanishes, at velocity {speed:.2g}"
     return f"the impact of site {site} itself, at velocity {speed:.6g}"

@@ -28,8 +28,8 @@ from contbreather.lattice.conditions import (
     restitution_ratio,
     spring_response,
 )
-from contbreather.lattice.finite import Finite, Lattice
-from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.finite import Finite, Lattice, per_site
+from contbreather.lattice.forcing import Drive, Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.response import UniformResponse
 from contbreather.orbits.clearance import LIMIT
@@ -274,7 +274,7 @@ def symmetric(
     gamma: float,
     k: float,
     *,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
@@ -295,7 +295,7 @@ def symmetric(
         Coupling in [0, 1/4).
     k : float
         Restitution coefficient in [0, 1].
-    forcing : Forcing or str, optional
+    forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
@@ -350,7 +350,7 @@ def symmetric_roots(
     gamma: float,
     k: float,
     *,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
@@ -366,7 +366,10 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
-    drive, stiff = forcing_of(forcing), 0.0 if spring is None else real(spring)
+    held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
+    lattice, held = per_site(lattice, held)
+    k, damping, stiff = held["k"], held["damping"], real(held["spring"])
+    drive = forcing_of(forcing)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or stiff)

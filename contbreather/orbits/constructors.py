@@ -19,7 +19,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
@@ -46,7 +46,7 @@ def asymmetric(
     k: float,
     *,
     arm: int = 1,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | None = None,
     inadmissible: bool = False,
 ) -> Orbit:
@@ -58,7 +58,7 @@ def asymmetric(
         Amplitude of the forcing, coupling, restitution coefficient.
     arm : {1, -1}
         Which of the two mirror images: t2 - t1 > pi for 1.
-    forcing : Forcing or str, optional
+    forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
@@ -149,7 +149,7 @@ def shooting(
     damping: float | None = None,
     spring: float | None = None,
     walls: Any = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     t: float = 0.0,
     threshold: float = THRESHOLD,
     inadmissible: bool = False,

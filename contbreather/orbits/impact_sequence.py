@@ -87,15 +87,19 @@ class ImpactSequence:
     @property
     def incoming(self) -> FloatArray:
         """Velocity of the site just before each impact, ``-J/(1 + k)``."""
-        return -self.impulses / (1.0 + self.conditions.k)  # u' -> -k u'
+        # u' -> -k u'
+        return np.asarray(-self.impulses / (1.0 + self.at_impacts("k")))
+
+    def at_impacts(self, name: str) -> Any:
+        """Values of k or damping at the site of each impact."""
+        return self.conditions.at_sites(name, [site for site, _ in self.section.impacts])
 
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        on = self.conditions
-        c = 1.0 + on.k  # b = (1 + k) u''/u' of (19), with losses
+        c = 1.0 + self.at_impacts("k")  # b = (1 + k) u''/u' of (19), with losses
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * self.accelerations / self.incoming + c * on.damping
+        b: FloatArray = c * self.accelerations / self.incoming + c * self.at_impacts("damping")
         b.setflags(write=False)
         return b
 
@@ -108,10 +112,11 @@ class ImpactSequence:
         for (site, wall, time, J), acceleration in zip(
             self.section.course(self.impacts), w.tolist(), strict=True
         ):
-            before = -J / (1.0 + on.k)
+            k, damping = (float(on.at_sites(name, site)) for name in ("k", "damping"))
+            before = -J / (1.0 + k)
             # just after the impact a damped site is braked the other way
-            after = acceleration + on.damping * (1.0 + on.k) * before
-            hits.append(Hit(site, wall, time, before, -on.k * before, after))
+            after = acceleration + damping * (1.0 + k) * before
+            hits.append(Hit(site, wall, time, before, -k * before, after))
         return tuple(sorted(hits, key=lambda hit: hit.time))
 
     @property

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
 from contbreather.orbits.section import SHORT
 from contbreather.orbits.site_motion import (
+    BACK,
     HIGH,
     IMAGE,
     IMPULSE,
@@ -99,7 +100,7 @@ def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> 
         if bisected == 9:  # it falls up to an end, which has a value of its own
             break
         u, v, w = site_state(motion, q.site, q.origin + s)
-        n, n1, n2, d, d1, d2 = margin_terms(q, motion.k, s, u, v, w)
+        n, n1, n2, d, d1, d2 = margin_terms(q, motion.places[q.site, BACK], s, u, v, w)
         if n / d <= best + ROUNDING / abs(d):  # the later, the more exact is s
             best, where = min(best, n / d), s
         tilt, curvature = n1 * d - n * d1, n2 * d - n * d2
@@ -131,7 +132,7 @@ def least_quotient(motion: Motion, q: Quotient, points: int, work: Matrix) -> tu
             part = 0.5 ** (6.0 - 0.5 * p) / points
         s = part * q.length
         u, v, w = site_state(motion, q.site, q.origin + s)
-        n, _, _, d, _, _ = margin_terms(q, motion.k, s, u, v, w)
+        n, _, _, d, _, _ = margin_terms(q, motion.places[q.site, BACK], s, u, v, w)
         work[PLACE, p], work[RATIO, p] = s, n / d
         lowest, most = min(lowest, n / d), max(most, abs(n / d))
     enough = lowest + 0.1 * max(abs(lowest), 0.1 * most)
@@ -179,7 +180,8 @@ def elapsed(motion: Motion, since: float, t: float) -> float:
 
 def speed_of(motion: Motion, i: int) -> float:
     """Into the wall, just before an impact."""
-    return float(-motion.impacts[WALL, i] * motion.impacts[IMPULSE, i] / (1.0 + motion.k))
+    k = motion.places[int(motion.impacts[SITE, i]), BACK]
+    return float(-motion.impacts[WALL, i] * motion.impacts[IMPULSE, i] / (1.0 + k))
 
 
 def flight_margin(
@@ -187,8 +189,8 @@ def flight_margin(
 ) -> tuple[float, float]:
     """The margin of a site from impact i to its next one, and when in that flight; without its
     scale where a contact in it is divided out."""
-    k, site, start = motion.k, int(motion.impacts[SITE, i]), motion.impacts[TIME, i]
-    low, high = motion.places[site, LOW], motion.places[site, HIGH]
+    site, start = int(motion.impacts[SITE, i]), motion.impacts[TIME, i]
+    low, high, k = motion.places[site, LOW], motion.places[site, HIGH], motion.places[site, BACK]
     best, where = math.inf, 0.0
     if length <= 0.0:  # two impacts at once
         return length, length
@@ -327,7 +329,7 @@ def margins_along(
             motion.impacts[TIME, j] = times[i, j]
             motion.impacts[IMPULSE, j] = impulses[i, j]
         varied = Motion(
-            a[i], motion.k, times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
+            a[i], times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
             motion.responses, motion.impacts, motion.flights, motion.busy, motion.places,
         )  # fmt: skip
         margins(varied, near, lowest[i], touching, time, work)

@@ -24,8 +24,8 @@ from contbreather.continuation.curve.point import Point
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Finite, finite, stiffness_of
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.finite import PER_SITE, ROWS, Finite, finite, stiffness_of
+from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.by_impacts import ByImpacts, symmetric_orbits
@@ -57,7 +57,7 @@ def multibreather(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
 ) -> Orbit:
     """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
 
@@ -184,7 +184,8 @@ def _under(on: Conditions, site: int) -> FloatArray:
     drive = on.a if on.lattice.sites is None else on.a * on.lattice.drive[site]
     # drives of different kinds are the same if their values are
     times = np.linspace(0.0, 2.0 * math.pi, 16)
-    return np.array([on.k, on.damping, on.spring, *(drive * on.forcing.d2f(times))])
+    own = [on.at_sites(name, site) for name in PER_SITE]
+    return np.array([*own, *(drive * on.forcing.d2f(times))])
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
@@ -313,7 +314,7 @@ def multibreathers(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
 ) -> tuple[Multibreather, ...]:
     """All choices of up to `most` sites that impact on their upper root, one for each class of
     choices that a symmetry of the lattice maps into each other.
@@ -334,7 +335,7 @@ def multibreathers(
     catalogue: list[Multibreather] = []
     with partial_result(lambda: tuple(catalogue)):
         for count in range(1, most + 1):
-            for sites, copies in _classes(lattice, count, on.walls):
+            for sites, copies in _classes(on.lattice, count, on.walls):
                 catalogue.append(_entry(sites, copies, on))
     return tuple(catalogue)
 
@@ -389,7 +390,8 @@ def _coloured(lattice: Finite, walls: Walls) -> nx.Graph:
     matrix = stiffness_of(lattice).toarray()
     graph = nx.Graph()
     for n in range(lattice.sites):
-        traits = (matrix[n, n], lattice.masses[n], lattice.drive[n], *walls.at(n))
+        rows = [getattr(lattice, name)[n] for name in ROWS]
+        traits = (matrix[n, n], *rows, *walls.at(n))
         graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))
     # the stiffness is symmetric: each bond once
     for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():

@@ -219,12 +219,16 @@ class Orbit(ImpactSequence, HtmlRepr):
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
         """
-        from contbreather.stability.verdict import threshold_on, verdict
+        from contbreather.stability.verdict import Verdict, threshold_on, verdict
 
         orbit = self._on_ring(sites)
-        answer = verdict(orbit.map, threshold_on(orbit.lattice, threshold))
+        modulus = threshold_on(orbit.lattice, threshold)
         # where an impact vanishes (19) has a pole, and no multiplier means anything
-        return answer if self.vanishing is None else answer.blank()
+        if not orbit.impulses.all():
+            beyond, name = modulus if orbit.lattice.sites else None, orbit.lattice.describe()
+            return Verdict(name, orbit.period, beyond, math.nan, certain=False, map=None)
+        answer = verdict(orbit.map, modulus)
+        return answer if orbit.vanishing is None else answer.blank()
 
     def certify(self, *, within: float = 1e-8) -> Certificate:
         """Prove by interval arithmetic that an exact breather is within so much of this one in p

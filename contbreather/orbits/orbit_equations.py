@@ -130,8 +130,8 @@ class OrbitEquations:
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
         """All equations: walls, reset laws, balance of mean impulses, modes in resonance."""
         at = self.terms(x, params)
-        k, response = float(params["k"]), at.response
-        resets = at.f[1] + at.h[1] @ at.impulses + 0.5 * restitution_ratio(k) * at.impulses
+        response, lost = at.response, self.losses(float(params["k"]))
+        resets = at.f[1] + at.h[1] @ at.impulses + lost * at.impulses
         beyond = at.f[0] + at.h[0] @ at.impulses - self.walls
         if self.offsets:
             beyond = beyond + at.offsets[self.own]
@@ -141,7 +141,7 @@ class OrbitEquations:
             parts.append(np.bincount(self.own, at.impulses) - pull)
         if self.resonant:
             # impulses drive a mode by the sum of J m e exp(iwt)
-            driven = at.impulses @ (self.masses * response.swing(self.sites, at.times)[0])
+            driven = at.impulses @ (self.masses * at.swing[0])
             parts.append(driven - response.gaps() @ at.amplitudes)
         return np.concatenate(parts)
 
@@ -160,13 +160,13 @@ class OrbitEquations:
         out[i, i] += f[1] + h[1] @ impulses  # the site itself moves on
         out[m + i, i] += f[2] + bent @ impulses
         out[walls, resets], out[resets, resets] = h[0], h[1]  # both are linear in J
-        out[m + i, m + i] += 0.5 * restitution_ratio(float(params["k"]))
+        out[m + i, m + i] += self.losses(float(params["k"]))
         if r:
             out[i, 2 * m + self.own] = 1.0  # u moves with the offset of its site
             out[2 * m + self.own, m + i] = 1.0  # mean impulses add up
             out[balance, balance] = -self.section.period * response.links()
         if self.resonant:
-            swing, modes = response.swing(self.sites, at.times), slice(2 * m + r, None)
+            swing, modes = at.swing, slice(2 * m + r, None)
             out[walls, modes], out[resets, modes] = swing[:2]
             out[modes, walls] = (self.masses * swing[1] * impulses[:, None]).T
             out[modes, resets] = (self.masses * swing[0]).T
@@ -179,7 +179,8 @@ class OrbitEquations:
         balance, driven = np.zeros(self.offsets), np.zeros(2 * len(self.resonant))
         moved = self.moved(at, params, name)[:2]
         if name == "k":
-            moved[1] -= at.impulses / (1.0 + k) ** 2  # d(q/2)/dk
+            share = self.shares  # d(q/2)/dk
+            moved[1] -= share * at.impulses / (1.0 + k * share) ** 2
         if name in HELD:
             if self.offsets and name != "damping":
                 links = at.response.varied(name).links(name)
@@ -207,6 +208,18 @@ class OrbitEquations:
         return np.asarray(out)
 
     @cached_property
+    def shares(self) -> FloatArray:
+        """k of the site of each impact, in units of the parameter."""
+        if self.lattice.sites is None:
+            return np.ones(self.section.count)
+        return np.asarray(self.lattice.restitutions[list(self.sites)])
+
+    def losses(self, k: float) -> FloatArray:
+        """Half of q, the loss at each impact."""
+        own = k * self.shares
+        return np.asarray(0.5 * ((1.0 - own) / (1.0 + own)))
+
+    @cached_property
     def masses(self) -> FloatArray:
         """Mass of the site of each impact, in a column."""
         return np.asarray(self.lattice.masses[list(self.sites)][:, None])
@@ -216,8 +229,8 @@ class _Place:
     """Responses and forced motion at the impacts, at one set of unknowns and parameters."""
 
     def __init__(self, of: OrbitEquations, x: FloatArray, params: Params) -> None:
-        self.a, k = float(params["a"]), float(params["k"])
-        restitution_ratio(k)
+        self.a = float(params["a"])
+        restitution_ratio(float(params["k"]))
         if not (math.isfinite(self.a) and np.isfinite(x).all()):
             raise BadInput(f"a = {self.a}, x = {x}: the orbit needs finite numbers.")
         self.times, self.impulses, self.offsets, self.amplitudes = of.split(x)
@@ -226,7 +239,8 @@ class _Place:
         self.forced = self.response.forced(of.sites, self.times)
         self.f = self.a * self.forced  # with modes in resonance
         if of.resonant:
-            self.f = self.f + self.response.swing(of.sites, self.times) @ self.amplitudes
+            self.swing = self.response.swing(of.sites, self.times)
+            self.f = self.f + self.swing @ self.amplitudes
 
 
 @lru_cache(maxsize=16)

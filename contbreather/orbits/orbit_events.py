@@ -72,6 +72,8 @@ def events_without_losses(section: Section, lattice: Any, threshold: float) -> t
 
 
 def _certain_count(point: Point) -> float | int:
+    if point.solution.vanishing is not None:
+        return math.nan
     count = point.solution.map.count()
     return count.count if count.certain else math.nan
 
@@ -101,12 +103,11 @@ def real_multiplier(kind: str, mu: float) -> Event:
 def _crosses(mu: float, point: Point) -> float:
     """Each impact brings a pole where its velocity vanishes, which is divided out."""
     orbit = point.solution
-    map = orbit.map
-    if is_blurred(map):
+    if is_blurred(orbit):
         return math.nan
     # J points away from the wall: each is positive as long as the site comes to it from inside
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
-    return float(map.crosses(mu) * math.prod(pushes))
+    return float(orbit.map.crosses(mu) * math.prod(pushes))
 
 
 def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
@@ -123,8 +124,8 @@ def _by_modes_alone(map: Any) -> bool:
 
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
-    map = point.solution.map
-    return math.nan if is_blurred(map) else int(map.beyond(mu))
+    orbit = point.solution
+    return math.nan if is_blurred(orbit) else int(orbit.map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> DefiningSystem:

@@ -18,6 +18,7 @@ from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.beyond_grazing import past_grazing
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
 from contbreather.orbits.closure import ClosureTerms, saltation_of
@@ -79,7 +80,9 @@ class OrbitProblem(Problem):
 
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
-        return tuple(image.representation.x for image in images_of(orbit))
+        found = (image.representation.x for image in images_of(orbit))
+        # next to a resonance that this curve did not set out from they have other unknowns
+        return tuple(image for image in found if image.size == x.size)
 
     def simpler(self, point: Point) -> Problem | None:
         """With fewer impacts; or as any two of one site by the four equations that they have."""
@@ -88,6 +91,8 @@ class OrbitProblem(Problem):
         return smaller if len(smaller.start) < len(self.start) else None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        if kind in ("GR", "VI"):
+            return past_grazing
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
@@ -243,7 +248,7 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
     if curve.free != ("a",) or curve.problem.beneath is not None:
         return None
     first = points[0].solution
-    if first.map.sign > 0 or first.map.lattice.sites is not None:
+    if not first.symmetric or first.lattice.sites is not None:
         return None
     p, phi, a = np.ascontiguousarray(z.T)
     # with p <= 0 the wall +1 would pull at its site

@@ -34,8 +34,11 @@ _NEARLY = 1.0 - 1e-9  # what is on the circle at 1 is inside by more than roundi
 _ELASTIC = 1.0 - 1e-5
 
 
-def is_blurred(map: Any) -> bool:
-    return isinstance(map, ModalMap) and map.rounding > BLURRED
+def is_blurred(orbit: Any) -> bool:
+    """Test whether multipliers mean nothing: they have a pole where an impact vanishes."""
+    if orbit.vanishing is not None:
+        return True
+    return isinstance(orbit.map, ModalMap) and orbit.map.rounding > BLURRED
 
 
 def pair_leaves(lattice: Any, threshold: float, *, every: bool = False) -> Event:
@@ -81,10 +84,12 @@ class _Pair:
         return OnCircle(radius)
 
     def test(self, point: Point) -> float:
+        if point.solution.vanishing is not None:
+            return math.nan
         map = point.solution.map
         if map.lattice.sites is None:
             return self._on_chain(map, point)[0]
-        if self.every and not is_blurred(map):
+        if self.every and not is_blurred(point.solution):
             return passing(map.coupled, self.circle(map).radius)[0]
         return float(map.pairs(self.circle(map).radius)[0])
 
@@ -92,7 +97,9 @@ class _Pair:
         along = breathers_along(points)
         return None if along is None else along.map.pairs()
 
-    def passed(self, point: Point) -> int:
+    def passed(self, point: Point) -> float:
+        if point.solution.vanishing is not None:
+            return math.nan
         map = point.solution.map
         if self.every:
             return passing(map.coupled, self.circle(map).radius)[1]

@@ -38,7 +38,7 @@ USUAL = (-1.0, 1.0)
 NO_WALLS = (-math.inf, math.inf)
 NEARLY = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
-OFFSET, LOW, HIGH = range(3)  # columns of places
+OFFSET, LOW, HIGH, BACK = range(4)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
 IMAGE = 1e-9  # displacements that differ by less are images of each other
 MANY = 4096  # sites whose responses are written down at once
@@ -58,7 +58,6 @@ class Motion(NamedTuple):
     """Motion of the sites that impact, and behind them of sites that do not."""
 
     a: float
-    k: float
     start: float  # of a section
     length: float
     sign: float  # with which the motion goes on after it
@@ -68,7 +67,7 @@ class Motion(NamedTuple):
     impacts: Matrix  # of a period: times, impulses, sites, walls
     flights: int  # impacts of a section
     busy: int  # sites that impact
-    places: Matrix  # of each site c, its low and its high wall
+    places: Matrix  # of each site c, its low and its high wall, its k
 
 
 @inlined
@@ -126,7 +125,7 @@ class SiteMotion:
         self.section: Section = representation.section
         self.response: UniformResponse | ModalResponse = representation.response
         self.lattice = self.response.lattice
-        self.k, self.sign, self.hit = float(self.on.k), self.section.sign, self.section.hit
+        self.sign, self.hit = self.section.sign, self.section.hit
         self.length, self.period = self.section.length, self.section.period
         self.endless = self.lattice.sites is None  # with a far field
         # points to half a period of the forcing
@@ -216,7 +215,7 @@ class SiteMotion:
         every = np.array_equal(sites, np.arange(self.lattice.sites))  # sooner, by transforms
         paths = basis.to_sites(modes) if every else modes @ basis.at(sites).T
         for order in range(3):
-            forced = self.on.a * response.driven.everywhere(times, order)
+            forced = self.on.a * response.driven().everywhere(times, order)
             paths[order] += forced if forced.shape[-1] == 1 else forced[:, sites]
         paths[0] += self.offset(sites)
         return np.asarray(paths)
@@ -312,12 +311,13 @@ class SiteMotion:
     def _of(self, sites: tuple[int, ...]) -> Motion:
         rows = [(t, J, self.hit.index(site), wall) for site, wall, t, J in self.impacts]
         impacts = np.array([*zip(*rows, strict=True)], dtype=float)
-        places = np.empty((len(sites), 3))
-        places[:, OFFSET], places[:, LOW:] = self.offset(sites), [self.walls(n) for n in sites]
+        places = np.empty((len(sites), 4))
+        places[:, OFFSET], places[:, BACK] = self.offset(sites), self.on.at_sites("k", sites)
+        places[:, LOW:BACK] = [self.walls(n) for n in sites]
         a, forced = self._forced(sites)
         section = self.start, self.length, float(self.sign), self.fine
         parts = forced, self.response.table(sites), impacts
-        return Motion(a, self.k, *section, *parts, self.section.count, len(self.hit), places)
+        return Motion(a, *section, *parts, self.section.count, len(self.hit), places)
 
     def _forced(self, sites: tuple[int, ...]) -> tuple[float, Forced]:
         """The forced motion with that of modes in resonance, and its amplitude."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import Lattice
+from contbreather.lattice.finite import ROWS, Lattice
 from contbreather.orbits.orbit import Orbit, suitable
 from contbreather.orbits.section import Impact, Section
 
@@ -51,7 +51,15 @@ def _answers(orbit: Orbit) -> Any:
         return abs(hit[:, None] - hit)
     basis = lattice.basis(orbit.section.hit)
     shapes = basis.at(hit)  # (1 + L)^-1 between these sites
-    return (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
+    between = (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
+    return between + np.diag(_own(lattice)[hit])
+
+
+def _own(lattice: Any) -> Any:
+    """A number for each site, of all that sets its motion apart but for the bonds."""
+    # incommensurable weights: no usual mass makes up for another drive
+    weights = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0])
+    return np.dot(weights, [getattr(lattice, name) for name in ROWS])
 
 
 def _exchanges(answers: Any, first: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
@@ -74,8 +82,7 @@ def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
         return True  # of a chain or a ring every exchange is a symmetry
     basis = lattice.basis(hit)
     answers = (basis.shapes / (1.0 + basis.lam)) @ basis.at(hit).T
-    # incommensurable weights: no usual mass makes up for another drive
-    key = np.pi * lattice.masses + np.e * lattice.drive
+    key = _own(lattice)
     # one number for each site, of all that it is and does
     weights = np.sqrt(2.0 + np.arange(len(order)))
     before, after = np.sort([answers @ weights + key, answers[:, list(order)] @ weights + key])

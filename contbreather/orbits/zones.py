@@ -15,7 +15,8 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.finite import per_site
+from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
@@ -29,7 +30,7 @@ from contbreather.stability.verdict import threshold_on
 class ZoneArguments(TypedDict, total=False):
     """The keywords of `zones` besides the parameter that is fixed."""
 
-    forcing: Forcing | str | None
+    forcing: Drive | None
     lattice: UniformLattice | None
     within: Mapping[str, tuple[float, float]] | None
     progress: bool | Counter | None
@@ -68,7 +69,7 @@ def zones(
     k: float | Sequence[float] | None = None,
     gamma: float | Sequence[float] | None = None,
     a: float | Sequence[float] | None = None,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | Counter | None = None,
@@ -87,7 +88,7 @@ def zones(
     k, gamma, a : float or sequence of float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
         Several values give as many diagrams.
-    forcing : Forcing or str, optional
+    forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
         The infinite chain unless given, or any finite lattice. On a `Ring` the NS curves follow the
@@ -183,8 +184,9 @@ def model_of(
     forcing, checked before anything is looked for: with `site` and the others they are evaluated by
     exact modes."""
     place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
-    site, damping = whole("site", site, -MOST), parameter("damping", damping)
-    spring = None if spring is None else parameter("spring", spring)
+    place, held = per_site(place, {"damping": damping, "spring": spring})
+    site, damping = whole("site", site, -MOST), parameter("damping", held["damping"])
+    spring = None if spring is None else parameter("spring", held["spring"])
     if place.sites is None:
         if site or damping or spring or walls is not None:
             raise BadInput(

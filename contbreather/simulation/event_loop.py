@@ -47,8 +47,9 @@ def find_contact(
 ) -> bool:
     """Find when site n next meets a wall, or is let go, before the step ends; False if astray.
 
-    Within a time d a function is at most ``d^2/8 max|u''|`` beyond its chord: many sites are
-    dismissed by their ``first`` and ``last`` displacement, most others by one more in the middle.
+    Its series begins at t and reaches over h, to the end of the step. Within a time d a function is
+    at most ``d^2/8 max|u''|`` beyond its chord: many sites are dismissed by their ``first`` and
+    ``last`` displacement, most others by one more in the middle.
     """
     if work.at_rest[n] != 0:
         work.when[n] = release(on, work, n, t, h)
@@ -69,8 +70,8 @@ def find_contact(
         s = first_contact(work.rows, n, h, on.motion, t, sign, level, start, h, sign * last)
         if s == LOST:
             return False
-        if s >= 0.0 and (work.when[n] < 0.0 or s < work.when[n]):
-            work.when[n] = s
+        if s >= 0.0 and (work.when[n] < 0.0 or work.origin[n] + s < work.when[n]):
+            work.when[n] = work.origin[n] + s
             work.side[n] = np.int8(sign)
     return True
 
@@ -97,16 +98,13 @@ def record_event(
 
 
 @inlined
-def apply_events(
-    on: Parameters, work: Workspace, log: EventLog, period: int, t: float, dt: float
-) -> int:
-    """Apply every contact and release of the step's time dt, whose state ``v`` and ``w`` hold; a
+def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t: float) -> int:
+    """Apply every contact and release that is due, at a state that ``v`` and ``w`` hold; a
     site + 1 where one chatters, -1 where the log is full, -2 where k is asked for."""
     motion, velocity, _, _ = drive_sum(on.motion, t)
-    for i in range(work.many[0]):
-        n = work.candidates[i]
-        # impacts closer than 1e-12 happen at the same time
-        if work.when[n] < 0.0 or work.when[n] > dt + 1e-12:
+    for i in range(work.many[1]):
+        n = work.due[i]
+        if work.when[n] < 0.0:  # it has been, before another one asked for k
             continue
         if work.at_rest[n] != 0:  # the wall lets go; nothing jumps
             wall = int(work.at_rest[n])
@@ -118,16 +116,17 @@ def apply_events(
             continue
         wall = int(work.side[n])
         before = work.w[n] + velocity
-        k = on.k
+        k = on.walls[3, n]
         if on.by_speed:
             if work.answer[0] != abs(before):
                 work.answer[0] = abs(before)
                 return -2
             k = work.answer[1]
-        work.when[n] = NEVER  # it has been, should another one wait for an answer
+        work.when[n] = NEVER
         after = -k * before + 0.0  # (2); no minus zero
         # the push at rest has the wall's sign; u'' as it is just before has the drag besides
-        push = wall * push_into_wall(on, work, n, float(wall), t)[0] - on.mu * before
+        drag = (on.mu + on.bonds.pulls[3, n]) * before
+        push = wall * push_into_wall(on, work, n, float(wall), t)[0] - drag
         # onto the wall exactly: what rounding leaves would grow into a gap over many impacts
         work.place[n] = on.walls[int(wall > 0), n]
         work.v[n] = work.place[n] - motion
@@ -161,6 +160,8 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
     for n in range(reach.size):
         # |u| <= |v| + |a g|, certain to stay between the walls: in a breather nearly all are
         far = reach[n] + swing < free[n]
+        work.origin[n] = 0.0
+        work.listed[n] = not far
         candidates[count] = n  # without a branch: it is overwritten unless it counts
         count += not far
     work.many[0] = count
@@ -174,13 +175,78 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
 
 @inlined
 def next_event(work: Workspace) -> float:
-    """The earliest event of the step, or NEVER."""
+    """The earliest event of the step, or NEVER; the sites that take part in it are due."""
     best = NEVER
     for i in range(work.many[0]):
         when = work.when[work.candidates[i]]
         if when >= 0.0 and (best < 0.0 or when < best):
             best = when
+    work.many[1] = 0
+    for i in range(work.many[0]):
+        n = work.candidates[i]
+        # impacts closer than 1e-12 happen at the same time
+        if 0.0 <= work.when[n] <= best + 1e-12:
+            work.due[work.many[1]] = n
+            work.many[1] += 1
     return best
+
+
+@inlined
+def states_around(work: Workspace, first: int, last: int, s: float, h: float) -> None:
+    """The states of a row of sites at the step's time s, into ``v`` and ``w``."""
+    for i in range(first, last):
+        n = i % work.v.size
+        left = h - work.origin[n]
+        work.v[n], work.w[n], _ = site_at(work.rows, n, left, (s - work.origin[n]) / left)
+
+
+@inlined
+def expand_near(on: Parameters, work: Workspace, n: int, s: float, h: float) -> None:
+    """Expand anew, about the step's time s, the sites of a ring that an event of site n changes.
+
+    By v'' = -K v, the j-th power at one site depends on others up to a distance of j/2 only; beyond
+    that of the last power kept the change is below rounding for the rest of the step. So a window
+    of twice that reach, taken for a ring, has the right powers in its middle:
+
+        j = 0, 1   . . . . n . . . .     read
+        j = 2, 3   . . . n n n . . .
+        j = 4, 5   . . n n n n n . .     changed
+    """
+    patch, near, size = work.patch, work.near, work.v.size
+    wide = near.shape[1]
+    for i in range(wide):
+        m = (n - wide // 2 + i) % size
+        near[0, i], near[1, i] = work.v[m], work.w[m]
+    expand_state(near[0], near[1], h - s, on.gamma, on.mu, patch)
+    ends(patch, h - s, near[2], near[3], near[4])
+    for i in range(wide // 4, wide - wide // 4):
+        m = (n - wide // 2 + i) % size
+        for j in range(patch.shape[0]):
+            work.rows[j, m] = patch[j, i]
+        work.last_v[m], work.last_w[m], work.reach[m] = near[2, i], near[3, i], near[4, i]
+        work.origin[m] = s
+
+
+@inlined
+def contacts_near(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bool:
+    """Find the contacts of all sites that an event at the step's time s has changed; False if one
+    went astray."""
+    swing, reach = driven_bound(on.motion, 0), work.near.shape[1] // 4
+    now, then = drive_sum(on.motion, t + s)[0], drive_sum(on.motion, t + h)[0]
+    for i in range(work.many[1]):
+        for j in range(work.due[i] - reach, work.due[i] + reach + 1):
+            n = j % work.v.size
+            work.when[n] = NEVER
+            if work.reach[n] + swing < on.walls[2, n]:
+                continue
+            if work.listed[n] == 0:
+                work.listed[n] = 1
+                work.candidates[work.many[0]] = n
+                work.many[0] += 1
+            first, last = work.rows[0, n] + now, work.last_v[n] + then
+            if not find_contact(on, work, n, t + s, h - s, first, last):
+                return False
+    return True
 
 
 @inlined
@@ -195,34 +261,68 @@ def one_period(
     span: float,
 ) -> tuple[int, int]:
     """Advance from t0 over the time ``span``; a status, and the site it is about."""
-    s, sample, dt, end = 0.0, int(work.pause[2]), work.pause[0], work.pause[1]
-    waiting = dt >= 0.0  # the events of that step go on, with an answer
+    s, sample, size, wide = 0.0, int(work.pause[1]), work.v.size, work.near.shape[1]
+    if work.pause[0] >= 0.0:  # the events of that step go on, with an answer
+        s = work.pause[0]
+        status = apply_events(on, work, log, period, t0 + s)
+        if status != 0:
+            return stopped(work, status, s, sample)
     while s < span:
-        if not waiting:
-            anyone = any_at_rest(work.at_rest)
-            t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
-            if not begin_step(on, work, t, h, anyone):
-                return ASTRAY, 0
+        anyone, partly, goes_on = any_at_rest(work.at_rest), False, True
+        t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
+        end = s
+        if not begin_step(on, work, t, h, anyone):
+            return ASTRAY, 0
+        while goes_on:
             dt = next_event(work)
             # the last step ends at the span itself, not beside it by rounding
             end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
             if sample < dense.grid.size:
                 sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+            # events of few sites change few series: the others go on through the step
+            few = on.ring and work.many[1] * wide < size
+            goes_on = few and 0.0 <= dt < h and not (anyone or on.by_speed)
+            arrive(work, dt, h, partly, goes_on)
             if dt >= 0.0:
-                state_at(work.rows, h, dt / h, work.v, work.w)
-            else:
-                for n in range(work.v.size):
-                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
-        if dt >= 0.0:
-            status = apply_events(on, work, log, period, t0 + end, dt)
-            if status == -2:
-                work.pause[0], work.pause[1], work.pause[2] = dt, end, sample
-                return ASKS, 0
-            if status != 0:
-                return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-        waiting = False
+                status = apply_events(on, work, log, period, t0 + end)
+                if status != 0:
+                    return stopped(work, status, end, sample)
+            if goes_on:
+                for i in range(work.many[1]):
+                    expand_near(on, work, work.due[i], dt, h)
+                partly, goes_on = True, not any_at_rest(work.at_rest)
+                if not goes_on:
+                    states_around(work, 0, size, dt, h)
+                elif not contacts_near(on, work, t, dt, h):
+                    return ASTRAY, 0
         s = end
     return DONE, 0
+
+
+@inlined
+def arrive(work: Workspace, dt: float, h: float, partly: bool, near: bool) -> None:
+    """Bring ``v`` and ``w`` to the step's time dt, or to its end; with ``near`` those of sites
+    around events alone. Some series may have been expanded anew: ``partly``."""
+    size, wide = work.v.size, work.near.shape[1]
+    if near:
+        for i in range(work.many[1]):
+            states_around(work, work.due[i] - wide // 2, work.due[i] + wide // 2 + 1, dt, h)
+    elif dt < 0.0:
+        for n in range(size):
+            work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
+    elif partly:
+        states_around(work, 0, size, dt, h)
+    else:
+        state_at(work.rows, h, dt / h, work.v, work.w)
+
+
+@inlined
+def stopped(work: Workspace, status: int, end: float, sample: int) -> tuple[int, int]:
+    """Tell why events were not applied, and keep where they are to go on."""
+    work.pause[0], work.pause[1] = end, sample
+    if status < 0:
+        return (ASKS if status == -2 else FULL), 0
+    return CHATTER, status - 1
 
 
 @inlined
@@ -239,7 +339,8 @@ def record_dense(
         motion, velocity, _, _ = drive_sum(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
-            v, w, _ = site_at(work.rows, n, h, (time - s) / h)
+            left = h - work.origin[n]
+            v, w, _ = site_at(work.rows, n, left, (time - s - work.origin[n]) / left)
             dense.u[row, sample, i] = v + motion
             dense.v[row, sample, i] = w + velocity
         sample += 1
@@ -298,7 +399,7 @@ def event_loop(
             begin_period(on, work, u, v, t0)
         status, site = one_period(on, work, log, dense, j, first + j, t0, span)
         if status != ASKS:
-            work.pause[0], work.pause[2] = NEVER, 0.0
+            work.pause[0], work.pause[1] = NEVER, 0.0
         if status == DONE and not end_period(on, work, u, v, t0 + span):
             status, site = WILD, 0
         if status != DONE:

@@ -17,7 +17,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from contbreather.checks import whole
 from contbreather.errors import BadInput, NotConverged, deferred
@@ -194,12 +193,13 @@ def in_chunks(
 def parameters_of(conditions: Conditions) -> Parameters:
     """Parameters of the kernels under these conditions, for a whole run."""
     c = conditions
-    lattice, k, mu = c.lattice, float(c.k), float(c.damping)
+    lattice, mu = c.lattice, float(c.damping)
     motion, force = forced_motion(c.forcing, float(c.a), mu)
-    bonds, norm = _couplings(lattice, float(c.gamma), float(c.spring))
+    bonds, norm = _couplings(lattice, float(c.gamma), float(c.spring), mu)
     low, high = wall_rows(c.walls, lattice.sites)
     # no eigenvalue of K is beyond its norm (Gershgorin), so no mode is faster than its root
-    rate, top = max(math.sqrt(norm), mu, 0.25), float(motion.m.max())
+    fastest = mu + float(bonds.pulls[3].max())
+    rate, top = max(math.sqrt(norm), fastest, 0.25), float(motion.m.max())
     if bonds.pulls[1:].any():  # the series are those of the forcing as well
         rate = max(rate, top)
     # (w h)^j/j! is at most 3^3/3! = 4.5, so that a mode's series loses less than a digit
@@ -207,10 +207,11 @@ def parameters_of(conditions: Conditions) -> Parameters:
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, top)
     ring = isinstance(lattice, Ring) and c.spring == 0.0
-    walls = np.array([low, high, np.minimum(high, -low)])
+    back = float(c.k) * lattice.restitutions
+    walls = np.array([low, high, np.minimum(high, -low), back])
     where = (ring, float(c.gamma), bonds, walls)
     steps = step, rest_step, powers_needed(step * rate)
-    return Parameters(*where, mu, k, c.restitution is not None, *steps, 0, motion, force)
+    return Parameters(*where, mu, c.restitution is not None, *steps, 0, motion, force)
 
 
 @lru_cache(maxsize=64)
@@ -225,33 +226,42 @@ def forced_motion(forcing: Forcing, a: float, damping: float) -> tuple[Harmonics
     return Harmonics(m, *motion), Harmonics(m, -(m**2) * c, -(m**2) * s)
 
 
-def _couplings(lattice: Finite, gamma: float, spring: float) -> tuple[Couplings, float]:
+def _couplings(
+    lattice: Finite, gamma: float, spring: float, damping: float
+) -> tuple[Couplings, float]:
     """Couplings and springs per unit mass, and the largest sum over a row of their sizes."""
+    from scipy import sparse  # the installation compiles this module's neighbours without it
+
     table = sparse.csr_array(gamma * stiffness_of(lattice) / np.asarray(lattice.masses)[:, None])
-    diagonal: Array = table.diagonal() + spring
-    ground: Array = table.sum(axis=1) + spring
+    springs = spring * lattice.springs
+    diagonal: Array = table.diagonal() + springs
+    ground: Array = table.sum(axis=1) + springs
     # what rounding leaves of a sum that is zero would drive the lattice
-    size = abs(table).sum(axis=1) + spring
+    size = abs(table).sum(axis=1) + springs
     ground[abs(ground) <= 1e-14 * size] = 0.0
     beside = sparse.csr_array(-(table - sparse.diags_array(table.diagonal())))
     beside.eliminate_zeros()
     start, other = (x.astype(np.int64) for x in (beside.indptr, beside.indices))
-    pulls = np.array([diagonal, lattice.drive - 1.0, ground])
+    slow = damping * (lattice.dampings - 1.0)  # beyond the damping of the forced motion
+    pulls = np.array([diagonal, lattice.drive - 1.0, ground, slow])
     weight = np.asarray(beside.data, dtype=np.float64)
     return Couplings(start, other, weight, pulls), float(size.max())
 
 
 def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     """Room for a step of so many powers, driven by so many harmonics."""
-    v, w, last_v, last_w, reach, when, place = np.zeros((7, sites))
-    side, held, released = np.zeros((3, sites), np.int8)
-    hits, candidates, many = (np.zeros(n, np.int64) for n in (sites, sites + 1, 1))
-    rows, push, column = np.empty((size, sites)), np.empty((size, 1)), np.empty(size)
-    drive = np.empty((2, harmonics))
-    step = (v, w, rows, last_v, last_w, reach, push, column, drive, when)
-    answer, pause = np.full(2, np.nan), np.array([NEVER, 0.0, 0.0])
-    waits = answer, pause, np.zeros(1, np.int64)
-    return Workspace(*step, side, held, place, released, hits, *waits, candidates, many)
+    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
+    side, held, released, listed = np.zeros((4, sites), np.int8)
+    hits, candidates, due, many = (np.zeros(n, np.int64) for n in (sites, sites + 1, sites, 2))
+    # a change at one site reaches every second power one site farther
+    wide = 4 * ((size - 1) // 2) + 1
+    rows, patch, near = np.empty((size, sites)), np.empty((size, wide)), np.empty((5, wide))
+    push, column, drive = np.empty((size, 1)), np.empty(size), np.empty((2, harmonics))
+    step = (v, w, rows, origin, last_v, last_w, reach, patch, near, push, column, drive, when)
+    waits = np.full(2, np.nan), np.array([NEVER, 0.0]), np.zeros(1, np.int64)
+    return Workspace(
+        *step, side, held, place, released, hits, *waits, candidates, listed, due, many
+    )
 
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
@@ -295,7 +305,7 @@ class EventDriven:
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
         self.log.used[0] = done = 0
-        self.workspace.pause[:] = NEVER, 0.0, 0.0
+        self.workspace.pause[:] = NEVER, 0.0
         status, answer = ASKS, self.workspace.answer
         with deferred():
             while status in (ASKS, FULL):

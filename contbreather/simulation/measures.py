@@ -29,7 +29,7 @@ from contbreather.checks import numbers, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
-from contbreather.lattice.modal_flow import driven_modes
+from contbreather.lattice.modal_flow import driven_spectrum
 from contbreather.one_thread import one_thread
 from contbreather.simulation.states import (
     PERIOD,
@@ -164,7 +164,7 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothCondition
     # rounding
     over, size = table.sum(axis=1), abs(table).sum(axis=1)
     loose = np.where(abs(over) > 1e-14 * size, over, 0.0)
-    ground = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * loose
+    ground = 0.5 * on.lattice.masses * on.lattice.springs * on.spring + 0.5 * on.gamma * loose
     energy = 0.5 * on.lattice.masses * y**2 + ground * x**2
     if on.gamma > 0.0:
         energy += on.gamma * _of_bonds(table, x)
@@ -189,7 +189,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
 
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
-    motion = driven_modes(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
+    motion = driven_spectrum(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
     return on.a * motion.everywhere(np.asarray(t, dtype=float), order)
 
 

@@ -15,8 +15,8 @@ from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Finite, finite
-from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.finite import PER_SITE, Finite, finite
+from contbreather.lattice.forcing import Drive, Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.impact_law import Restitution
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
@@ -117,7 +117,7 @@ class LatticeParameters(TypedDict, total=False):
     gamma: float
     damping: float
     spring: float
-    forcing: Forcing | str | None
+    forcing: Drive | None
     lattice: Finite | None
 
 
@@ -134,7 +134,7 @@ def conditions_of(
     m: float | None = None,
     /,
     *,
-    forcing: Forcing | str | None = None,
+    forcing: Drive | None = None,
     lattice: Finite | None = None,
     walls: Any = None,
     restitution: Restitution | None = None,
@@ -176,6 +176,8 @@ def conditions_of(
         k, lam = numbers.pop("k", None), numbers.pop("lam", None)
         if (k is None) == (lam is None):
             raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
+        if any(np.any(getattr(lattice, name, 1.0) != 1.0) for name in PER_SITE.values()):
+            raise BadInput("smooth walls take one spring, damping and k for all sites; leave m out")
         numbers |= {"lam": lam if k is None else damping_of(k), "m": m}
     where = Ring(sites) if lattice is None else finite(lattice)
     if where.sites != sites:

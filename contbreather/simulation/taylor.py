@@ -52,10 +52,9 @@ class Parameters(NamedTuple):
     gamma: float
     bonds: Couplings
     # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
-    # distance of both from 0
+    # distance of both from 0; k
     walls: Matrix
     mu: float
-    k: float
     by_speed: bool  # whether k is asked for at every impact
     step: float  # over which the series converge to rounding in ``size`` terms
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
@@ -89,14 +88,18 @@ class DenseOutput(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays of one step; ``rows`` are powers of s/h, s the step's time."""
+    """Arrays of one step; ``rows`` of site n are powers of (s - origin[n])/(h - origin[n]), s the
+    step's time."""
 
-    v: Vector  # v = u - a g(t) and w = v', at the start of the step
+    v: Vector  # v = u - a g(t) and w = v', at the start of the step or at an event
     w: Vector
     rows: Matrix  # (powers, sites)
+    origin: Vector
     last_v: Vector  # at the end of the step
     last_w: Vector
-    reach: Vector  # no |v| is larger during the step
+    reach: Vector  # no |v| is larger during the rest of the step
+    patch: Matrix  # rows of the sites around an event
+    near: Matrix  # their v, w, last_v, last_w and reach, in rows
     push_rows: Matrix  # of the push of a wall on a site at rest, without what drives it
     column: Vector  # powers of the forced motion
     drive: Matrix  # what drives a site at rest, its cosines and sines
@@ -107,10 +110,12 @@ class Workspace(NamedTuple):
     released: Signs  # the wall that has just let go of a site, or 0
     hits: Counts  # in this period
     answer: Vector  # the speed before an impact, and k there
-    pause: Vector  # of a period that waits for k: dt, end of the step, sample; dt is `NEVER` else
+    pause: Vector  # of a period that waits for k: end of the step, `NEVER` else; and sample
     begun: Counts  # events before the period
-    candidates: Counts  # the sites that may have an event in this step, ``many`` of them
-    many: Counts
+    candidates: Counts  # the sites that may have an event in this step
+    listed: Signs  # whether a site is among them
+    due: Counts  # those that take part in the next one
+    many: Counts  # how many candidates, how many that are due
 
 
 # --- the series -----------------------------------------------------------------------------------
@@ -231,7 +236,7 @@ def expand_any(
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
     driven and the sites held do not move at all, which is what perturbations do.
     """
-    stiff, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
+    stiff, extra, ground, slow = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2], bonds.pulls[3]
     for n in range(v.size):
         # u stays at its wall, so that v = u - a g has the powers of -a g
         rows[0, n] = place[n] - column[0] if at_rest[n] != 0 else v[n]
@@ -246,7 +251,8 @@ def expand_any(
                 new[n] = -column[j]
                 continue
             pulled = pull * (stiff[n] * before[n] - near(bonds, before, n)) + drag * now[n]
-            new[n] = pulled + (extra[n] * push + ground[n] * still)
+            braked = slow[n] * (now[n] + column[j - 1]) * (-h / j)
+            new[n] = pulled + (extra[n] * push + ground[n] * still + braked)
 
 
 def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:

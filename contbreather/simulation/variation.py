@@ -136,9 +136,10 @@ def saltations(
     an infinite one where it ends.
     """
     # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ - R' u''-) dt
-    ratio, slope = conditions.law.along(impacts["before"])
+    site, lattice = impacts["site"], conditions.lattice
+    ratio, slope = conditions.law.along(impacts["before"], lattice.restitutions[site])
     b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
-    b += (1.0 - ratio) * conditions.damping
+    b += (1.0 - ratio) * conditions.at_sites("damping", site)
     rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
     period = np.concatenate([impacts["period"], rests["period"]])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
@@ -24,6 +24,7 @@ from contbreather.lattice.modal_flow import (
     free_multipliers,
     propagator,
 )
+from contbreather.lattice.uneven import Medium
 from contbreather.one_thread import one_thread
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
@@ -125,7 +126,7 @@ class ModalMap:
     damping: float
     z: FloatArray
     unseen: FloatArray
-    turns: tuple[ModalPropagator, ...]
+    turns: tuple[Any, ...]
     blows: tuple[ModalSaltation, ...]
     length: float
     sign: int = 1
@@ -262,6 +263,12 @@ class ModalMap:
         return lambda map, angle: left @ (map.applied(right) - _multiplier(angle, radius) * right)
 
 
+def _by_sites(flight: FloatArray, q: Array, r: Array) -> tuple[Array, Array]:
+    """A flight of sites whose springs or dampings differ, by its matrix."""
+    q, r = np.split(flight @ np.concatenate([q, r]), 2)
+    return q, r
+
+
 def _multiplier(angle: float, radius: float) -> complex:
     """``radius exp(i pi angle)``, real for whole angles."""
     return radius * (1.0 - 2.0 * angle if angle in (0.0, 1.0) else np.exp(1j * math.pi * angle))
@@ -299,8 +306,6 @@ def section_map(
     (18, 0.4096)
     """
     gamma, spring, damping = held
-    basis = lattice.basis(tuple(sorted({kick.site for kick in kicks})))
-    z, unseen = gamma * basis.lam + spring, gamma * basis.unseen + spring
     times = [kick.time for kick in kicks]
     free = np.diff([*times, times[0] + length])
     # the longest flight; of several nearly as long the one that comes first
@@ -311,12 +316,21 @@ def section_map(
     )
     start = times[last] + 0.5 * float(free[last])
     times = [start, *(kick.time for kick in kicks), start + length]
-    turns = tuple(propagator(z, later - time, damping) for time, later in pairwise(times))
-    shapes = basis.at(np.array([kick.site for kick in kicks]))
-    blows = tuple(
-        ModalSaltation(shape, lattice.masses[kick.site] * shape, saltation(k, kick.b))
-        for shape, kick in zip(shapes, kicks, strict=True)
-    )
+    flights, sites = [later - time for time, later in pairwise(times)], [n for n, *_ in kicks]
+    salted = [saltation(k * float(lattice.restitutions[n]), b) for n, _, b in kicks]
+    if not lattice.even:
+        medium, own = Medium(lattice, gamma, spring, damping), np.eye(lattice.sites)[sites]
+        z = np.maximum(medium.pull.diagonal(), DRIFTS)  # of the sites alone: units of determinants
+        moved = tuple(partial(_by_sites, medium.flight(time)) for time in flights)
+        struck = tuple(map(ModalSaltation, own, own, salted))
+        made = of(lattice, gamma, damping, z, z[:0], moved, struck, length, sign)
+        _ = made.coupled  # with no modes there is nothing shorter than all multipliers
+        return made
+    basis = lattice.basis(tuple(sorted({*sites})))
+    z, unseen = gamma * basis.lam + spring, gamma * basis.unseen + spring
+    turns = tuple(propagator(z, time, damping) for time in flights)
+    shapes = basis.at(np.array(sites))
+    blows = tuple(map(ModalSaltation, shapes, lattice.masses[sites][:, None] * shapes, salted))
     return of(lattice, gamma, damping, z, unseen, turns, blows, length, sign)
 
 

@@ -77,6 +77,10 @@ class Verdict(HtmlRepr):
         """The verdict where there is none: an impact vanishes, and its saltation has a pole."""
         return replace(self, unstable=math.nan, certain=False)
 
+    @property
+    def _of_half(self) -> bool:
+        return self.threshold is None and self.map is not None and self.map.sign < 0
+
     @cached_property
     def multipliers(self) -> Array:
         """Multipliers beyond the threshold over the period, largest first; on the infinite chain
@@ -115,7 +119,7 @@ class Verdict(HtmlRepr):
         return over_reflection(self._half())
 
     def _half(self) -> HalfMap:
-        if self.threshold is None and self.map.sign < 0:
+        if self._of_half:
             half: HalfMap = self.map
             return half
         raise BadInput(
@@ -125,7 +129,7 @@ class Verdict(HtmlRepr):
 
     def table(self) -> Sheet:
         """The numbers behind it."""
-        half = self.threshold is None and self.map.sign < 0
+        half = self._of_half
         circle = "the unit circle" if self.threshold is None else "the threshold"
         which = f"multipliers {'of QS ' * half}outside {circle}"
         rows: list[tuple[str, Any]] = [

@@ -95,7 +95,7 @@ Source = Annotated[Part, PlainValidator(_part)]
 Values = Annotated[list[float], PlainValidator(_values)]
 Ranged = Annotated[list[float], PlainValidator(_values), AfterValidator(_in_range)]
 Window = Annotated[tuple[float, float], PlainValidator(_window)]
-Loss = Annotated[float, AfterValidator(_in_range)]
+Loss = Annotated[float | list[float], AfterValidator(_in_range)]
 
 
 # --- tables -----------------------------------------------------------------------------------

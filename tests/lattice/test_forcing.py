@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic
+from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic, forcing_of
+from contbreather.orbits.orbit import orbit_at
 
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
 GRID = 2 * np.pi * np.arange(64) / 64
@@ -229,3 +231,121 @@ def test_a_forcing_says_what_it_is() -> None:
     assert Harmonic().highest == 1
     assert Harmonic().params == {}
     assert Harmonic().peak() == 1.0
+
+
+# ---------------------------------------------------------------------------- noisy samples
+
+TRUE = Fourier(cos={1: -1.0, 3: 0.2}, sin={1: 0.1, 5: -0.3})
+
+
+@pytest.mark.parametrize("frequency", [None, 7.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_finds_the_drive_to_the_standard_error_of_its_noise(seed, frequency):
+    rng = np.random.default_rng(seed)
+    phase = rng.uniform(0.0, 9.7 * np.pi, 3000)  # uneven, and not over whole periods
+    noise = 0.05 * rng.normal(size=phase.size)
+    t = phase if frequency is None else phase / (2 * np.pi * frequency)
+    drive = Fourier.fit(t, TRUE.d2f(phase) + noise, harmonics=6, frequency=frequency)
+    assert set(drive.params) == {"c1", "c3", "c5", "s1", "s3", "s5"}
+    error = 0.05 * math.sqrt(2 / phase.size)
+    for name, value in drive.params.items():
+        assert abs(value - TRUE.params.get(name, 0.0)) < 6 * error
+    assert drive.residual == pytest.approx(0.05, rel=0.1)
+    assert f"residual {drive.residual:.3g}" in repr(drive)
+
+
+def test_a_fit_is_exact_without_noise_and_leaves_out_what_is_even():
+    t = np.linspace(1.0, 14.0, 200)
+    exact = Fourier.fit(t, TRUE.d2f(t))
+    np.testing.assert_allclose(exact.d2f(TIMES), TRUE.d2f(TIMES), atol=1e-12)
+    assert exact.residual < 1e-12
+    uneven = Fourier.fit(t, TRUE.d2f(t) + 0.2 + 0.1 * np.cos(2 * t))
+    np.testing.assert_allclose(uneven.d2f(TIMES), TRUE.d2f(TIMES), atol=1e-12)
+    assert uneven.residual == pytest.approx(
+        math.sqrt(np.mean((0.2 + 0.1 * np.cos(2 * t)) ** 2)), rel=1e-9
+    )
+
+
+def test_a_fit_of_one_exact_period_at_equal_steps_is_taken():
+    assert Fourier.fit(GRID, TRUE.d2f(GRID)).residual < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("t", "F", "more", "says"),
+    [
+        (GRID[:8], -np.cos(GRID[:8]), {}, "8 samples: harmonics up to 5"),
+        (GRID / 2, -np.cos(GRID / 2), {}, "0.5 of a period"),
+        (GRID * 3.7, -np.cos(GRID * 7.1), {}, "not periodic with 6.28319"),
+        (GRID, np.cos(2 * GRID), {}, "not antisymmetric"),
+        (GRID, np.zeros(64), {}, "explain"),
+        (GRID, np.where(GRID > 1, np.nan, 1.0), {}, "finite"),
+        (GRID, np.ones(63), {}, "same length"),
+        (GRID[:36] * 16, np.cos(GRID[:36] * 16), {}, "same place of the period"),
+        (GRID, -np.cos(GRID), {"frequency": -1.0}, "frequency"),
+        (GRID, -np.cos(GRID), {"harmonics": 2.5}, "harmonics"),
+    ],
+)
+def test_samples_that_make_no_drive_are_refused(t, F, more, says):
+    with pytest.raises(BadInput, match=says):
+        Fourier.fit(t, F, **more)
+
+
+def test_noisy_samples_are_reduced_to_their_odd_harmonics():
+    noise = 0.01 * np.random.default_rng(3).normal(size=64)
+    with pytest.raises(BadInput, match="not antisymmetric"):
+        Samples(TRUE.d2f(GRID) + noise)
+    reduced = Samples(TRUE.d2f(GRID) + noise, harmonics=5)
+    # at equal steps over whole periods least squares are the transform
+    fitted = Fourier.fit(GRID, TRUE.d2f(GRID) + noise)
+    np.testing.assert_allclose(reduced.d2f(TIMES), fitted.d2f(TIMES), atol=1e-13)
+    assert Samples(reduced.values) == reduced
+    with pytest.raises(BadInput, match="up to 16, and 17"):
+        Samples(TRUE.d2f(GRID), harmonics=17)
+
+
+# ---------------------------------------------------------------------------- functions of t
+
+
+@pytest.mark.parametrize(
+    ("function", "formula"),
+    [
+        (lambda t: -math.cos(t), "-cos(t)"),
+        (lambda t: -np.cos(t) / (1.2 + np.cos(2 * t)), "-cos(t)/(1.2 + cos(2*t))"),
+    ],
+)
+def test_a_function_of_time_is_the_drive_of_its_formula(function, formula):
+    taken, written = forcing_of(function), forcing_of(formula)
+    scale = np.abs(written.d2f(TIMES)).max()
+    np.testing.assert_allclose(taken.d2f(TIMES), written.d2f(TIMES), atol=3e-14 * scale)
+    np.testing.assert_allclose(taken.f(TIMES), written.f(TIMES), atol=1e-14 * scale)
+
+
+def test_a_function_of_time_is_taken_wherever_a_forcing_is():
+    def push(t: float) -> float:
+        return -math.cos(t) - 0.3 * math.cos(3 * t)
+
+    on = {"a": 0.5, "gamma": 0.06, "k": 0.8}
+    text = "-cos(t) - 0.3*cos(3*t)"
+    taken, written = (cb.symmetric(**on, forcing=f) for f in (push, text))
+    assert taken.p == pytest.approx(written.p, abs=1e-14)
+    shots = [cb.shooting(written, sites=8, forcing=f) for f in (push, text)]
+    np.testing.assert_allclose(*[orbit_at(shot).impulses for shot in shots], atol=1e-12)
+    ends = [cb.simulate(written.state(8), **on, periods=3, forcing=f).final for f in (push, text)]
+    np.testing.assert_allclose(*ends, atol=1e-12)
+    two = cb.multibreather([0, 4], **{**on, "gamma": 0.02}, lattice=cb.Ring(8), forcing=push)
+    assert two.section.count == 2
+
+
+@pytest.mark.parametrize(
+    ("function", "says"),
+    [
+        (lambda t: math.cos(1.1 * t), "not 2 pi periodic"),
+        (lambda t: np.sign(math.sin(t)), "not resolved by 2048 harmonics"),
+        (lambda t: "cos", "not a finite real number"),
+        (lambda t: math.nan, "not a finite real number"),
+        (lambda t: 0.0, "is zero"),
+    ],
+)
+def test_a_function_that_is_no_drive_is_refused(function, says):
+    with pytest.raises(BadInput, match=says):
+        forcing_of(function)

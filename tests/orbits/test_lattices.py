@@ -15,7 +15,7 @@ from scipy import sparse
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.modal_flow import (
-    driven_modes,
+    driven_spectrum,
     free_multipliers,
     propagator,
 )
@@ -277,7 +277,7 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
 def test_forced_motion_solves_its_equation() -> None:
     lattice = random_lattice(3)
     forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
-    forced = driven_modes(lattice, forcing, 0.2, 0.3, 0.1)
+    forced = driven_spectrum(lattice, forcing, 0.2, 0.3, 0.1)
     K = 0.2 * np.diag(1 / lattice.masses) @ lattice.stiffness + 0.3 * np.eye(lattice.sites)
     for t in (0.0, 1.3):
         u, v, w = (forced.everywhere(t, order) for order in range(3))
@@ -317,7 +317,7 @@ def test_modes_are_orthonormal_with_their_masses() -> None:
         (lambda: cb.Lattice([[math.nan]]), "not finite"),
         (lambda: cb.Lattice("abc"), "not a matrix of numbers"),
         (lambda: cb.Lattice(np.eye(2), masses=[1, -1]), "every mass must be positive"),
-        (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive has shape \(1,\)"),
+        (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive = .* has shape \(1,\)"),
         (lambda: cb.OpenChain(0), "at least 1"),
         (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
         (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
@@ -647,14 +647,14 @@ def test_flights_are_exact_where_modes_drift_turn_and_creep(
 def test_a_drive_is_in_resonance_to_rounding_only() -> None:
     """One mode, driven with its frequency 1: of f = cos t it makes (cos t)/(1 - spring)."""
     for off in (1e-10, -1e-10):
-        forced = driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
+        forced = driven_spectrum(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
         assert forced.everywhere(0.0, 0)[0] == pytest.approx(-1.0 / off, rel=1e-5)
     with pytest.raises(cb.BadInput, match="has the frequency 1 of one of its harmonics"):
-        driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).everywhere(0.0, 0)
+        driven_spectrum(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).everywhere(0.0, 0)
     assert math.isfinite(
-        driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).everywhere(0.0, 0)[0]
+        driven_spectrum(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).everywhere(0.0, 0)[0]
     )
-    third = driven_modes(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
+    third = driven_spectrum(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
     assert third.everywhere(0.0, 0)[0] == pytest.approx(1e10, rel=1e-4)
 
 
@@ -670,10 +670,10 @@ def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice,
     def at(step: float) -> np.ndarray:
         there = forcing.at(**{name: forcing.params[name] + step}) if name in "c3 s5" else forcing
         moved = {n: v + step * (n == name) for n, v in here.items()}
-        made = driven_modes(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
+        made = driven_spectrum(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
         return made.along([1], when)[:3, 0]
 
-    own = driven_modes(lattice, forcing, *here.values()).slope(name, [1], when)[:, 0]
+    own = driven_spectrum(lattice, forcing, *here.values(), name).along([1], when)[:3, 0]
     assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
     if name == "a" or (name == "gamma" and lattice.uniform):
         assert own.tolist() == [0.0, 0.0, 0.0]

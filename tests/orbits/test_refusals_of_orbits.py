@@ -187,10 +187,10 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
         for more, words in (
             (
                 {"lattice": Ring(6), "damping": np.ones(2)},
-                r"damping = array\(\[1\., 1\.\]\): .* 0 <= damping <= 1e4",
+                r"damping = array\(\[1\., 1\.\]\) has shape \(2,\); .* for each of 6 sites",
             ),
             ({"site": []}, r"site = \[\].*site 0 impacts"),
-            ({"spring": np.ones(2)}, "0 <= spring < 1"),
+            ({"spring": np.ones(2)}, "one number for each site is for finite lattices"),
         )
     ),
     (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),

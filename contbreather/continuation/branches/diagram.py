@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import whole
+from ...checks import flag, whole
 from ...columns import Columns, stacked
 from ...errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
 from ...one_thread import one_thread
@@ -234,6 +234,7 @@ def diagram(
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     most: int = 100,
+    beyond: bool = False,
     progress: bool | None = None,
     save: Save = None,
 ) -> Diagram:
@@ -255,6 +256,9 @@ def diagram(
         As for `trace`. Arms that solve another problem than the start look for its own events.
     most : int, optional
         Number of branches after which no others are followed.
+    beyond : bool, optional
+        Whether to switch where branches end, too, and other orbits set out: at GR those with an
+        impact more, at VI those with one less.
     progress, save : optional
         As for `trace`.
 
@@ -286,8 +290,9 @@ def diagram(
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
     with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
         growth = _Growth(
-            free, windows(within), depth, all_of(events), steps_of(steps), most, shown, kept
-        )
+            free, windows(within), depth, all_of(events), steps_of(steps), most,
+            flag("beyond", beyond), shown, kept,
+        )  # fmt: skip
         with partial_result(growth.so_far):
             growth.run(start)
         if kept:
@@ -305,6 +310,7 @@ class _Growth:
     events: tuple[Event, ...] | None
     steps: Steps
     most: int
+    beyond: bool
     shown: Counter
     kept: Checkpoint | None
     tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
@@ -402,7 +408,8 @@ class _Growth:
             if point.parent is not None:
                 continue  # where an arm set out is the place it was born at
             place = Place(len(self.tree), point)
-            if branches_leave(point):
+            ends = point.event is not None and point.event.ends
+            if branches_leave(point) and (self.beyond or not ends):
                 # the branch may cross another one there, or itself
                 known = (
                     other

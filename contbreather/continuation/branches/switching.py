@@ -7,9 +7,10 @@ is the same walk as ever, along a direction that is given.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,13 +39,14 @@ _APART = 1e-3  # arms closer than this, relative to their distance from where th
 
 
 class Seed(NamedTuple):
-    """The start of one arm: its problem, the point z in it, the direction in which it leaves, and
-    that of the branch it leaves from, which it must not follow."""
+    """The start of one arm: its problem, the point z in it, the direction in which it leaves, that
+    of the branch it leaves from, which it must not follow, and what else its first point knows."""
 
     problem: Problem
     z: Array
     tangent: Array
     parent: Array | None = None
+    detail: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -233,8 +235,8 @@ def switch(
     Parameters
     ----------
     point : Point
-        A special point of a branch from which others leave: a BP of any problem, the PF and PD of
-        breathers, the PD of a map.
+        A special point of a branch from which others leave: a BP of any problem, the PF, PD, GR
+        and VI of breathers, the PD of a map.
     within, events, steps, progress, save
         As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
         for what that branch did; one whose problem has other events looks for these by default.
@@ -338,24 +340,25 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
     """One arm from a point, which is its first; how is as for `trace`."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
     start = Point(Curve(seed.problem, (free,)), seed.z.copy()).problem
-    with piece_of(save, lambda arm: _with_parent(arm, point)) as inner:
+    with piece_of(save, lambda arm: _with_parent(arm, point, seed)) as inner:
         arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
             f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",
             residual=arm[0].residual,
         )
-    arm = _with_parent(arm, point)
+    arm = _with_parent(arm, point, seed)
     _refuse_parent(arm, seed, point)
     return arm
 
 
-def _with_parent(arm: Branch, point: Point) -> Branch:
+def _with_parent(arm: Branch, point: Point, seed: Seed) -> Branch:
     """The arm with the point as its first; what else was seen there belongs to the point."""
     first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
     reach = min(GAP * (1 + arm[0].curve.length(arm[0].z)), 0.5 * first)  # one place with the point
     end = arm[-1].arclength - reach if arm.stop is Stop.CLOSED else math.inf
-    start = replace(arm[0], kind="EP", event=None, bracket=None, detail={}, parent=point)
+    made = {"kind": "EP", "detail": {**seed.detail}, "parent": point}
+    start = replace(arm[0], event=None, bracket=None, **made)
     rest = tuple(p for p in arm.points if p.arclength > reach)
     return replace(
         arm,

@@ -51,7 +51,7 @@ LOOKS = {
         "Neimark\N{EN DASH}Sacker", "o", "blue", starts=_BOUNDARY,
         nothing_leaves="a torus does, which no fixed number of equations describes",
     ),
-    "GR": Look("grazing", "X", line="dashed", starts=_BOUNDARY),
+    "GR": Look("grazing", "X", line="dashed", starts=_BOTH),
     "HB": Look(
         "Hopf point", "*", starts=_BOUNDARY, constructor="cb.hopf()",
         nothing_leaves="the cycles that leave it need the flow: begin with cb.equilibrium",
@@ -60,7 +60,7 @@ LOOKS = {
     "EP": Look("end", "."),
     "MX": Look("failure", "x"),
     "CP": Look("cusp", "h"),
-    "VI": Look("vanishing impact", "<", starts=_BOUNDARY),
+    "VI": Look("vanishing impact", "<", starts=_BOTH),
     "SL": Look("sliding", ">"),
 }  # fmt: skip
 

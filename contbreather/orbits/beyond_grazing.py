@@ -1,0 +1,158 @@
+"""Beyond grazing: at GR the orbit with the impacts more, at VI the one with the impacts less.
+
+At GR a site touches a wall with no velocity. In the impulse J of that contact the equations of the
+longer section are smooth, and J = 0 solves them there, so that one curve of orbits with the impact
+passes the place; those with J > 0, away from the wall, are orbits. The other way round an impact
+whose impulse has become 0 is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation.algebra.derivatives import directional
+from contbreather.continuation.branches.switching import Seed, SwitchingProblem
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Point
+from contbreather.errors import BadInput
+from contbreather.orbits.clearance import LIMIT, closest
+from contbreather.orbits.impact_sequence import VANISHED
+from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.section import AT_ONCE, Impact
+from contbreather.orbits.symmetries import simpler_than
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 1e-6  # along a branch, of differences whose sign says on which side sites are inside
+
+
+@dataclass(frozen=True)
+class GrazingSwitch(SwitchingProblem):
+    """An orbit at GR or VI as a problem of other impacts.
+
+    Parameters
+    ----------
+    point : Point
+        On the branch that ends there.
+    contacts : tuple of Impact
+        What is an impact on one of both branches only.
+    """
+
+    point: Point = field(kw_only=True)
+    contacts: tuple[Impact, ...] = field(kw_only=True)
+
+    def seeds(self) -> tuple[Seed, ...]:
+        """The start of the branch, and what becomes of the orbit: it "persists" as one with other
+        impacts, beyond in the parameter, or both live on one side, a nonsmooth "fold"."""
+        curve, here, (tangent, _) = Curve(self.problem, (self.free,)), self.point, self.tangents
+        ahead, inside = self._grown(curve, curve.start, tangent), here.direction
+        if min(ahead) * max(ahead) <= 0.0:
+            sites = sorted({contact.site for contact in self.contacts})
+            raise BadInput(
+                f"sites {sites} touch their walls at once, and impulses of some of them would have "
+                "to pull where those of others push: no orbit has all these impacts"
+            )
+        tangent = math.copysign(1.0, ahead[0]) * tangent
+        inside = self._grown(here.curve, here.z, inside)[0] * inside[-1]
+        what = "fold" if inside * tangent[-1] > 0.0 else "persists"
+        return (Seed(self.problem, curve.start, tangent, detail={"beyond": what}),)
+
+    def _grown(self, curve: Curve, z: FloatArray, way: FloatArray) -> FloatArray:
+        """By how much impulses, or else distances from walls, grow along a curve."""
+        sites, walls, times, _ = (np.array(row) for row in zip(*self.contacts, strict=True))
+        orbit: Orbit = Point(curve, z).solution
+        hits = np.array([impact[:3] for impact in orbit.impacts])
+        late = abs(hits[:, 2] - times[:, None]) < AT_ONCE
+        own = late & (hits[:, 0] == sites[:, None]) & (hits[:, 1] == walls[:, None])
+        if own.any():
+            slots = [curve.slots[f"J{j + 1}"] for j in own.argmax(axis=1)]
+            return np.asarray(-walls * way[slots])
+
+        def reached(z: FloatArray) -> FloatArray:
+            displacement: FloatArray = Point(curve, z).solution.displacement(sites, times)
+            return displacement
+
+        return -walls * directional(reached, z, _STEP * way)
+
+
+def past_grazing(point: Point) -> GrazingSwitch:
+    """Switch from GR to the orbit with impacts where sites touch their walls, from VI to the one
+    without those that vanish.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
+    >>> end = cb.trace(ring, "a", towards="up").first("GR")
+    >>> start = cb.switch(end, within={"a": (0.85, 1)})[0][0]
+    >>> start.solution.section.describe(), start["beyond"]
+    ('period 2 pi, impacts 0+ 1+ 8+, half of a symmetric orbit', 'fold')
+    """
+    orbit: Orbit = point.solution
+    contacts, there = _vanished(orbit) if point.kind == "VI" else _touching(orbit)
+    problem = there.representation.problem(point.curve.problem.threshold)
+    return GrazingSwitch(problem, point.curve.free[-1], point=point, contacts=contacts)
+
+
+def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
+    """Contacts of a section with walls, and the orbit with impacts of impulse 0 there."""
+    motion, section, first = orbit.motion, orbit.section, orbit.times.min()
+    if motion.endless and abs(motion.far) < LIMIT:
+        raise BadInput("the far field touches the walls: all sites hit them from here on")
+    worst = closest(motion)
+    left, right, size = section.hit[0], section.hit[-1], orbit.lattice.sites
+    reach = max(abs(worst.site - left), abs(worst.site - right))
+    sites = np.arange(left - reach, right + reach + 1) if size is None else np.arange(size)
+    # with its images under the symmetries of the forcing
+    times = worst.time + math.pi * np.arange(round(section.length / math.pi))
+    times = first + (times - first) % section.length
+    u = motion.states(sites[:, None], times)[0]
+    contacts = []
+    for wall in (-1, 1):
+        places = np.array([orbit.walls.position(int(site), wall) for site in sites])
+        for i, j in np.argwhere(abs(u - places[:, None]) < LIMIT).tolist():
+            site, t = int(sites[i]), float(times[j])
+            if not any(hit.site == site and _at_once(hit.time, t, orbit) for hit in orbit.hits):
+                contacts.append(Impact(site, wall, t, 0.0))
+    if not contacts and orbit.k == 0.0:
+        raise BadInput(
+            f"after its impact with k = 0 site {worst.site} is pushed into the wall: beyond it "
+            "sticks there for a while, which is no orbit of impacts; simulation goes on"
+        )
+    if not contacts:
+        raise BadInput(f"no site touches a wall but in its impacts: {orbit.admissibility().reason}")
+    return tuple(contacts), _with_impacts(orbit, (*orbit.impacts, *contacts))
+
+
+def _at_once(time: float, other: float, orbit: Orbit) -> bool:
+    return abs(math.remainder(time - other, orbit.period)) < AT_ONCE
+
+
+def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
+    """Impacts that have lost their velocity, and the orbit without them."""
+    gone = abs(orbit.incoming) < VANISHED
+    lost = tuple(impact for impact, is_gone in zip(orbit.impacts, gone, strict=True) if is_gone)
+    left = [impact for impact in orbit.impacts if impact not in lost]
+    if not lost:
+        raise BadInput(
+            "two impacts of a site at one wall have become one, none has vanished by itself: both "
+            "do where they meet, and the curve goes no further"
+        )
+    if not left:
+        raise BadInput("all impacts vanish: beyond the lattice follows its forcing alone")
+    there = _with_impacts(orbit, left)
+    return lost, simpler_than(there) or there
+
+
+def _with_impacts(orbit: Orbit, impacts: Iterable[Impact]) -> Orbit:
+    """The orbit with these impacts in order of time, as a guess."""
+    listed = sorted(impacts, key=lambda impact: (impact.time, impact.site))
+    section = replace(orbit.section, impacts=tuple(impact[:2] for impact in listed))
+    _, _, times, impulses = zip(*listed, strict=True)
+    offsets = [] if section.symmetric else orbit.motion.offset(section.hit).tolist()
+    return orbit_of(orbit.conditions, section, times, impulses, offsets)

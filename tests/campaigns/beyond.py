@@ -1,0 +1,162 @@
+"""Random GR points of all kinds of orbits: what lies beyond each, flown by an own integrator.
+
+    python -m tests.campaigns.beyond [points=100] [seed=0]
+
+Each is switched at; what sets out is asked for the sites that hit, flown over a period with matrix
+exponentials and its own search for impacts, and followed back to its vanishing impact, which must
+be the same place.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import contbreather as cb
+from contbreather.errors import ContbreatherError
+from contbreather.lattice.finite import stiffness_of
+
+FINE = 800  # looks at the walls in a period of the forcing
+ENDLESS = 41  # sites of a ring in place of the infinite chain: its tails are gone by then
+
+
+def flown(orbit):
+    """By how much half periods of the forcing miss where an orbit is after them, and its impacts
+    as (site, wall), in order of time: u" = ... - a cos t, walls at -1 and 1. A whole period grows
+    rounding by multipliers of 1e5."""
+    sites = orbit.lattice.sites
+    lattice = orbit.lattice if sites else cb.Ring(ENDLESS)
+    N, middle = lattice.sites, ENDLESS // 2
+    named = np.arange(N) if sites else (np.arange(N) + middle) % N - middle
+    first = float(orbit.times.min()) - 1e-3 * math.pi
+    K = orbit.gamma * np.asarray(stiffness_of(lattice).todense()) + orbit.spring * np.eye(N)
+    field = np.zeros((2 * N + 2, 2 * N + 2))
+    field[:N, N : 2 * N] = np.eye(N)
+    field[N : 2 * N, :N], field[N : 2 * N, N : 2 * N] = -K, -orbit.damping * np.eye(N)
+    field[N : 2 * N, 2 * N] = -orbit.a * getattr(lattice, "drive", np.ones(N))
+    field[2 * N, 2 * N + 1], field[2 * N + 1, 2 * N] = -1.0, 1.0  # cosine and sine
+    step, hits, off = 2.0 * math.pi / FINE, [], 0.0
+    whole = expm(step * field)
+
+    def at(t):
+        u, v, _ = orbit.motion.states(named, t)
+        return np.concatenate([u, v, [math.cos(t), math.sin(t)]])
+
+    for half in first + math.pi * np.arange(2 * orbit.section.turns):
+        y = at(half)
+        for _ in range(FINE // 2):
+            y = _step(field, whole, y, step, N, orbit.k, named, hits)
+        off = max(off, float(abs(y - at(half + math.pi)).max()))
+    return off, hits
+
+
+def _step(field, whole, y, step, N, k, named, hits):
+    """One step of the flow, cut at impacts."""
+    ahead = whole @ y
+    while True:
+        late = []
+        for n in np.flatnonzero(abs(ahead[:N]) > 1.0 - step):  # those that may have been outside
+            wall, end = (1 if ahead[n] > 0 else -1), step
+
+            def at(s, i, y=y, wall=wall):
+                return wall * float((expm(s * field) @ y)[i])
+
+            if at(0.0, n) > 1.0 - 1e-9 and at(0.0, N + n) < 0.0:
+                continue  # it has just left this wall
+            if at(0.0, N + n) > 0.0 > at(step, N + n):
+                end = brentq(at, 0.0, step, args=(N + n,), xtol=1e-16, rtol=1e-14)
+            if at(end, n) > 1.0:
+                s = brentq(lambda s, n=n: at(s, n) - 1.0, 0.0, end, xtol=1e-16, rtol=1e-14)
+                late.append((s, n, wall))
+        if not late:
+            return ahead
+        s, *_ = min(late)
+        y = expm(s * field) @ y
+        for n, wall in [(n, wall) for t, n, wall in late if t - s < 1e-10]:
+            y[N + n] *= -k
+            hits.append((int(named[n]), wall))
+        step -= s
+        ahead = expm(step * field) @ y
+
+
+def drawn(rng):
+    """An orbit of one of seven kinds, and which."""
+    kind = str(rng.choice(["endless", "ring", "open", "grid", "damped", "arm", "several"]))
+    gamma, k = float(rng.uniform(0.01, 0.12)), float(rng.uniform(0.2, 0.95))
+    a, N = float(rng.uniform(0.3, 0.9)), int(rng.integers(3, 12))
+    on = {"gamma": gamma, "k": k}
+    loss = float(rng.uniform(0.005, 0.1))
+    if kind == "several":
+        sites = sorted(rng.choice(N, size=2, replace=False).tolist())
+        return kind, cb.multibreather(sites, a=a, lattice=cb.Ring(N), damping=loss, **on)
+    if kind == "arm":
+        lattice = cb.Ring(N) if rng.random() < 0.5 else cb.InfiniteChain()
+        branch = cb.trace(cb.symmetric(a, lattice=lattice, **on), "a", within={"a": (0.3, 1)})
+        return kind, cb.switch(branch.first("PF"), within={"a": (0.3, 1)})[0][2].solution
+    if kind in ("open", "grid"):
+        lattice = cb.OpenChain(N) if kind == "open" else cb.Grid(3, int(rng.integers(2, 4)))
+        on |= {"site": int(rng.integers(lattice.sites)), "damping": loss}
+    else:
+        lattice = cb.InfiniteChain() if kind == "endless" else cb.Ring(N)
+        on |= {"damping": loss} if kind == "damped" else {}
+    return kind, cb.symmetric(a, lattice=lattice, **on)
+
+
+def beyond(orbit, free="a"):
+    """What lies beyond the first GR of a branch: a word or a sentence, and what is wrong."""
+    within = {free: {"a": (0.05, 1.5), "gamma": (0.0, 0.2)}[free]}
+    ends = [p for p in cb.trace(orbit, free, within=within).special if p.kind == "GR"]
+    if not ends:
+        return None, ""
+    end = ends[-1]
+    try:
+        (arm,) = cb.switch(end, within=within)
+    except ContbreatherError as error:
+        return str(error).partition("): ")[2] or str(error), ""
+    if len(arm) < 3:
+        return f"{arm[0]['beyond']}, a short one: {arm[-1].label}", ""
+    there = arm[len(arm) // 2]
+    wrong = checked(there.solution)
+    back = [p for p in cb.trace(there, free, within=within).special if p.kind == "VI"]
+    off = min((abs(p[free] - end[free]) for p in back), default=math.inf)
+    if off > 1e-11:
+        wrong += f" the way back ends {off:.2g} off"
+    return arm[0]["beyond"], wrong
+
+
+def checked(orbit):
+    """What its own integrator finds wrong with an orbit."""
+    off, hits = flown(orbit)
+    listed = Counter((hit.site, hit.wall) for hit in orbit.hits)
+    wrong = "" if Counter(hits) == listed else f" flown, it hits {hits}, not {dict(listed)};"
+    return wrong + ("" if off < 1e-10 else f" a period is {off:.2g} off;")
+
+
+def run(points=100, seed=0):
+    rng, found, wrong, n = np.random.default_rng(seed), Counter(), [], 0
+    while n < points:
+        try:
+            kind, orbit = drawn(rng)
+            what, why = beyond(orbit, str(rng.choice(["a", "a", "gamma"])))
+        except ContbreatherError:
+            continue  # no such orbit, no pitchfork
+        if what is None:
+            continue
+        n += 1
+        found[kind, what] += 1
+        if why:
+            wrong.append((kind, what, why, repr(orbit)))
+            print("WRONG", *wrong[-1], flush=True)
+    for (kind, what), count in sorted(found.items()):
+        print(f"{count:4d}  {kind:8s} {what}")
+    print(f"{len(wrong)} wrong of {points}")
+    return found, wrong
+
+
+if __name__ == "__main__":
+    run(*map(int, sys.argv[1:]))

@@ -1,0 +1,164 @@
+"""Cycles beyond GR: the flows that follow, what becomes of the orbit, and the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+
+TAU = 2 * np.pi
+WITHIN = {"w": (0.5, 2.0)}
+
+
+def free(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], -x[0] - 0.1 * x[1] + 0.5 * np.cos(p["w"] * t)]
+
+
+def stopped(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], free(t, x, p)[1] - 20 * (x[0] - 1)]
+
+
+@pytest.fixture(scope="module")
+def resonance() -> cb.Branch:
+    flows = [
+        cb.Flow(free, until=lambda t, x, p: 1 - x[0]),
+        cb.Flow(stopped, until=lambda t, x, p: x[0] - 1),
+    ]
+    orbit = cb.cycle(
+        flows, {"x": 0.0, "v": 0.0}, {"w": 0.8}, period=lambda p: TAU / p["w"], settle=200
+    )
+    return cb.trace(orbit, "w", within=WITHIN)
+
+
+def grazings(branch: cb.Branch) -> Iterator[cb.Point]:
+    return (point for point in branch.special if point.kind == "GR" and point.parent is None)
+
+
+def whole(branch: cb.Branch) -> list[cb.Branch]:
+    """All branches that are reached through GR, each place taken once."""
+    branches, places, ends = [branch], [], [*grazings(branch)]
+    while ends:
+        end = ends.pop()
+        if any(abs(end["w"] - w) < 1e-8 for w in places):
+            continue
+        places.append(end["w"])
+        (arm,) = cb.switch(end, within=WITHIN)
+        branches.append(arm)
+        ends += grazings(arm)
+    return branches
+
+
+def flown(orbit: cb.flows.Cycle) -> tuple[np.ndarray, int]:
+    """The state a period after its start, and the number of contacts, by Dormand and Prince."""
+
+    def touch(t: float, x: Any) -> float:
+        return x[0] - 1.0
+
+    touch.terminal = True  # type: ignore[attr-defined]
+    t, state, contacts, end = orbit.times[0], orbit.states(orbit.times[0]), 0, orbit.times[-1]
+    inside = False  # the first flow is free
+    while True:
+        touch.direction = -1.0 if inside else 1.0  # type: ignore[attr-defined]
+        run = solve_ivp(
+            lambda t, x, f=stopped if inside else free: f(t, x, orbit.params), (t, end + 1e-6),
+            state, "DOP853", events=touch, rtol=1e-13, atol=1e-13, max_step=0.02,
+        )  # fmt: skip
+        t, state = run.t[-1], run.y[:, -1]
+        if run.status == 0 or t > end - 1e-3:
+            return np.append(state, t - end), contacts + inside
+        inside, contacts = not inside, contacts + inside
+
+
+def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch) -> None:
+    branches = whole(resonance)
+    assert {len(branch[1].solution.flights) for branch in branches} == {2, 4}
+    for branch in branches:
+        assert branch.stop.name == "EVENT"
+        # the integrator of the test sees contacts that last longer than one of its steps
+        orbits = [at.solution for at in branch if at.solution.durations.min() > 0.04]
+        assert orbits
+        for orbit in orbits[::3]:
+            arrived, contacts = flown(orbit)
+            assert contacts == len(orbit.flights) // 2
+            assert arrived == pytest.approx([*orbit.states(orbit.times[0]), 0.0], abs=1e-9)
+
+
+def test_contact_without_a_jump_of_the_force_leaves_the_orbit_where_it_was(
+    resonance: cb.Branch,
+) -> None:
+    for end in grazings(resonance):
+        (arm,) = cb.switch(end, within=WITHIN)
+        assert (arm[0]["beyond"], arm[0].parent) == ("persists", end)
+        # beyond the touch in the parameter, and the orbit changes by the cube of the contact
+        assert (arm[1]["w"] - end["w"]) * (end["w"] - 0.8) > 0
+        assert arm[0]["max(x)"] == pytest.approx(end["max(x)"], rel=1e-8)
+
+
+def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch) -> None:
+    for end in grazings(resonance):
+        (arm,) = cb.switch(end, within=WITHIN)
+        there = cb.trace(
+            arm[3].problem, "w", towards="up" if end["w"] < 0.8 else "down", within=WITHIN
+        )
+        shrunk = there.special[-1]
+        assert (shrunk.kind, shrunk["w"]) == ("GR", pytest.approx(end["w"], rel=1e-9))
+        window = sorted((1.1 * end["w"] - 0.08, 0.8))
+        (back,) = cb.switch(shrunk, within={"w": window})
+        assert back[0]["beyond"] == "persists"
+        assert back[0]["w"] == pytest.approx(end["w"], rel=1e-9)
+        assert back[-1]["w"] == 0.8
+        assert back[-1]["max(x)"] == pytest.approx(
+            next(at["max(x)"] for at in resonance if at["w"] == 0.8), rel=1e-9
+        )
+
+
+@pytest.mark.parametrize(
+    ("jump", "w", "beyond"), [(0.0, 1.0, "persists"), (0.05, 0.9, "persists"), (0.05, 1.1, "fold")]
+)
+def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond: str) -> None:
+    def sine(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(w * t) + 0.2]
+
+    def pressed(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], sine(t, x, p)[1] - 8 * (x[0] - 1) - jump]
+
+    flows = [
+        cb.Flow(sine, until=lambda t, x, p: 1 - x[0]),
+        cb.Flow(pressed, until=lambda t, x, p: x[0] - 1),
+    ]
+    orbit = cb.cycle(flows, {"x": 0.0, "v": 0.0}, {"F": 0.6}, period=TAU / w, settle=300)
+    contacts = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
+    shrunk = contacts.special[-1]
+    (arm,) = cb.switch(shrunk, within={"F": (0.02, 1)})
+    gain = 1 / abs(1 - w * w + 0.1j * w)
+    assert arm[0]["F"] == pytest.approx(0.8 / gain, rel=1e-9)
+    assert [at["max(x)"] for at in arm] == pytest.approx([0.2 + gain * at["F"] for at in arm])
+    # which is on the side of the contacts where these have turned back before they vanish
+    assert arm[0]["beyond"] == beyond
+    assert (shrunk["F"] < contacts[-2]["F"]) == (beyond == "persists")
+    assert arm[-1]["F"] == 0.02
+
+
+def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
+    start = resonance[1].problem
+    plain, beyond = (
+        cb.diagram(start, "w", within={"w": (0.75, 2.0)}, depth=2, most=4, beyond=beyond)
+        for beyond in (False, True)
+    )
+    assert len(plain) == 1
+    assert {branch[0].detail.get("beyond") for branch in beyond} >= {"persists"}
+
+
+def test_a_wall_leads_to_no_flow() -> None:
+    wall = cb.Flow(free, walls=(lambda t, x, p: 1 - x[0],))
+    orbit = cb.cycle(
+        wall, {"x": 0.0, "v": 0.0}, {"w": 2.0}, period=lambda p: TAU / p["w"], settle=200
+    )
+    branch = cb.trace(orbit, "w", within={"w": (0.5, 2.5)}, towards="down")
+    with pytest.raises(cb.BadInput, match="which flows follow there is known where"):
+        cb.switch(branch.first("GR"))

@@ -1,0 +1,111 @@
+"""Beyond grazing: at GR the branch with the impacts more, at VI the one with the impacts less."""
+
+from __future__ import annotations
+
+import pytest
+
+import contbreather as cb
+from contbreather.continuation.branches.switching import NothingToSwitch
+from tests.campaigns.beyond import checked, run
+
+CHAINS = {
+    "ring": {"gamma": 0.05, "k": 0.8, "damping": 0.02, "lattice": cb.Ring(9)},
+    "endless": {"gamma": 0.05, "k": 0.8},
+    "grid": {"gamma": 0.03, "k": 0.7, "damping": 0.01, "lattice": cb.Grid(3, 3), "site": 4},
+    "open": {"gamma": 0.04, "k": 0.6, "damping": 0.03, "lattice": cb.OpenChain(5), "site": 1},
+}
+
+
+def grazing(name: str) -> cb.Point:
+    breather = cb.symmetric(0.7, **CHAINS[name])
+    return cb.trace(breather, "a", towards="up").first("GR")
+
+
+def test_an_impulse_leads_away_from_grazing_as_far_as_it_was_computed_by_hand():
+    # both neighbours of a ring of 9 at once, from a solver of the same orbits of its own
+    end = grazing("ring")
+    assert end["a"] == pytest.approx(0.9126951531, abs=1e-10)
+    (arm,) = cb.switch(end, within={"a": (0.85, 1)})
+    assert (arm[0]["beyond"], arm[0]["a"]) == ("fold", end["a"])
+    assert arm[1].solution.section.impacts == ((0, 1), (1, 1), (8, 1))
+    for J, off, largest in (
+        (0.001, -0.000821, 8433),
+        (0.004, -0.003283, 2104),
+        (0.016, -0.013130, 522),
+        (0.06, -0.049228, 135),
+    ):
+        at = cb.trace(arm[2], "a", events=[cb.user("J2", -J)], within={"a": (0.85, 1)})
+        there = at.first("UZ")
+        assert there["a"] - end["a"] == pytest.approx(off, abs=6e-7)
+        mu = abs(there.solution.multipliers(half=True)).max()
+        assert mu == pytest.approx(largest, abs=0.6)
+        assert there.residual < 1e-13
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_grazing_and_the_impact_that_vanishes_are_one_place(name):
+    end = grazing(name)
+    within = {"a": (0.4, 2.0)}
+    (arm,) = cb.switch(end, within=within)
+    back = cb.trace(arm[2], "a", within=within).first("VI")
+    assert abs(back["a"] - end["a"]) < 1e-12
+    (less,) = cb.switch(back, within=within)
+    assert less[0].solution.section == end.solution.section
+    assert abs(less[0]["a"] - end["a"]) < 1e-12
+    assert less[0]["beyond"] == arm[0]["beyond"]
+
+
+def test_a_diagram_goes_on_beyond_grazing_when_asked():
+    breather, within = cb.symmetric(0.85, **CHAINS["ring"]), {"a": (0.8, 1.0)}
+    alone = cb.diagram(breather, "a", within=within)
+    tree = cb.diagram(breather, "a", within=within, beyond=True)
+    assert not any(place.point.kind == "GR" for place in alone.left)
+    born = [birth.place.point.kind for birth in tree.births if birth.place]
+    assert len(tree) > len(alone)
+    three = tree[1 + born.index("GR")]
+    assert three[0]["beyond"] == "fold"
+    assert three[1].solution.section.hit == (0, 1, 8)
+
+
+def test_what_random_orbits_become_beyond_grazing_is_flown_by_an_integrator_of_its_own():
+    found, wrong = run(12, seed=5)
+    assert not wrong
+    assert {what for _, what in found} == {"fold", "persists"}
+
+
+@pytest.mark.parametrize(
+    ("on", "says"),
+    [
+        ({"a": 0.7, "gamma": 0.0, "k": 0.8}, "the far field touches the walls: all sites hit them"),
+        ({"a": 0.55, "gamma": 0.02, "k": 0.0}, "site 0 is pushed into the wall: beyond it sticks"),
+    ],
+)
+def test_where_no_orbit_is_beyond_grazing_a_sentence_says_what_is(on, says):
+    end = cb.trace(cb.symmetric(**on), "a", within={"a": (0.1, 1.5)}).first("GR")
+    with pytest.raises(NothingToSwitch, match=says):
+        cb.switch(end)
+
+
+@pytest.mark.parametrize("gamma", [0.05, 0.12])
+def test_a_site_that_grazes_between_its_impacts_hits_twice_in_a_row(gamma):
+    breather = cb.symmetric(0.55, gamma, 0.01 if gamma < 0.1 else 0.001)
+    end = cb.trace(breather, "a", within={"a": (0.1, 1.5)}).first("GR")
+    (arm,) = cb.switch(end, within={"a": (0.1, 1.5)})
+    twice = arm[len(arm) // 2].solution
+    assert twice.section.impacts == ((0, 1), (0, 1), (0, -1), (0, -1))
+    assert checked(twice) == ""
+
+
+def test_elastic_neighbours_that_graze_as_the_breather_hits_are_found():
+    end = cb.trace(cb.symmetric(0.75, 0.08, 1.0), "a", towards="up").first("GR")
+    (arm,) = cb.switch(end, within={"a": (0.1, 1.5)})
+    assert arm[1].solution.section.hit == (-1, 0, 1)
+    assert checked(arm[len(arm) // 2].solution) == ""
+
+
+def test_what_begins_at_grazing_is_kept_in_files(tmp_path):
+    (arm,) = cb.switch(grazing("ring"), within={"a": (0.85, 1)})
+    cb.save(tmp_path / "arm.nc", arm)
+    kept = cb.load(tmp_path / "arm.nc")
+    assert kept[0]["beyond"] == "fold"
+    assert kept[0].solution.stability().stable is None

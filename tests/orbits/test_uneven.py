@@ -1,0 +1,143 @@
+"""Springs, dampings and restitution of each site."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.orbits.constructors import orbit_at, shooting
+from tests.campaigns import uneven
+from tests.stability.by_hand import slope
+
+RNG = np.random.default_rng(39)
+N = 7
+SPRING, DAMPING, K = ((mean * RNG.uniform(0.5, 1.5, N)).tolist() for mean in (0.25, 0.02, 0.6))
+PARTS: dict[str, Any] = {"spring": SPRING, "damping": DAMPING, "k": K}
+ON: dict[str, Any] = {"a": 0.4, "gamma": 0.05, "lattice": cb.OpenChain(N), "site": 2, **PARTS}
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_orbits_of_random_chains_return_under_another_integrator(number: int) -> None:
+    """Every draw that keeps off its walls returns, with its impacts and its multipliers."""
+    said = uneven.answer(np.random.default_rng([4, number]), number)
+    assert not said.startswith("WRONG"), said
+
+
+def test_most_random_chains_have_an_orbit_to_check() -> None:
+    said = [uneven.answer(np.random.default_rng([4, i]), i) for i in range(12)]
+    assert said.count("right") >= 6
+
+
+def test_the_parameters_are_means_and_the_lattice_knows_the_rest() -> None:
+    orbit = cb.symmetric(**ON)
+    for name, given in PARTS.items():
+        assert getattr(orbit, name) == pytest.approx(np.mean(given), rel=1e-14)
+        own = orbit.conditions.at_sites(name, range(N))
+        assert own == pytest.approx(given, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["gamma", "spring", "damping", "k", "a"])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_slopes_in_parameters_are_those_of_differences(name: str, symmetric: bool) -> None:
+    walls = None if symmetric else {2: (-0.97, 1.0)}
+    problem = shooting(cb.symmetric(**ON), symmetric=symmetric, walls=walls)
+    motion = orbit_at(problem).representation
+    params = motion.conditions.params
+
+    def moved(h: float) -> Any:
+        return motion.equations.residual(motion.x, {**params, name: params[name] + h})
+
+    differences = slope(moved, 1e-3)
+    assert motion.equations.sensitivity(motion.x, params, name) == pytest.approx(
+        differences, abs=1e-9 * max(1.0, abs(differences).max())
+    )
+
+
+def test_branches_in_each_parameter_keep_the_proportions() -> None:
+    for name in ("gamma", "spring", "damping", "k"):
+        start = cb.symmetric(**ON)
+        value = getattr(start, name)
+        branch = cb.trace(start, name, within={name: (0.9 * value, 1.1 * value)})
+        end = branch.points[-1].solution
+        scale = getattr(end, name) / value
+        given = ON[name] if name == "gamma" else np.array(ON[name])
+        on = {**ON, name: given * scale}
+        assert cb.symmetric(**on).p == pytest.approx(end.p, rel=1e-9)
+
+
+def test_a_simulation_repeats_it() -> None:
+    orbit = cb.symmetric(**ON)
+    on = {name: value for name, value in ON.items() if name != "site"}
+    run = cb.simulate(orbit.state(), periods=2, **on)
+    assert abs(run.final.u - orbit.state()[0]).max() < 1e-12
+    assert len(run.impacts) == 4
+
+
+def test_one_number_for_each_that_is_the_same_is_one_number() -> None:
+    for lattice in (cb.Ring(6), cb.OpenChain(6)):
+        on = {"a": 0.5, "gamma": 0.05, "lattice": lattice}
+        one = cb.symmetric(k=0.8, spring=0.1, damping=0.01, **on)
+        each = cb.symmetric(k=[0.8] * 6, spring=[0.1] * 6, damping=[0.01] * 6, **on)
+        assert each.lattice == lattice
+        assert (each.p, each.phi) == (one.p, one.phi)
+
+
+def test_nearly_even_parts_are_nearly_those_of_modes() -> None:
+    """Whole chains by complex eigenvectors, and by normal modes."""
+    on = {"a": 0.5, "gamma": 0.05, "lattice": cb.OpenChain(6), "k": 0.8}
+    one = cb.symmetric(spring=0.1, damping=0.01, **on)
+    off = 1e-9 * np.array([1, -1, 1, -1, 1, -1])
+    near = cb.symmetric(spring=0.1 + off, damping=0.01 + off, **on)
+    assert (near.p, near.phi) == pytest.approx((one.p, one.phi), abs=1e-7)
+    assert near.stability().largest == pytest.approx(one.stability().largest, rel=1e-6)
+
+
+def test_files_keep_them(tmp_path: Path) -> None:
+    branch = cb.trace(cb.symmetric(**ON), "a", within={"a": (0.35, 0.45)})
+    cb.save(tmp_path / "b.nc", branch)
+    again = cb.load(tmp_path / "b.nc")
+    assert again.points[-1].solution.lattice == branch.points[-1].solution.lattice
+    assert again.points[-1].solution.multipliers() == pytest.approx(
+        branch.points[-1].solution.multipliers()
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            {"spring": [0.1, 0.2]},
+            "spring = [0.1, 0.2] has shape (2,); a number, or one for each of 7",
+        ),
+        ({"damping": [0.1] * 6 + [-0.1]}, "damping = -0.1"),
+        ({"k": [0.5] * 6 + [1.1]}, "k = 1.1"),
+        ({"k": ["x"] * 7}, "one number for each site"),
+        ({"lattice": cb.lattice.InfiniteChain(), "site": 0}, "for finite lattices"),
+    ],
+)
+def test_what_does_not_fit_is_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(cb.BadInput) as refused:
+        cb.symmetric(**{**ON, **wrong})
+    assert said in str(refused.value)
+
+
+def test_smooth_walls_refuse_them() -> None:
+    orbit = cb.symmetric(**ON)
+    with pytest.raises(cb.BadInput, match="smooth walls take one"):
+        cb.simulation.simulate_smooth(orbit, periods=1, m=20, k=0.8)
+
+
+def test_two_sites_and_their_symmetries() -> None:
+    """On a ring with one other spring, sites are alike at equal distances from that alone."""
+    on = {"a": 0.5, "gamma": 0.03, "k": 0.8, "lattice": cb.Ring(6)}
+    spring = [0.1, 0.1, 0.1, 0.3, 0.1, 0.1]
+    alike = cb.multibreathers(most=1, **on)
+    own = cb.multibreathers(most=1, **on, spring=spring)
+    assert [entry.sites for entry in alike] == [(0,)]
+    assert [entry.sites for entry in own] == [(0,), (1,), (2,), (3,)]
+    assert [entry.copies for entry in own] == [1, 2, 2, 1]
+    assert all(entry.exists for entry in own)
