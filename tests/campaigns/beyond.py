@@ -120,7 +120,8 @@ def beyond(orbit, free="a"):
         return str(error).partition("): ")[2] or str(error), ""
     if len(arm) < 3:
         return f"{arm[0]['beyond']}, a short one: {arm[-1].label}", ""
-    there = arm[len(arm) // 2]
+    # a branch that ends in its own mirror image has a branch point in its middle
+    there = arm[len(arm) // 3]
     wrong = checked(there.solution)
     back = [p for p in cb.trace(there, free, within=within).special if p.kind == "VI"]
     off = min((abs(p[free] - end[free]) for p in back), default=math.inf)
