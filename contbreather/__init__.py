@@ -35,6 +35,7 @@ __all__ = front(
         "flows": "Collocation Filippov Flow cycle equilibrium integrate",
         "lattice": "Fourier Harmonic InfiniteChain Ring Samples Symbolic",
         "lattice.finite": "Grid Lattice OpenChain",
+        "lattice.units": "Units",
         "orbits": "Orbit grazing neimark_sacker period_doubling pitchfork symmetric zones",
         "orbits.atlas": "atlas zones_many",
         "orbits.constructors": "shooting",

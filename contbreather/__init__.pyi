@@ -44,6 +44,7 @@ from .lattice import Symbolic as Symbolic
 from .lattice.finite import Grid as Grid
 from .lattice.finite import Lattice as Lattice
 from .lattice.finite import OpenChain as OpenChain
+from .lattice.units import Units as Units
 from .orbits import Orbit as Orbit
 from .orbits import grazing as grazing
 from .orbits import neimark_sacker as neimark_sacker

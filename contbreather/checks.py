@@ -101,7 +101,11 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
         array = array.astype(float) if array.dtype.kind in "iufO" else np.array(math.nan)
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
         array = np.array(math.nan)
-    if not np.isfinite(array).all():
+    finite = np.isfinite(array)
+    if not finite.all():
+        if array.ndim:  # of many the first that is not
+            at = np.argwhere(~finite)[0].tolist()
+            name, value = f"{name}{at}", float(array[tuple(at)])
         raise BadInput(f"{name} = {brief(value)}: finite real numbers were expected.")
     return array
 

@@ -72,9 +72,9 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
 
 
 STORY = (
-    "breather", "branch", "zones", "switching", "beyond_grazing", "lattice", "disorder", "shooting",
-    "simulate", "smooth_walls", "your_own_problem", "henon", "lorenz", "pendulum", "bouncing_ball",
-    "impact_oscillator", "stick_slip",
+    "breather", "branch", "zones", "switching", "beyond_grazing", "lattice", "disorder",
+    "measurement", "shooting", "simulate", "smooth_walls", "your_own_problem", "henon", "lorenz",
+    "pendulum", "bouncing_ball", "impact_oscillator", "stick_slip",
 )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ const TOPICS = {
   "auto_examples/impact_oscillator": "impact oscillator grazing",
   "auto_examples/stick_slip": "stick slip friction",
   "coming-from": "auto matcont bifurcationkit coco matlab julia migrate",
+  "measurement": "measurement measured laboratory experiment units si newton hertz metre noise data fit",
   "how-to/damped-ring": "damping damped threshold",
   "how-to/own-lattice": "own graph network stiffness matrix mass custom lattice",
   "how-to/figures": "plot zones figure draw picture colour label legend publication paper journal matplotlib heat map pdf svg notebook jupyter",

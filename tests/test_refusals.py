@@ -383,7 +383,7 @@ def test_numbers_keep_their_shape() -> None:
     assert numbers("u", [Fraction(1, 2), 2]).tolist() == [0.5, 2.0]
     wrong = ([1.0, math.nan], [math.inf], ["1"], [True, False], [1j], [[1.0], [1.0, 2.0]], None)
     for value in (*wrong, [object()], [10**400]):
-        with pytest.raises(BadInput, match=r"^u = .*: finite real numbers were expected\."):
+        with pytest.raises(BadInput, match=r"^u.* = .*: finite real numbers were expected\."):
             numbers("u", value)
 
 
