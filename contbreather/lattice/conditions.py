@@ -26,6 +26,7 @@ from contbreather.lattice.forcing import (
     Periodic,
     Samples,
     TrigonometricSeries,
+    even_harmonics,
 )
 from contbreather.lattice.formula import Symbolic
 from contbreather.lattice.impact_law import ImpactLaw, Restitution
@@ -183,6 +184,11 @@ class Conditions:
             return getattr(self, name)
         which = np.asarray(sites) % self.lattice.sites  # around a ring
         return getattr(self, name) * getattr(self.lattice, PER_SITE[name])[which]
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the mirror image of a motion, half a period later, obeys the same laws."""
+        return self.walls.symmetric and not even_harmonics(self.forcing)
 
     @property
     def law(self) -> ImpactLaw:

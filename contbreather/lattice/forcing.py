@@ -1,9 +1,9 @@
-"""Forcings of every site alike: ``F(t) = a * shape(t)``, 2 pi periodic and antisymmetric.
+"""Forcings of every site alike: ``F(t) = a * shape(t)``, 2 pi periodic.
 
-A forcing answers for ``f`` with ``f'' = F``, ``f(t + pi) = -f(t)`` (eq. (5)), always at unit
-amplitude: the amplitude ``a`` belongs to the breather. Antisymmetry leaves odd harmonics only,
-and then f is F with each harmonic m divided by ``-m^2``: no constants of integration are left.
-Whatever the forcing was given as, inside it is one trigonometric series.
+A forcing answers for ``f`` with ``f'' = F`` (eq. (5)), always at unit amplitude: the amplitude
+``a`` belongs to the breather. f is F with each harmonic m divided by ``-m^2``; nothing periodic
+answers a mean, which is kept beside it. Symmetric breathers need ``F(t + pi) = -F(t)``, odd
+harmonics only. Whatever the forcing was given as, inside it is one trigonometric series.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import brief, number, numbers, real, whole
+from contbreather.checks import brief, flag, number, numbers, real, whole
 from contbreather.errors import BadInput
 from contbreather.kernels import Kernel, Matrix, Vector, inlined
 
@@ -27,15 +27,16 @@ ComplexArray = NDArray[np.complex128]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LARGEST = 1e100  # coefficient; sums of their squares stay finite
 
-Harmonics = tuple[tuple[int, float, float], ...]  # (m, A, B): A cos(m t) + B sin(m t)
+# (m, A, B): A cos(m t) + B sin(m t), of f; a mean F0 of F, which f has none of, is (0, F0, 0)
+Harmonics = tuple[tuple[int, float, float], ...]
 
 
 class Forcing(Protocol):
     """Everything a breather asks of its forcing; all values are at unit amplitude.
 
-    ``f, df, d2f, d3f`` are f and its derivatives (``d2f`` is F itself): a float for a float, an
-    array for an array. ``params`` are the forcing's own continuation parameters, `at` returns
-    the forcing with some of them changed, ``f_param(name, t, order)`` is the derivative of
+    ``f, df, d2f, d3f`` are f and its derivatives (``d2f`` is F itself, with its mean): a float for
+    a float, an array for an array. ``params`` are the forcing's own continuation parameters, `at`
+    returns the forcing with some of them changed, ``f_param(name, t, order)`` is the derivative of
     the order-th derivative of f with respect to one of them.
     """
 
@@ -90,20 +91,22 @@ MOTIONS = Kernel(series_motions)
 
 
 class TrigonometricSeries:
-    """f as a trigonometric series, with its derivatives of any order."""
+    """f as a trigonometric series, with its derivatives of any order, and the mean of F."""
 
-    __slots__ = ("harmonics", "rows")
+    __slots__ = ("harmonics", "mean", "rows", "waves")
 
     def __init__(self, harmonics: Harmonics) -> None:
         self.harmonics = harmonics
-        self.rows = np.array(harmonics, dtype=float).reshape(-1, 3)
+        self.mean = sum(A for m, A, _ in harmonics if m == 0)
+        self.waves = tuple(row for row in harmonics if row[0])
+        self.rows = np.array(self.waves, dtype=float).reshape(-1, 3)
 
     def motion(self, t: Any) -> Any:
         """Value and derivatives, at one time or many."""
         one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
         # of more harmonics machine code beats Python, even for one time
-        if one and len(self.harmonics) < 12:
-            return series_motion(self.harmonics, t)
+        if one and len(self.waves) < 12:
+            return series_motion(self.waves, t)
         times = np.array(t, dtype=float)
         out = np.empty((4, times.size))
         MOTIONS(self.rows, times.ravel(), out)
@@ -116,13 +119,13 @@ class TrigonometricSeries:
         return self.motion(t)[order]
 
     def second(self) -> TrigonometricSeries:
-        """Its second derivative: F, of f."""
-        return TrigonometricSeries(tuple((m, -m * m * A, -m * m * B) for m, A, B in self.harmonics))
+        """Its second derivative: F less its mean, of f."""
+        return TrigonometricSeries(tuple((m, -m * m * A, -m * m * B) for m, A, B in self.waves))
 
     def on_grid(self, size: int) -> FloatArray:
         """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
         spectrum = np.zeros(size // 2 + 1, dtype=complex)
-        for m, cosine, sine in self.harmonics:
+        for m, cosine, sine in self.waves:
             # irfft divides by size, and adds the conjugate at -m
             spectrum[m] = 0.5 * size * complex(cosine, -sine)
         return np.fft.irfft(spectrum, size)
@@ -146,7 +149,7 @@ class Periodic:
         return self._series.at(t, 1)
 
     def d2f(self, t: Any) -> Any:
-        return self._series.at(t, 2)
+        return self._series.at(t, 2) + self._series.mean
 
     def d3f(self, t: Any) -> Any:
         return self._series.at(t, 3)
@@ -163,6 +166,11 @@ class Periodic:
     @property
     def highest(self) -> int:
         return max((m for m, a, b in self._series.harmonics if a or b), default=1)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether F(t + pi) = -F(t), whatever its parameters: it has odd harmonics only."""
+        return not even_harmonics(self)
 
     @property
     def params(self) -> dict[str, float]:
@@ -191,7 +199,7 @@ class Periodic:
 
     def peak(self) -> float:
         """Largest |f| at unit amplitude; ``a * peak() <= 1`` keeps the far field off its walls."""
-        return _peak(self._series.harmonics)
+        return peak_of(self._series.waves)
 
     def _unknown(self, names: Sequence[str]) -> BadInput:
         have = ", ".join(self.params) or "none"
@@ -201,14 +209,49 @@ class Periodic:
         )
 
 
+@lru_cache(maxsize=256)
+def even_harmonics(forcing: Forcing) -> tuple[int, ...]:
+    """Harmonics of F that break F(t + pi) = -F(t), 0 for a mean; those of a parameter that is 0
+    just now are among them.
+
+    Examples
+    --------
+    >>> even_harmonics(Harmonic()), even_harmonics(Fourier(cos={0: 0.1, 1: -1.0, 2: 0.0}))
+    ((), (0, 2))
+    """
+    slopes = (row for name in forcing.params for row in forcing.slope_harmonics(name))
+    return tuple(sorted({m for m, A, B in (*forcing.harmonics, *slopes) if not m % 2 and (A or B)}))
+
+
+def check_symmetric(forcing: Forcing) -> None:
+    """`BadInput` for even harmonics or a mean, under which no orbit is its own mirror image."""
+    even = even_harmonics(forcing)
+    if even:
+        waves = [*map(str, filter(None, even))]
+        named = f"the even harmonic{'s' * (len(waves) > 1)} {', '.join(waves[:6])}"
+        parts = ["a mean"] * (0 in even) + [named + ", ..." * (len(waves) > 6)] * bool(waves)
+        raise BadInput(
+            f"the forcing, {forcing.describe()}, has {' and '.join(parts)}: without F(t + pi) = "
+            "-F(t) no orbit is its own mirror image half a period later, and there is no half "
+            "section and no pitchfork; drop them, or shoot the whole period from the breather b "
+            "of its odd harmonics, shooting(b, forcing=..., symmetric=False)."
+        )
+
+
 @lru_cache(maxsize=64)
-def _peak(harmonics: Harmonics) -> float:
+def peak_of(harmonics: Harmonics, sign: int = 0) -> float:
+    """Largest |f|, or largest value of f or -f by a sign, without a mean."""
     if len(harmonics) == 1:  # without an FFT, whose import a first breather would wait for
         return math.hypot(*harmonics[0][1:])
     series = TrigonometricSeries(harmonics)
     highest = max(m for m, _, _ in harmonics)
-    t = math.pi * np.arange(32 * highest) / (32 * highest)
-    values = np.abs(series.on_grid(64 * highest)[: t.size])  # |f(t + pi)| = |f(t)|: half will do
+    odd = all(m % 2 for m, _, _ in harmonics)
+    if not (odd or sign):
+        return max(peak_of(harmonics, 1), peak_of(harmonics, -1))
+    # of odd ones |f(t + pi)| = |f(t)|: half will do
+    t = math.pi * np.arange((32 if odd else 64) * highest) / (32 * highest)
+    values = series.on_grid(64 * highest)[: t.size]
+    values = np.abs(values) if odd else sign * values
     best = float(values.max())
     # every maximum that could still win; the grid misses at most (highest h)^2/2 of one
     peaks = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
@@ -220,7 +263,8 @@ def _peak(harmonics: Harmonics) -> float:
                 break
             # no farther than a step of the grid for one harmonic, pi/32
             x -= max(-0.1, min(0.1, series.at(x, 1) / curvature))
-        best = max(best, abs(series.at(x, 0)))
+        value = series.at(x, 0)
+        best = max(best, abs(value) if odd else sign * value)
     return best
 
 
@@ -242,20 +286,20 @@ class Harmonic(Periodic):
 
 @dataclass(frozen=True, init=False, repr=False)
 class Fourier(Periodic):
-    """A sum of odd harmonics: ``F/a = sum of C_m cos(m t) + S_m sin(m t)``.
+    """A sum of harmonics: ``F/a = sum of C_m cos(m t) + S_m sin(m t)``.
 
     Parameters
     ----------
-    cos, sin : mapping of odd positive int to float
-        The coefficients of F/a. Their names as continuation parameters are ``c1, c3, ...``
-        and ``s1, s3, ...`` (those given, zeros included): a small third harmonic can be grown
-        from ``cos={1: -1.0, 3: 0.0}``.
+    cos, sin : mapping of int to float
+        The coefficients of F/a; ``cos={0: ...}`` is its mean. Symmetric orbits need odd ones
+        only. Their names as continuation parameters are ``c1, c3, ...`` and ``s1, s3, ...``
+        (those given, zeros included): a small third harmonic can be grown from ``cos={1: -1.0,
+        3: 0.0}``, an offset from ``cos={0: 0.0, 1: -1.0}``.
 
     Raises
     ------
     BadInput
-        For an even or non-positive order (not antisymmetric, or a mean), a coefficient that is
-        not finite, or no forcing at all.
+        For an order that is none, a coefficient that is not finite, or nothing but a mean.
 
     Examples
     --------
@@ -275,16 +319,16 @@ class Fourier(Periodic):
     ) -> None:
         object.__setattr__(self, "cos", _coefficients("cos", cos))
         object.__setattr__(self, "sin", _coefficients("sin", sin))
-        if not any(c for _, c in self.cos + self.sin):
+        if not any(c for m, c in self.cos + self.sin if m):
             raise BadInput(
-                "the forcing is zero: give at least one coefficient of an odd harmonic, "
-                "for example cos={1: -1.0} for F = -a cos t."
+                f"the forcing is {'constant' if any(c for _, c in self.cos) else 'zero'}: give at "
+                "least one coefficient of a harmonic, for example cos={1: -1.0} for F = -a cos t."
             )
         check_size(max(abs(c) for _, c in self.cos + self.sin), "the forcing")
         c, s = dict(self.cos), dict(self.sin)
         orders = sorted({*c, *s})
         # f'' = F, eq. (5): each harmonic over -m^2
-        f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
+        f = tuple((m, _over(m, c.get(m, 0.0)), _over(m, s.get(m, 0.0))) for m in orders)
         object.__setattr__(self, "_series", TrigonometricSeries(f))
         object.__setattr__(self, "_slopes", {name: _unit(name) for name in self.params})
 
@@ -292,20 +336,29 @@ class Fourier(Periodic):
     def from_response(
         cls, cos: Mapping[int, float] | None = None, sin: Mapping[int, float] | None = None
     ) -> Fourier:
-        """Make it from the coefficients of f instead of F: F's are ``-m^2`` times those."""
+        """Make it from the coefficients of f instead of F: F's are ``-m^2`` times those, but for a
+        mean, which is that of F."""
         return cls(
-            {m: -(m**2) * c for m, c in _coefficients("cos", cos)},
+            {m: (-(m**2) or 1) * c for m, c in _coefficients("cos", cos)},
             {m: -(m**2) * c for m, c in _coefficients("sin", sin)},
         )
 
     @classmethod
     def fit(
-        cls, t: ArrayLike, F: ArrayLike, harmonics: int = 5, frequency: float | None = None
+        cls,
+        t: ArrayLike,
+        F: ArrayLike,
+        harmonics: int = 5,
+        frequency: float | None = None,
+        *,
+        symmetric: bool = True,
     ) -> Fourier:
-        """Fit odd harmonics to noisy samples of F, by least squares.
+        """Fit harmonics to noisy samples of F, by least squares.
 
         Mean and even harmonics are fitted along, so that they do not pass for odd ones where
-        the samples are uneven, and left out: they count as residual.
+        the samples are uneven, and left out unless asked for: they count as residual. What
+        noise leaves of them would take its symmetry from every orbit, and a mean may well be
+        the sensor's.
 
         Parameters
         ----------
@@ -315,6 +368,9 @@ class Fourier(Periodic):
             The highest harmonic: 1, 3 and 5 for 5.
         frequency : float, optional
             Periods per unit of t, hertz for seconds; the period is 2 pi without it.
+        symmetric : bool
+            Odd harmonics only. With False the mean and even ones are kept, ``drive.at(c0=0.0)``
+            is without the mean.
 
         Returns
         -------
@@ -368,18 +424,20 @@ class Fourier(Periodic):
                 "same place of the period; take fewer harmonics, or sample between."
             )
         cos, sin = found[: highest + 1], np.append(0.0, found[highest + 1 :])
-        kept = waves.real[:, 1::2] @ cos[1::2] + waves.imag[:, 1::2] @ sin[1::2]
+        some = slice(1, None, 2) if flag("symmetric", symmetric) else slice(None)
+        kept = waves.real[:, some] @ cos[some] + waves.imag[:, some] @ sin[some]
         left, explained = float(np.std(F - kept)), float(np.std(kept))
         left = math.hypot(left, float(np.mean(F - kept)))
         if not left < explained:
+            lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "
             raise BadInput(
-                f"odd harmonics up to {highest} leave {left:.3g} of the force and explain "
-                f"{explained:.3g} (rms; its mean is {cos[0]:.3g}): either it is not periodic with "
-                f"{2.0 * math.pi / rate:.6g}, then give `frequency=`, or not antisymmetric, "
-                "F(t + T/2) = -F(t), or needs more harmonics."
+                f"{'odd ' * symmetric}harmonics up to {highest} leave {left:.3g} of the force, "
+                f"explaining {explained:.3g} (rms; its mean is {cos[0]:.3g}): either it is not "
+                f"periodic with {2.0 * math.pi / rate:.6g}, then give `frequency=`, or "
+                f"{lopsided * symmetric}needs more harmonics."
             )
-        odd = range(1, highest + 1, 2)
-        drive = cls({m: cos[m] for m in odd}, {m: sin[m] for m in odd})
+        orders = range(highest + 1)[some]
+        drive = cls({m: cos[m] for m in orders}, {m: sin[m] for m in orders if m})
         object.__setattr__(drive, "residual", left)
         return drive
 
@@ -393,7 +451,7 @@ class Fourier(Periodic):
         )
 
     def describe(self) -> str:
-        terms = [f"{v:+.6g} cos {_times(m)}" for m, v in self.cos]
+        terms = [f"{v:+.6g} cos {_times(m)}" if m else f"{v:+.6g}" for m, v in self.cos]
         terms += [f"{v:+.6g} sin {_times(m)}" for m, v in self.sin]
         return f"F = a ({' '.join(terms)})"
 
@@ -407,9 +465,13 @@ def _unit(name: str) -> TrigonometricSeries:
     """f of the force cos(m t) or sin(m t), by the name of its coefficient."""
     m = int(name[1:])
     # f is linear in its coefficients: the slope in one is the f of that term alone
-    return TrigonometricSeries(
-        ((m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2),)
-    )
+    over = _over(m, 1.0)
+    return TrigonometricSeries(((m, over, 0.0) if name[0] == "c" else (m, 0.0, over),))
+
+
+def _over(m: int, coefficient: float) -> float:
+    """Coefficient of f from that of F; of a mean itself."""
+    return -coefficient / m**2 if m else coefficient
 
 
 def _times(m: int) -> str:
@@ -424,13 +486,14 @@ def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[i
     for m, value in terms.items():
         if not isinstance(m, int | float | np.number):
             raise BadInput(
-                f"{kind} harmonic {brief(m)}: one of the odd harmonics 1, 3, 5, ... was expected, "
+                f"{kind} harmonic {brief(m)}: one of the harmonics 1, 2, 3, ... was expected, "
                 f"a whole number; {kind}={{1: -1.0}} is -{kind}(t)."
             )
-        if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 1 or m % 2 == 0:
+        lowest = 0 if kind == "cos" else 1
+        if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < lowest:
             raise BadInput(
-                f"{kind} harmonic {m!r}: the forcing must be antisymmetric, F(t + pi) = -F(t), "
-                "which leaves the odd harmonics 1, 3, 5, ... only; drop the others."
+                f"{kind} harmonic {m!r}: harmonics of the forcing are the whole numbers 1, 2, 3, "
+                "..., with the period 2 pi; its mean is cos={0: ...}."
             )
         if m > HIGHEST:
             raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")
@@ -469,17 +532,20 @@ class Samples(Periodic):
     Parameters
     ----------
     values : array_like, shape (M,)
-        M even and at least 8. The upper half of the spectrum must be empty to 1e-10 of the largest
+        M even and at least 8; antisymmetric, ``F(t + pi) = -F(t)``, where that holds to 1e-9 of
+        the largest. The upper half of the spectrum must be empty to 1e-10 of the largest
         harmonic (at least four points to the period of the highest harmonic); then F and f
         are right to about that everywhere, and to rounding for exact samples.
     harmonics : int, optional
         The highest harmonic kept, of noisy samples: odd ones up to it, at most M/4, are all that
         is left of the values, whatever else is in them.
+    symmetric : bool
+        With `harmonics`, False: the mean and even ones are kept, too.
 
     Raises
     ------
     BadInput
-        When not finite, not antisymmetric to 1e-9 of the largest value, zero, or unresolved.
+        When not finite, zero, constant, or unresolved.
 
     Examples
     --------
@@ -491,7 +557,9 @@ class Samples(Periodic):
 
     values: tuple[float, ...]
 
-    def __init__(self, values: ArrayLike, harmonics: int | None = None) -> None:
+    def __init__(
+        self, values: ArrayLike, harmonics: int | None = None, *, symmetric: bool = True
+    ) -> None:
         try:
             samples = np.asarray(values, dtype=float)
         except (TypeError, ValueError, OverflowError):
@@ -504,26 +572,24 @@ class Samples(Periodic):
                 "so that every sample has its partner half a period later."
             )
         if harmonics is not None:
-            samples = _reduced(samples, whole("harmonics", harmonics, 1))
+            highest = whole("harmonics", harmonics, 1)
+            samples = _reduced(samples, highest, flag("symmetric", symmetric))
         object.__setattr__(self, "values", tuple(samples.tolist()))
-        half = samples.size // 2
-        size, worst = np.max(np.abs(samples)), np.max(np.abs(samples[:half] + samples[half:]))
-        if worst > 1e-9 * size:
-            raise BadInput(
-                f"the samples are not antisymmetric: |F(t + pi) + F(t)| reaches {worst:.3g} where "
-                f"|F| reaches {size:.3g}; the symmetric breather needs F(t + pi) = -F(t)."
-            )
-        object.__setattr__(
-            self, "_series", TrigonometricSeries(self._resolve(samples, float(size)))
-        )
+        object.__setattr__(self, "_series", TrigonometricSeries(self._resolve(samples)))
 
     @staticmethod
-    def _resolve(values: FloatArray, size: float) -> Harmonics:
-        if size == 0.0:
-            raise BadInput("the forcing is zero: its samples are all 0.")
+    def _resolve(values: FloatArray) -> Harmonics:
+        half, size = values.size // 2, float(np.max(np.abs(values)))
+        if (values == values[0]).all():
+            raise BadInput(
+                f"the forcing is {'constant' if size else 'zero'}: its samples are all "
+                f"{values[0]:.6g}."
+            )
         check_size(size, "the forcing")
-        sizes = abs(spectrum := spectrum_of(values))
-        sizes[::2] = 0.0  # antisymmetric to the tolerance of before
+        spectrum = spectrum_of(values)
+        if np.max(np.abs(values[:half] + values[half:])) <= 1e-9 * size:  # antisymmetric
+            spectrum[::2] = 0.0
+        sizes = abs(spectrum)
         largest, tail = sizes.max(), sizes[values.size // 4 + 1 :].max()
         if tail > 1e-10 * largest:
             raise BadInput(
@@ -540,15 +606,17 @@ class Samples(Periodic):
         return f"Samples(<{len(self.values)} values>)"
 
 
-def _reduced(samples: FloatArray, highest: int) -> FloatArray:
-    """Their odd harmonics, up to the highest."""
+def _reduced(samples: FloatArray, highest: int, symmetric: bool) -> FloatArray:
+    """Their harmonics, or odd ones, up to the highest."""
     if 4 * highest > samples.size:
         raise BadInput(
             f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and {highest} "
             "were asked for: sample finer, or keep fewer."
         )
     spectrum = np.fft.rfft(samples)
-    spectrum[::2] = spectrum[highest + 1 :] = 0.0
+    spectrum[highest + 1 :] = 0.0
+    if symmetric:
+        spectrum[::2] = 0.0
     return np.fft.irfft(spectrum, samples.size)
 
 
@@ -560,10 +628,6 @@ def spectrum_of(values: FloatArray) -> ComplexArray:
 
 
 def response_of(spectrum: ComplexArray, floor: float) -> Harmonics:
-    """f from the odd harmonics of F, without what is only rounding."""
-    odd = enumerate(spectrum[1::2].tolist())  # C - i S, to be divided by -m^2
-    return tuple(
-        (m, -c.real / m**2, c.imag / m**2)
-        for m, c in ((2 * i + 1, c) for i, c in odd)
-        if abs(c) > floor
-    )
+    """f from the harmonics of F, C - i S, without what is only rounding."""
+    each = enumerate(spectrum.tolist())
+    return tuple((m, _over(m, c.real), _over(m, -c.imag)) for m, c in each if abs(c) > floor)

@@ -183,9 +183,10 @@ def _series_of(
             spectra, samples, resolved = _expanded(formula, params, size)
     at = " at " * bool(params) + ", ".join(f"{n} = {v:g}" for n, v in params.items())
     subject, largest = f"the forcing {brief(formula.text)}", float(abs(samples[0]).max())
-    if not spectra[0].any():
+    if not spectra[0][1:].any():
+        what = "constant" if spectra[0].any() else "zero"
         raise BadInput(
-            f"{subject} is zero{at}; a breather needs one that moves it, for instance '-cos(t)'."
+            f"{subject} is {what}{at}; a breather needs one that moves it, for instance '-cos(t)'."
         )
     if np.isfinite(largest):
         check_size(largest, subject)
@@ -254,25 +255,23 @@ def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, A
 
 
 def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
-    """That F, or a slope of it, is finite, antisymmetric, resolved and 2 pi periodic."""
+    """That F, or a slope of it, is finite, resolved and 2 pi periodic; without even harmonics where
+    these are rounding."""
     size, even = float(abs(row).max()), abs(spectrum[::2])
     if not size <= LARGEST:
         raise BadInput(f"{subject} is not a finite real number at every t{at}.")
     # what is not resolved may be so steep that the rounding of times shows
     lopsided = np.linalg.norm(even) > (1e-12 if resolved else 1e-6) * np.linalg.norm(spectrum)
     periodic = abs(row[-12:-6] - row[-6:]).max() <= (1e-9 if resolved else 1e-6) * size
-    if lopsided and periodic:
-        raise BadInput(
-            f"{subject} is not antisymmetric: over a period it has the even harmonic "
-            f"{2 * even.argmax()}; the breather needs F(t + pi) = -F(t), odd harmonics only."
-        )
-    if not (resolved or lopsided):
+    if not resolved and (periodic or not lopsided):
         raise BadInput(
             f"{subject} is not resolved by {FINEST // 4} harmonics (a jump, a kink, a pole, too "
             "steep a flank?); give the harmonics you mean with Fourier."
         )
     if not periodic:
         raise BadInput(f"{subject} is not 2 pi periodic.")
+    if not lopsided:
+        spectrum[::2] = 0.0
 
 
 # --- the forcing ----------------------------------------------------------------------------------
@@ -282,9 +281,9 @@ def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resol
 class Symbolic(Periodic):
     """A formula (or sympy expression) in ``t`` for F/a; other names in it are parameters.
 
-    It is expanded in odd harmonics, each term until the rest is below 4e-15 of its largest one.
-    Nothing is executed. What no breather can have (not antisymmetric, with a mean, not 2 pi
-    periodic, not finite, with jumps, kinks or poles) is `BadInput`, and so is what would take long.
+    It is expanded in harmonics, each term until the rest is below 4e-15 of its largest one; even
+    ones below 1e-12 are rounding. Nothing is executed. What drives no breather (not 2 pi periodic,
+    not finite, with jumps, kinks or poles) is `BadInput`, and so is what would take long.
 
     Parameters
     ----------
@@ -363,7 +362,7 @@ def sampled(force: Callable[[float], float]) -> Samples:
     series = _series_of(formula, ())[""]
     # four samples to the shortest period, as `Samples` asks for
     size = max(8, 4 * max(m for m, _, _ in series.harmonics))
-    return Samples(series.second().on_grid(size))
+    return Samples(series.second().on_grid(size) + series.mean)
 
 
 def forcing_of(forcing: Drive | sympy.Expr | None, /, **params: float) -> Forcing:

@@ -125,11 +125,12 @@ def driven_spectrum(
     damping: float,
     by: str = "",
 ) -> DrivenSpectrum:
-    """The forced motion of every site at unit amplitude, or its derivative in gamma, spring,
-    damping or a parameter of the forcing; 0 in all others."""
+    """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
+    in gamma, spring, damping or a parameter of the forcing; 0 in all others."""
     own = by in forcing.params
     series = forcing.slope_harmonics(by) if own else forcing.harmonics
-    m, A, B = np.array(series, dtype=float).reshape(-1, 3).T
+    waves = [row for row in series if row[0]]  # what a mean does depends on who is held
+    m, A, B = np.array(waves, dtype=float).reshape(-1, 3).T
     F = -m * m * (A - 1j * B)  # f'' = F
     if not lattice.even:
         medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)

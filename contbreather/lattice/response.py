@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
-from contbreather.lattice.forcing import Forcing, Harmonics
+from contbreather.lattice.forcing import Forcing, Harmonics, even_harmonics
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
@@ -155,6 +155,11 @@ class Response:
         """Stiffness between the offsets, per mass, or its derivative."""
         raise NotImplementedError
 
+    def still(self, by: str = "") -> tuple[FloatArray, FloatArray]:
+        """Displacement of sites by a mean of the drive at unit amplitude, where those that are hit
+        are held at 0, and what it pulls at these with, per mass; or derivatives."""
+        return np.zeros(1), np.zeros(len(self.hit))
+
     def varied(self, name: str) -> Response:
         """The same as one that has derivatives in a parameter."""
         return self
@@ -162,7 +167,8 @@ class Response:
 
 @dataclass(frozen=True)
 class UniformResponse(Response):
-    """That of the infinite chain, and of rings without losses, in closed form."""
+    """That of the infinite chain, and of rings without losses, in closed form, to drives without a
+    mean."""
 
     def varied(self, name: str) -> Response:
         held = name in ("damping", "spring") and name not in self.drive.params
@@ -375,11 +381,18 @@ class ModalResponse(Response):
     # ------------------------------------------------------------------------ to the drive
 
     def driven(self, by: str = "") -> Any:
-        """The forced motion of all sites at unit amplitude, or its derivative."""
-        from contbreather.lattice.modal_flow import driven_spectrum  # a breather needs none
+        """The forced motion of all sites at unit amplitude, or its derivative; by a mean that of
+        sites which are not hit, the others held at 0."""
+        return _driven(self, by)
 
-        held = self.gamma, self.spring, self.damping
-        return driven_spectrum(self.lattice, self.drive, *held, by)
+    def still(self, by: str = "") -> tuple[FloatArray, FloatArray]:
+        if 0 not in even_harmonics(self.drive):
+            return super().still(by)
+        own = by in self.drive.params
+        rows = self.drive.slope_harmonics(by) if own else self.drive.harmonics
+        mean, held = sum(A for m, A, _ in rows if m == 0), (self.gamma, self.spring)
+        rest, pull = lifted(self.lattice, self.hit, *held, "" if own else by)
+        return mean * rest, mean * pull
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         return self.driven().along(sites, times)
@@ -484,6 +497,55 @@ def _as_table(
     return Responses(which, table, rates, *parts, unbounded, float(of.turns), of.sign < 0)
 
 
+@lru_cache(maxsize=64)
+def _driven(of: ModalResponse, by: str) -> Any:
+    from contbreather.lattice.modal_flow import (  # a breather needs none
+        DrivenSpectrum,
+        driven_spectrum,
+    )
+
+    waves = driven_spectrum(of.lattice, of.drive, of.gamma, of.spring, of.damping, by)
+    if 0 not in even_harmonics(of.drive):
+        return waves
+    still = of.still(by)[0]
+    table = np.broadcast_to(waves.table, (still.size, waves.m.size))
+    return DrivenSpectrum(np.append(waves.m, 0.0), np.column_stack([table, still]))
+
+
+@lru_cache(maxsize=64)
+def lifted(
+    lattice: Any, hit: Sites, gamma: float, spring: float, by: str = ""
+) -> tuple[FloatArray, FloatArray]:
+    """A lattice at rest under its drive at 1, sites that are hit held at 0: displacements of all,
+    and the force per mass at those; or derivatives in gamma or spring, 0 in others."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    bonds, held = stiffness_of(lattice), sparse.diags_array(lattice.masses * lattice.springs)
+    matrix = sparse.csc_array(gamma * bonds + spring * held)
+    rest = np.setdiff1d(np.arange(lattice.sites), hit)
+
+    def moved(force: FloatArray) -> FloatArray:
+        out = np.zeros(lattice.sites)
+        try:
+            if rest.size:
+                out[rest] = splu(matrix[rest][:, rest]).solve(force[rest])
+        except RuntimeError:
+            raise BadInput(
+                f"the drive has a mean, and nothing holds sites of the {lattice.describe()} "
+                f"against it (gamma = {gamma:.9g}, spring = {spring:.9g}): give it springs or, "
+                "where others hit their walls, coupling; a simulation takes it as it is."
+            ) from None
+        return out
+
+    force: FloatArray = lattice.masses * lattice.drive
+    still = moved(force)
+    if by:  # K u = F: K du = -dK u
+        force = -({"gamma": bonds, "spring": held}[by] @ still) if by in HELD[:2] else 0.0 * force
+        still = moved(force)
+    return still, (force - matrix @ still)[list(hit)] / lattice.masses[list(hit)]
+
+
 class AtRest(NamedTuple):
     """A lattice at rest if one of the sites that are hit is held at 1 and the others at 0."""
 
@@ -545,7 +607,8 @@ def answers_of(
     """The response of a lattice with these gamma, spring and damping: in closed form where it
     can be."""
     gamma, spring, damping = held
-    chain = isinstance(lattice, InfiniteChain | Ring) and not (damping or spring or resonant)
+    more = damping or spring or resonant or 0 in even_harmonics(drive)
+    chain = isinstance(lattice, InfiniteChain | Ring) and not more
     slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
     local = sign > 0 or (turns == 1 and len({*hits}) == 1)
     kind = UniformResponse if chain and (slow or lattice.sites is None) and local else ModalResponse

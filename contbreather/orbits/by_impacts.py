@@ -208,7 +208,9 @@ class ByImpacts:
             return 0.0
         sites = self.conditions.lattice.sites
         if sites is not None:
-            return float(self.response.profile(np.arange(sites)).mean(axis=0) @ self.offsets)
+            shares = self.response.profile(np.arange(sites)).mean(axis=0)
+            lifted = self.conditions.a * self.response.still()[0].mean()
+            return float(shares @ self.offsets + lifted)
         if len(self.offsets) > 1:
             raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
         return self.offsets[0]
@@ -306,7 +308,8 @@ class ByImpacts:
     def problem(self, threshold: float) -> Problem:
         orbit, on = Orbit(self), self.conditions
         plain = not (on.damping or on.spring or self.resonant) and on.walls == Walls()
-        arms = plain and (on.lattice.sites is None or isinstance(on.lattice, Ring))
+        alike = on.lattice.sites is None or isinstance(on.lattice, Ring)
+        arms = plain and alike and on.symmetric
         if arms and self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
             return asymmetric_problem(orbit, threshold)
         return impact_problem(orbit, threshold)
@@ -392,7 +395,7 @@ def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, An
     if section.count > 1 and not endless:
         columns |= {f"p{j + 1}": partial(momentum, j) for j in range(section.count)}
     if not (section.symmetric or section.local or endless):
-        columns["c"] = attrgetter("solution.c")
+        columns |= {} if "c" in on.forcing.params else {"c": attrgetter("solution.c")}
     if section.mirrored:
         columns["asymmetry"] = attrgetter("solution.asymmetry")
     columns["unstable"] = unstable_by(threshold)
@@ -441,7 +444,8 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     followed = GrazingSite(site, slopes, motion)
     if orbit.section.symmetric:
         return followed
-    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
+    arm = orbit.section.two_impacts and orbit.conditions.symmetric
+    asymmetry = orbit.asymmetry if arm else 0.0
     if abs(asymmetry) <= EQUAL:
         return replace(followed, meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)

@@ -29,7 +29,7 @@ from contbreather.lattice.conditions import (
     spring_response,
 )
 from contbreather.lattice.finite import Finite, Lattice, per_site
-from contbreather.lattice.forcing import Drive, Forcing, Harmonic
+from contbreather.lattice.forcing import Drive, Forcing, Harmonic, check_symmetric
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.response import UniformResponse
 from contbreather.orbits.clearance import LIMIT
@@ -104,7 +104,7 @@ class ClosedForm:
         # the means with a spring are those of the infinite chain; a ring goes by its modes
         where: Any = InfiniteChain if on.spring else InfiniteChain | Ring
         plain = not on.damping and on.walls == Walls()
-        return plain and section == HALF and isinstance(on.lattice, where)
+        return plain and section == HALF and isinstance(on.lattice, where) and on.symmetric
 
     @classmethod
     def through(
@@ -370,6 +370,7 @@ def symmetric_roots(
     lattice, held = per_site(lattice, held)
     k, damping, stiff = held["k"], held["damping"], real(held["spring"])
     drive = forcing_of(forcing)
+    check_symmetric(drive)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or stiff)

@@ -9,13 +9,14 @@ h the answer to impulses that recur (`contbreather.lattice.response`), with e = 
 static part, and c the static part: it balances the mean impulses N_s of the impacting sites. With
 one of them and no springs it is the same everywhere, and sum J = 0. The equations:
 
-    ``u_{n_j}(t_j) = wall_j``,  ``J_j = -(1 + k) u'_{n_j}(t_j-)``,  ``N_s = T (K c)_s``,
+    ``u_{n_j}(t_j) = wall_j``,  ``J_j = -(1 + k) u'_{n_j}(t_j-)``,  ``N_s = T ((K c)_s - a R_s)``,
 
-K the stiffness of the lattice at rest between the impacting sites. Unknowns: t_1..t_m, J_1..J_m
-and, with e = +1, one offset for each impacting site; where a mode may have a harmonic of the orbit
-for its frequency, its amplitude too, and the equation that drives it. Symmetric, asymmetric,
-multi-site and period-n breathers, on every lattice, are all this; a lattice enters by its response
-alone.
+K the stiffness of the lattice at rest between the impacting sites, and R what a mean of the drive
+pulls at these with where they are held; f_n is then also what it displaces the others by.
+Unknowns: t_1..t_m, J_1..J_m and, with e = +1, one offset for each impacting site; where a mode may
+have a harmonic of the orbit for its frequency, its amplitude too, and the equation that drives it.
+Symmetric, asymmetric, multi-site and period-n breathers, on every lattice, are all this; a lattice
+enters by its response alone.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.forcing import Forcing, Harmonic, even_harmonics
 from contbreather.lattice.response import HELD, Resonant, answers_of
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls
@@ -75,15 +76,21 @@ class OrbitEquations:
     resonant: Resonant = ()
 
     def __post_init__(self) -> None:
-        if self.lattice.sites is None:
-            check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
+        if self.lattice.sites is not None:
+            return
+        check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
+        if 0 in even_harmonics(self.forcing):
+            raise BadInput(
+                f"the forcing, {self.forcing.describe()}, has a mean: nothing holds an infinite "
+                "chain against it; take a finite lattice, Ring(200) for instance."
+            )
 
     # ------------------------------------------------------------------------ unknowns
 
     @cached_property
     def offsets(self) -> int:
         """Number of offsets: half a symmetric orbit has none."""
-        return 0 if self.section.symmetric else len(self.section.hit)
+        return len(self.section.offset_names())
 
     @cached_property
     def size(self) -> int:
@@ -100,8 +107,8 @@ class OrbitEquations:
         times, impulses, offsets, amplitudes = self.split(x)
         values: dict[str, Any] = {f"t{i}": t for i, t in enumerate(times.tolist(), 1)}
         values |= {f"J{i}": J for i, J in enumerate(impulses.tolist(), 1)}
-        local = self.section.local
-        values |= {"c" if local else f"c{i}": c for i, c in enumerate(offsets.tolist(), 1)}
+        names = self.section.offset_names(self.forcing.params)
+        values |= dict(zip(names, offsets.tolist(), strict=True))
         return values | ({"modes": amplitudes} if amplitudes.size else {})
 
     @cached_property
@@ -137,7 +144,9 @@ class OrbitEquations:
             beyond = beyond + at.offsets[self.own]
         parts = [beyond, resets]  # the mean velocity at an impact is -q J/2
         if self.offsets:
-            pull = self.section.period * (response.links() @ at.offsets)
+            pull = self.section.period * (
+                response.links() @ at.offsets - at.a * response.still()[1]
+            )
             parts.append(np.bincount(self.own, at.impulses) - pull)
         if self.resonant:
             # impulses drive a mode by the sum of J m e exp(iwt)
@@ -181,12 +190,13 @@ class OrbitEquations:
         if name == "k":
             share = self.shares  # d(q/2)/dk
             moved[1] -= share * at.impulses / (1.0 + k * share) ** 2
-        if name in HELD:
-            if self.offsets and name != "damping":
-                links = at.response.varied(name).links(name)
-                balance = -self.section.period * (links @ at.offsets)
-            if self.resonant:
-                driven = -at.response.gaps(name) @ at.amplitudes
+        if self.offsets and name not in ("k", "damping"):
+            response = at.response.varied(name)
+            lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
+            links = response.links(name) @ at.offsets if name in HELD else 0.0
+            balance = self.section.period * (lift - links)
+        if name in HELD and self.resonant:
+            driven = -at.response.gaps(name) @ at.amplitudes
         return np.concatenate([*moved, balance, driven])
 
     def terms(self, x: FloatArray, params: Params) -> Any:

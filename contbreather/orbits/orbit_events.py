@@ -159,7 +159,8 @@ def from_arms(event: Event) -> Event:
 
 def _examine_crossing(event: Event, point: Point) -> Examined:
     why, orbit = event.examine(point) if event.examine else "", point.solution
-    if why or point.tangent is None or not orbit.section.mirrored:
+    arm = orbit.section.mirrored and orbit.conditions.symmetric
+    if why or point.tangent is None or not arm:
         return why
     # unknowns begin with the times; along symmetric orbits those of both halves move alike
     first, second = point.tangent[: orbit.section.count].reshape(2, -1)

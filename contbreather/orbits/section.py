@@ -7,7 +7,7 @@ An orbit of period 2 pi n is a list of impacts ``(site, wall)``. A symmetric one
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,6 +19,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.forcing import check_symmetric, even_harmonics
+from contbreather.lattice.response import lifted
 
 Sequenced = tuple[tuple[int, int], ...]
 
@@ -142,6 +144,16 @@ class Section:
             last[site] = j
         return tuple(pairs)
 
+    def offset_names(self, taken: Collection[str] = ()) -> tuple[str, ...]:
+        """Names of the offsets of its sites, c or c1, c2, ...; others where parameters have some of
+        these, as those of a Fourier sum do."""
+        count = 0 if self.symmetric else len(self.hit)
+        for stem in ("c", "offset"):
+            names = (stem,) if self.local else tuple(f"{stem}{i}" for i in range(1, count + 1))
+            if not {*names} & {*taken}:
+                break
+        return names[:count]
+
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""
         if not self.symmetric:
@@ -256,6 +268,8 @@ def check_walls(section: Section, on: Conditions) -> None:
                 f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
                 sequence=section.impacts,
             )
+    if section.symmetric:
+        check_symmetric(on.forcing)
     if section.symmetric and not walls.symmetric:
         raise BadInput(
             "the walls are not symmetric, so no orbit is its own mirror image half a period "
@@ -270,12 +284,15 @@ def check_possible(section: Section, on: Conditions) -> None:
     if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
     check_both_walls(section, on)
+    if 0 in even_harmonics(on.forcing):
+        lifted(on.lattice, section.hit, on.gamma, on.spring)  # or a sentence
 
 
 def check_both_walls(section: Section, on: Conditions) -> None:
     """`ImpossibleSequence` where all impulses push the same way and nothing holds the lattice."""
     walls = {wall for _, wall in section.impacts}
-    if section.symmetric or len(walls) == 2 or on.spring >= WEAK:
+    # a mean of the drive may push the other way
+    if section.symmetric or len(walls) == 2 or on.spring >= WEAK or 0 in even_harmonics(on.forcing):
         return
     # the lowest mode that impacts excite has w = 0 where nothing ties the lattice to the ground
     if on.lattice.sites is not None and on.lattice.basis(section.hit).lam.min() >= WEAK:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.kernels import Counts, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.forcing import Forcing, harmonic
+from contbreather.lattice.forcing import Forcing, harmonic, peak_of
 from contbreather.lattice.periodic_green import Responses, response_since
 from contbreather.lattice.response import HELD, ModalResponse, UniformResponse
 from contbreather.orbits.section import Section
@@ -164,19 +164,20 @@ class SiteMotion:
         if not self.endless:
             return 1.0
         # far from all impacts u_n = c + a f(t)
-        return 1.0 - abs(self._far_offset) - a * self.response.drive.peak()
+        return np.minimum(self._far_at(1, a), self._far_at(-1, a))
+
+    def _far_at(self, sign: int, a: Any) -> Any:
+        """Its margin at one wall, with the larger offset of both ends; without coupling none."""
+        ends = self.representation.offsets if self.on.gamma else (0.0,)
+        offset = max(sign * ends[0], sign * ends[-1])
+        return 1.0 - offset - a * peak_of(self.response.drive.harmonics, sign)
 
     def far_time(self) -> float:
         """When it is closest to a wall."""
         if not self.endless:
             return self.start
-        return _highest(self.response.drive, math.copysign(1.0, self._far_offset))
-
-    @property
-    def _far_offset(self) -> float:
-        """The larger of those at both ends, none where there is no coupling."""
-        offsets = self.representation.offsets
-        return max((offsets[0], offsets[-1]), key=abs) if self.on.gamma else 0.0
+        sign = min((1, -1), key=lambda sign: self._far_at(sign, self.on.a))
+        return _highest(self.response.drive, sign)
 
     # ------------------------------------------------------------------------ motion
 
@@ -243,7 +244,7 @@ class SiteMotion:
         self, site: int, t: float, names: Collection[str], share: FloatArray | None = None
     ) -> dict[str, FloatArray]:
         """Derivatives of displacement and velocity at a time: in the impulses J1, J2, ..., times
-        t1, t2, ... and offsets c1, c2, ... of a section, in a, k and parameters named; and in the
+        t1, t2, ... and offsets of a section, by name, in a, k and parameters named; and in the
         time t. With `share` that of the offsets does not change."""
         response, orbit, a = self.response, self.representation, self.on.a
         then, there = np.array([t]), (site,)
@@ -257,7 +258,7 @@ class SiteMotion:
             slopes[f"t{i + 1}"] = -J * h[1:3, i]
         if orbit.offsets:
             weights = response.profile(site) if share is None else share
-            columns = ["c"] if self.section.local else [f"c{i + 1}" for i in range(weights.size)]
+            columns = self.section.offset_names(response.drive.params)
             slopes |= {c: np.array([w, 0.0]) for c, w in zip(columns, weights, strict=True)}
         if isinstance(response, ModalResponse) and orbit.resonant:
             swing = response.swing(there, then)[:, 0]
@@ -324,7 +325,7 @@ class SiteMotion:
         a, response, orbit = float(self.on.a), self.response, self.representation
         if isinstance(response, UniformResponse):
             return a, _alike(response.drive)
-        alike = self.lattice.uniform and not orbit.resonant
+        alike = len(response.driven().table) == 1 and not orbit.resonant
         series = [response.harmonics(site) for site in (sites[:1] if alike else sites)]
         m, A, B = np.moveaxis(np.array(series, dtype=float), 2, 0)
         orders, share = m[0], a

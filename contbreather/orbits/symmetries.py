@@ -1,6 +1,6 @@
 """One orbit, many descriptions: its mirror image, other impacts first, a smaller problem.
 
-The forcing changes sign after pi, so ``u(t) -> -u(t + pi)`` makes an orbit of an orbit, and so do
+Where the forcing changes sign after pi ``u(t) -> -u(t + pi)`` makes an orbit of an orbit, and so do
 exchanges of sites that the lattice does not tell apart. What then hits the same walls in the same
 order, begun with another impact, solves the same equations.
 """
@@ -29,7 +29,7 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     orbit, among those that have the same sequence of impacts; each begins with the impact that
     comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
     # by odd multiples of pi the walls change places
-    step = 1 if orbit.walls.symmetric else 2  # in half periods of the forcing
+    step = 1 if orbit.conditions.symmetric else 2  # in half periods of the forcing
     shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, step)
     hit, walls = orbit.section.hit, orbit.walls
     others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
@@ -181,5 +181,5 @@ def _parts(orbit: Orbit) -> Iterator[Section]:
         m = len(impacts) // parts
         if m and turns % parts == 0 and impacts == impacts[:m] * parts:
             yield Section(impacts[:m], turns // parts)
-    if orbit.section.mirrored and orbit.walls.symmetric:
+    if orbit.section.mirrored and orbit.conditions.symmetric:
         yield Section(impacts[: len(impacts) // 2], turns, -1)

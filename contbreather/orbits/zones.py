@@ -16,7 +16,7 @@ from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
 from contbreather.lattice.finite import per_site
-from contbreather.lattice.forcing import Drive
+from contbreather.lattice.forcing import Drive, check_symmetric
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
@@ -150,7 +150,8 @@ def zones(
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
     value = fixed_value(name, value)
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
-    model["forcing"] = forcing_of(forcing)
+    model["forcing"] = drive = forcing_of(forcing)
+    check_symmetric(drive)
     modulus = threshold_on(model["lattice"], threshold)
     search = ZoneSearch(name, value, model, windows(within), modulus, past_folds)
     with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:

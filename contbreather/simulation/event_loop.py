@@ -150,7 +150,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
     """Expand all sites about the start of a step and find contacts; False if one went astray."""
     if anyone or not on.ring:
         driven_terms(on.motion, t, h, work.column)
-        args = (on.mu, on.bonds, work.at_rest, work.place, work.column, work.rows)
+        args = (on.mu, on.mean, on.bonds, work.at_rest, work.place, work.column, work.rows)
         expand_any(work.v, work.w, h, *args)
     else:
         expand_state(work.v, work.w, h, on.gamma, on.mu, work.rows)
@@ -428,7 +428,7 @@ def fly(
         h = min(on.step, left)  # nothing is driven: the harmonics of the forcing do not count
         for i in range(du.shape[0]):
             if anyone or not on.ring:
-                expand_any(du[i], dv[i], h, on.mu, on.bonds, at_rest, nowhere, zeros, rows)
+                expand_any(du[i], dv[i], h, on.mu, 0.0, on.bonds, at_rest, nowhere, zeros, rows)
             else:
                 expand_state(du[i], dv[i], h, on.gamma, on.mu, rows)
             state_at(rows, h, 1.0, du[i], dv[i])

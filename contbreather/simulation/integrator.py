@@ -206,24 +206,27 @@ def parameters_of(conditions: Conditions) -> Parameters:
     step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, top)
-    ring = isinstance(lattice, Ring) and c.spring == 0.0
+    mean = float(force.c[force.m == 0.0].sum())
+    ring = isinstance(lattice, Ring) and c.spring == 0.0 and mean == 0.0
     back = float(c.k) * lattice.restitutions
     walls = np.array([low, high, np.minimum(high, -low), back])
     where = (ring, float(c.gamma), bonds, walls)
     steps = step, rest_step, powers_needed(step * rate)
-    return Parameters(*where, mu, c.restitution is not None, *steps, 0, motion, force)
+    return Parameters(*where, mu, c.restitution is not None, *steps, 0, mean, motion, force)
 
 
 @lru_cache(maxsize=64)
 def forced_motion(forcing: Forcing, a: float, damping: float) -> tuple[Harmonics, Harmonics]:
-    """a g(t) with ``g'' + mu g' = F/a``, the forced motion without couplings; and F(t)."""
+    """a g(t) with ``g'' + mu g' = F/a``, the forced motion without couplings and without what a
+    mean does; and F(t)."""
     table = np.array(forcing.harmonics, dtype=float).reshape(-1, 3)
     m, c, s = (np.ascontiguousarray(column) for column in table.T)
     c, s = a * c, a * s  # of f, f'' = F
     # -m^2 g + i m mu g = -m^2 f for f = (c - i s) exp(i m t)
-    turned = (c - 1j * s) / (1.0 - 1j * damping / m)
+    waves, weight = m > 0.0, np.where(m > 0.0, -(m**2), 1.0)
+    turned = waves * (c - 1j * s) / (1.0 - 1j * damping / np.where(waves, m, 1.0))
     motion = np.ascontiguousarray(turned.real), np.ascontiguousarray(-turned.imag)
-    return Harmonics(m, *motion), Harmonics(m, -(m**2) * c, -(m**2) * s)
+    return Harmonics(m, *motion), Harmonics(m, weight * c, weight * s)
 
 
 def _couplings(

@@ -27,6 +27,7 @@ from contbreather.continuation.curve.point import Event, Point, UnstableDimensio
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.forcing import even_harmonics
 from contbreather.one_thread import one_thread
 from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
@@ -287,8 +288,8 @@ def closing(
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
     if symmetric and not _mirrored(on):
         raise BadInput(
-            "the walls are not symmetric, so no motion is its own mirror image half a period "
-            "later; look for the whole period, symmetric=False."
+            "the walls, or the forcing, are not symmetric, so no motion is its own mirror image "
+            "half a period later; look for the whole period, symmetric=False."
         )
     step = PoincareMap(on, t0, symmetric)
     names, slopes = {"u": start.u, "v": start.v}, step.derivative
@@ -312,8 +313,8 @@ def closing(
 
 
 def _mirrored(on: Conditions | SmoothConditions) -> bool:
-    """Say if a motion and its mirror image obey the same laws: the forcing always does."""
-    return isinstance(on, SmoothConditions) or on.walls.symmetric
+    """Say if a motion and its mirror image obey the same laws."""
+    return not even_harmonics(on.forcing) if isinstance(on, SmoothConditions) else on.symmetric
 
 
 # --- as a problem of the engine -------------------------------------------------------------------

@@ -2,7 +2,8 @@
 
 ``v = u - a g(t)`` takes out one forced motion for all sites (``g'' + mu g' = F/a``), and leaves
 ``v'' + mu v' + K v = (d - 1) F - K 1 a g``, where K holds couplings and springs per unit mass and d
-is the pattern of the drive: on a ring without springs nothing is left on the right. Over a step h
+is the pattern of the drive: on a ring without springs nothing is left on the right. A mean of F
+is not taken out. Over a step h
 the Taylor series in s/h is summed to the last bit: the terms of a mode fall like ``(w h)^j/j!``,
 whatever the number of sites. That is the exact propagator of the modes (18) written site by site,
 where it is sparse: N operations instead of N^2 or N log N, and at once a formula for every time
@@ -60,7 +61,8 @@ class Parameters(NamedTuple):
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
-    motion: Harmonics  # a g(t), g'' + mu g' = F/a
+    mean: float  # of F(t)
+    motion: Harmonics  # a g(t), g'' + mu g' = F/a less its mean
     force: Harmonics  # F(t)
 
 
@@ -228,13 +230,13 @@ def near(bonds: Couplings, x: Vector, n: int) -> float:
 
 
 def expand_any(
-    v: Vector, w: Vector, h: float, mu: float, bonds: Couplings, at_rest: Signs, place: Vector,
-    column: Vector, rows: Matrix,
+    v: Vector, w: Vector, h: float, mu: float, mean: float, bonds: Couplings, at_rest: Signs,
+    place: Vector, column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
     """Fill ``rows`` on any lattice, some sites resting on their walls: at ``place - a g(t)``.
 
-    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
-    driven and the sites held do not move at all, which is what perturbations do.
+    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place``, and no
+    ``mean``, nothing is driven and the sites held do not move at all: so do perturbations.
     """
     stiff, extra, ground, slow = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2], bonds.pulls[3]
     for n in range(v.size):
@@ -253,6 +255,10 @@ def expand_any(
             pulled = pull * (stiff[n] * before[n] - near(bonds, before, n)) + drag * now[n]
             braked = slow[n] * (now[n] + column[j - 1]) * (-h / j)
             new[n] = pulled + (extra[n] * push + ground[n] * still + braked)
+        if j == 2 and mean != 0.0:
+            for n in range(v.size):
+                if at_rest[n] == 0:
+                    new[n] += 0.5 * h * h * (1.0 + extra[n]) * mean
 
 
 def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:

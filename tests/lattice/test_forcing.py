@@ -1,4 +1,4 @@
-"""Every way to give a forcing ends in the same f; what breaks the symmetry is refused."""
+"""Every way to give a forcing ends in the same f; what drives nothing is refused."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic, forcing_of
+from contbreather.lattice.forcing import peak_of
 from contbreather.orbits.orbit import orbit_at
 
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
@@ -159,6 +160,76 @@ def test_samples_of_any_fourier_forcing_give_it_back(cos, sin):
     np.testing.assert_allclose(back.f(TIMES), forcing.f(TIMES), atol=1e-13)
 
 
+# ------------------------------------------------------------ even harmonics and a mean
+
+EVEN = {
+    "fourier": Fourier(cos={0: 0.3, 1: -1.0, 2: 0.2}, sin={3: 0.1, 4: -0.4}),
+    "formula": Symbolic("m - cos(t) + 0.2*cos(2*t) + 0.1*sin(3*t) - 0.4*sin(4*t)", m=0.3),
+    "samples": Samples(
+        0.3 - np.cos(GRID) + 0.2 * np.cos(2 * GRID) + 0.1 * np.sin(3 * GRID)
+        - 0.4 * np.sin(4 * GRID)
+    ),
+    "function": forcing_of(
+        lambda t: 0.3 - math.cos(t) + 0.2 * math.cos(2 * t) + 0.1 * math.sin(3 * t)
+        - 0.4 * math.sin(4 * t)
+    ),
+    "analytic": Symbolic("exp(e*cos(t + 1))", e=0.8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EVEN)
+def test_even_harmonics_and_a_mean_are_kept(name):
+    """d2f is F itself; f its double integral without the mean, so that f has none."""
+    drive, t = EVEN[name], TIMES
+    exact = np.exp(0.8 * np.cos(t + 1))
+    mean = 1.1665149229  # I0(0.8)
+    if name != "analytic":
+        mean, exact = 0.3, 0.3 - np.cos(t) + 0.2 * np.cos(2 * t) + 0.1 * np.sin(3 * t)
+        exact -= 0.4 * np.sin(4 * t)
+    np.testing.assert_allclose(drive.d2f(t), exact, atol=1e-14)
+    h = 1e-3
+    bend = (drive.f(t + h) - 2 * drive.f(t) + drive.f(t - h)) / h**2
+    np.testing.assert_allclose(bend + mean, exact, atol=1e-5)
+    assert abs(np.mean(drive.f(GRID))) < 1e-15
+    assert not drive.symmetric
+    dense = drive.f(np.linspace(0.0, 2 * math.pi, 200001))
+    assert drive.peak() == pytest.approx(abs(dense).max(), rel=1e-9)
+    for sign in (1, -1):
+        assert peak_of(drive.harmonics[1:], sign) == pytest.approx((sign * dense).max(), rel=1e-9)
+
+
+def test_a_drive_without_even_harmonics_is_symmetric_unless_a_parameter_makes_it_lopsided(forcing):
+    assert forcing.symmetric
+    assert not Fourier(cos={1: -1.0, 2: 0.0}).symmetric
+    assert not Fourier(cos={0: 0.0, 1: -1.0}).symmetric
+    assert not Symbolic("-cos(t) + e*cos(2*t)", e=0.0).symmetric
+    assert Symbolic("-cos(t)/(1 + e*cos(2*t))", e=0.0).symmetric
+
+
+def test_a_mean_stays_itself_from_response_and_is_written_out():
+    both = Fourier.from_response(cos={0: 0.3, 1: 1.0, 2: 0.05})
+    assert both == Fourier(cos={0: 0.3, 1: -1.0, 2: -0.2})
+    assert both.describe() == "F = a (+0.3 -1 cos t -0.2 cos 2t)"
+    assert both.params == {"c0": 0.3, "c1": -1.0, "c2": -0.2}
+    assert both.slope_harmonics("c0") == ((0, 1.0, 0.0),)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fit_keeps_even_harmonics_where_it_is_told_to(seed):
+    t = np.random.default_rng(seed).uniform(0.0, 40.0, 300)
+    drive, half = (
+        Fourier.fit(t, EVEN["fourier"].d2f(t), harmonics=4, symmetric=odd) for odd in (False, True)
+    )
+    np.testing.assert_allclose(drive.d2f(TIMES), EVEN["fourier"].d2f(TIMES), atol=1e-12)
+    assert drive.residual < 1e-12
+    assert half.symmetric
+    assert set(half.params) == {"c1", "c3", "s1", "s3"}
+    assert half.residual == pytest.approx(math.sqrt(0.3**2 + 0.02 + 0.08), rel=0.1)
+    kept = Samples(EVEN["fourier"].d2f(GRID), harmonics=4, symmetric=False)
+    np.testing.assert_allclose(kept.d2f(TIMES), EVEN["fourier"].d2f(TIMES), atol=1e-13)
+    assert Samples(EVEN["fourier"].d2f(GRID), harmonics=4).symmetric
+
+
 def test_a_coefficient_that_is_zero_stays_a_parameter():
     forcing = Fourier(cos={1: -1.0, 3: 0.0})
     assert forcing.params == {"c1": -1.0, "c3": 0.0}
@@ -176,7 +247,7 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Fourier.from_response(sin={"a": 1.0}), "sin harmonic 'a'"),
         (
             lambda: Fourier(cos={"x": 1}),
-            "cos harmonic 'x': one of the odd harmonics 1, 3, 5, ... "
+            "cos harmonic 'x': one of the harmonics 1, 2, 3, ... "
             "was expected, a whole number; cos={1: -1.0} is -cos",
         ),
         (lambda: Fourier(cos=np.ones(2)), "coefficients by harmonic were expected"),
@@ -185,8 +256,9 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Harmonic().at(c1=1.0), "unknown forcing parameter 'c1'.*none"),
         (lambda: Samples(np.cos(GRID)).at(c=1.0), "unknown forcing parameter"),
         (lambda: Samples(np.cos(GRID)).f_param("c", 0.0), "unknown forcing parameter"),
-        (lambda: Samples(np.cos(2 * GRID)), "not antisymmetric"),
-        (lambda: Samples(np.cos(GRID) + 1e-6), "not antisymmetric"),
+        (lambda: Fourier(cos={0: 0.3, 1: 0.0}), "is constant"),
+        (lambda: Fourier(sin={0: 0.3, 1: 1.0}), "sin harmonic 0: .* its mean is cos={0"),
+        (lambda: Samples(np.full(16, 0.3)), "is constant: its samples are all 0.3"),
         (lambda: Samples(np.cos(GRID[:63])), "63 samples: give an even number"),
         (lambda: Samples([1.0, 0.0, -1.0, 0.0]), "at least 8"),
         (lambda: Samples(np.sign(np.cos(GRID + 0.01))), "do not resolve"),
@@ -195,7 +267,7 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Samples([np.nan] * 16), "finite numbers"),
         (lambda: Samples("abc"), "finite numbers"),
         (lambda: Samples([[1.0] * 8] * 2), "one row"),
-        (lambda: Symbolic("1 + cos(t)"), "even harmonic 0"),
+        (lambda: Symbolic("1 + 0*cos(t)"), "is constant; a breather needs"),
         (lambda: Fourier(cos={1: -1.0, 10**400 + 1: 1.0}), "up to 1001"),
         (lambda: Symbolic("0*cos(t)"), r"the forcing .* is zero; a breather needs"),
         (lambda: Symbolic("-c*cos(t)"), r"needs a value for c; the time is t\.$"),
@@ -215,7 +287,7 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Symbolic("sin(t)*cos(t)*cos(w*t)", w=3.0), "d/dw"),
     ],
 )
-def test_what_cannot_drive_a_symmetric_breather_is_refused_with_its_reason(make, says):
+def test_what_cannot_drive_a_breather_is_refused_with_its_reason(make, says):
     with pytest.raises(BadInput, match=says):
         make()
 
@@ -292,7 +364,7 @@ def test_samples_that_make_no_drive_are_refused(t, F, more, says):
 
 def test_noisy_samples_are_reduced_to_their_odd_harmonics():
     noise = 0.01 * np.random.default_rng(3).normal(size=64)
-    with pytest.raises(BadInput, match="not antisymmetric"):
+    with pytest.raises(BadInput, match="do not resolve"):
         Samples(TRUE.d2f(GRID) + noise)
     reduced = Samples(TRUE.d2f(GRID) + noise, harmonics=5)
     # at equal steps over whole periods least squares are the transform

@@ -1,0 +1,395 @@
+"""Drives with even harmonics and an offset, whole periods of their orbits: against an integrator of
+its own, walls that are shifted, the simulation, and a pitchfork that they break."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import Fourier
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import stiffness_of
+from contbreather.orbits.constructors import asymmetric, symmetric_roots
+from contbreather.orbits.orbit import orbit_at, orbit_of
+from contbreather.orbits.section import Section
+from contbreather.simulation import periodic, simulate, simulate_smooth
+
+ON = {"a": 0.5, "gamma": 0.03, "k": 0.8}
+UNEVEN = cb.Lattice(
+    np.array([[1.0, -1.0, 0.0], [-1.0, 2.5, -1.5], [0.0, -1.5, 1.5]]),
+    masses=[1.0, 2.0, 1.5],
+    drive=[1.0, 0.7, 1.2],
+)
+PLACES: dict[str, tuple[Any, float, Any, float]] = {  # lattice, damping, spring, size of the mean
+    "ring": (cb.Ring(6), 0.0, 0.0, 0.002),
+    "damped ring": (cb.Ring(5), 0.02, 0.0, 0.003),
+    "open chain": (cb.OpenChain(4), 0.02, 0.0, 0.003),
+    "fixed ends": (cb.OpenChain(5, ends="fixed"), 0.01, 0.0, 0.003),
+    "springs": (cb.OpenChain(3), 0.0, 0.15, 0.05),
+    "damped springs": (cb.Ring(4), 0.01, 0.2, 0.05),
+    "one": (cb.Ring(1), 0.0, 0.0, 0.05),
+    "masses and drives": (UNEVEN, 0.03, 0.1, 0.03),
+    "springs by sites": (cb.Ring(3), 0.01, np.array([0.2, 0.1, 0.3]), 0.04),
+}
+
+
+@cache
+def orbit(place: str, seed: int) -> Any:
+    """An orbit under a random drive, from the breather of its odd harmonics."""
+    lattice, damping, spring, size = PLACES[place]
+    c0, c2, s2, c3, s4 = np.random.default_rng(seed).uniform(-1.0, 1.0, 5) * (size, *[0.12] * 4)
+    full = Fourier(cos={0: c0, 1: -1.0, 2: c2, 3: c3}, sin={2: s2, 4: s4})
+    on = {"lattice": lattice, "damping": damping, "spring": spring}
+    odd = cb.symmetric(**ON, forcing=Fourier(cos={1: -1.0, 3: c3}), **on)
+    return orbit_at(cb.shooting(odd, symmetric=False, forcing=full))
+
+
+def flown(orbit: Any, t0: float) -> tuple[Any, list[tuple[float, int, int]]]:
+    """The state a period later, by Runge and Kutta from impact to impact, and those met."""
+    on, n = orbit.conditions, orbit.lattice.sites
+    bonds, each = stiffness_of(orbit.lattice).toarray(), np.arange(n)
+    K = on.gamma * bonds / orbit.lattice.masses[:, None] + np.diag(on.at_sites("spring", each))
+    drag, drive = on.at_sites("damping", each), on.a * orbit.lattice.drive
+    cos, sin = on.forcing.cos, on.forcing.sin
+
+    def rates(t: float, y: Any) -> Any:
+        force = sum(c * math.cos(m * t) for m, c in cos) + sum(s * math.sin(m * t) for m, s in sin)
+        return np.concatenate([y[n:], drive * force - K @ y[:n] - drag * y[n:]])
+
+    def contact(site: int, wall: int) -> Callable[[float, Any], float]:
+        def gap(_: float, y: Any) -> float:
+            return 1.0 - wall * float(y[site])
+
+        gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
+        return gap
+
+    places = [(site, wall) for site in range(n) for wall in (1, -1)]
+    y, t, met = np.concatenate(orbit.state(t=t0)), t0, []
+    for _ in range(20):  # a site that sticks would hit without end
+        run = solve_ivp(
+            rates, (t, t0 + orbit.period), y, method="DOP853", rtol=1e-13, atol=1e-13,
+            events=[contact(*place) for place in places],
+        )  # fmt: skip
+        t, y = float(run.t[-1]), run.y[:, -1].copy()
+        hits = [place for place, times in zip(places, run.t_events, strict=True) if times.size]
+        for site, wall in hits:
+            met.append((t, site, wall))
+            y[site], y[n + site] = wall, -on.k * y[n + site]
+        if not hits:
+            return y, met
+    raise AssertionError("more than 20 impacts in a period")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("place", PLACES)
+def test_an_orbit_returns_by_an_integrator_of_its_own(place: str, seed: int) -> None:
+    found = orbit(place, seed)
+    t0 = float(found.times[0]) - 0.3
+    end, met = flown(found, t0)
+    np.testing.assert_allclose(end, np.concatenate(found.state(t=t0)), rtol=0, atol=1e-10)
+    wanted = sorted((hit.time - t0) % (2 * math.pi) for hit in found.hits)
+    np.testing.assert_allclose([t - t0 for t, *_ in met], wanted, rtol=0, atol=1e-10)
+    assert not found.symmetric
+    assert bool(found.admissibility())
+
+
+@pytest.mark.parametrize("place", ["ring", "masses and drives", "springs by sites", "one"])
+def test_its_multipliers_are_those_of_the_simulation(place: str) -> None:
+    """Central differences of the state a period later."""
+    found = orbit(place, 1)
+    t0, n, on = float(found.times[0]) - 0.3, found.lattice.sites, found.conditions
+    x, h = np.concatenate(found.state(t=t0)), 1e-6
+
+    def image(y: Any) -> Any:
+        params = {name: getattr(on, name) for name in ("a", "gamma", "k")}
+        run = simulate(
+            (y[:n], y[n:]), **params, lattice=found.lattice, damping=on.damping, spring=on.spring,
+            forcing=on.forcing, periods=1, t0=t0, progress=False,
+        )  # fmt: skip
+        return np.concatenate(run.final)
+
+    np.testing.assert_allclose(image(x), x, rtol=0, atol=1e-12)
+    matrix = np.array([(image(x + h * e) - image(x - h * e)) / (2 * h) for e in np.eye(2 * n)]).T
+    # the characteristic polynomial: multipliers by themselves may be double
+    np.testing.assert_allclose(
+        np.poly(matrix), np.poly(found.multipliers()).real, rtol=0, atol=2e-7
+    )
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_equations_know_their_derivatives_in_every_parameter(place: str) -> None:
+    found = orbit(place, 1)
+    equations, x = found.representation.equations, found.representation.x
+    params = found.conditions.params
+    for name, value in params.items():
+        h = 1e-5 if value or name in {"c0"} else 0.0  # springs and damping at 0 are edges
+        if not h:
+            continue
+        up, down = (equations.residual(x, {**params, name: value + s}) for s in (h, -h))
+        exact = equations.sensitivity(x, params, name)
+        np.testing.assert_allclose(exact, (up - down) / (2 * h), rtol=0, atol=2e-8, err_msg=name)
+
+
+@pytest.mark.parametrize("place", ["springs", "damped springs", "masses and drives"])
+def test_an_offset_at_springs_is_a_shift_of_the_walls(place: str) -> None:
+    """u = w + s solves the same equations without the offset, K s = a F0 d."""
+    found = orbit(place, 2)
+    on, lattice = found.conditions, found.lattice
+    K = on.gamma * stiffness_of(lattice).toarray() + on.spring * np.diag(lattice.masses)
+    shift = np.linalg.solve(K, on.a * on.forcing.params["c0"] * lattice.masses * lattice.drive)
+    drive = Fourier({m: c for m, c in on.forcing.cos if m}, dict(on.forcing.sin))
+    walls = {n: (-1.0 - s, 1.0 - s) for n, s in enumerate(shift.tolist())}
+    other = orbit_at(cb.shooting(found, walls=walls, forcing=drive))
+    times = np.linspace(0.0, 2 * math.pi, 7)[:, None]
+    each = np.arange(lattice.sites)
+    np.testing.assert_allclose(
+        found.displacement(each, times), other.displacement(each, times) + shift, atol=1e-12
+    )
+    assert found.c == pytest.approx(other.c + shift.mean(), abs=1e-12)
+    assert found.admissibility().margin == pytest.approx(other.admissibility().margin, abs=1e-12)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.6])
+@pytest.mark.parametrize("ring", [True, False])
+def test_a_simulation_takes_an_offset_as_a_shift_of_the_walls(k: float, ring: bool) -> None:
+    """With rests on the walls, k = 0, and without."""
+    lattice, spring = (cb.Ring(4) if ring else UNEVEN), 0.4
+    K = 0.1 * stiffness_of(lattice).toarray() + spring * np.diag(lattice.masses)
+    shift = np.linalg.solve(K, 0.8 * 0.2 * lattice.masses * lattice.drive)
+    odd = {"cos": {1: -1.0, 2: 0.3}, "sin": {3: 0.2}}
+    n, on = lattice.sites, {"a": 0.8, "gamma": 0.1, "k": k, "spring": spring, "periods": 3}
+    u, v = 0.1 * np.arange(n), 0.2 - 0.1 * np.arange(n)
+    walls = {i: (-1.0 - s, 1.0 - s) for i, s in enumerate(shift.tolist())}
+    full = Fourier({0: 0.2, **odd["cos"]}, odd["sin"])
+    with_mean = simulate((u, v), **on, lattice=lattice, forcing=full, damping=0.02)
+    shifted = simulate(
+        (u - shift, v), **on, lattice=lattice, forcing=Fourier(**odd), walls=walls, damping=0.02
+    )
+    assert len(with_mean.impacts) == len(shifted.impacts) > 5
+    assert (len(with_mean.rests) > 0) == (k == 0.0)
+    np.testing.assert_allclose(with_mean.final.u, shifted.final.u + shift, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(with_mean.final.v, shifted.final.v, rtol=0, atol=1e-10)
+
+
+def test_nothing_holds_a_free_lattice_and_a_simulation_drifts_with_its_offset() -> None:
+    """Its centre of mass, far from all walls: a F0 t^2/2 besides a (cos t - 1)."""
+    drive = Fourier(cos={0: 0.01, 1: -1.0})
+    still = np.zeros(3)
+    run = simulate(
+        (still, still), a=0.3, gamma=0.1, k=0.5, lattice=cb.OpenChain(3), forcing=drive,
+        walls=(-50.0, 50.0), periods=4,
+    )  # fmt: skip
+    np.testing.assert_allclose(run.final.u, 0.5 * 0.003 * (8 * math.pi) ** 2, atol=1e-12)
+
+
+def test_smooth_walls_take_even_harmonics_and_an_offset() -> None:
+    drive, m, lam = Fourier(cos={0: 0.05, 1: -1.0, 2: 0.2}, sin={4: 0.1}), 6.0, 0.2
+
+    def rates(t: float, y: Any) -> Any:
+        u, v = y[:3], y[3:]
+        force = 0.05 - math.cos(t) + 0.2 * math.cos(2 * t) + 0.1 * math.sin(4 * t)
+        pull = 0.1 * (2 * u - np.roll(u, 1) - np.roll(u, -1)) + 0.3 * u
+        q = np.abs(u) ** (2 * m)
+        return np.concatenate([v, 0.6 * force - pull - (2 * m + 1) * q * (lam * v + q * u)])
+
+    start = np.array([0.1, 0.2, -0.3]), np.array([0.5, 0.0, 0.1])
+    run = simulate_smooth(
+        start, a=0.6, gamma=0.1, lam=lam, m=m, spring=0.3, forcing=drive, periods=2
+    )
+    own = solve_ivp(
+        rates, (0, 4 * math.pi), np.concatenate(start), method="DOP853", rtol=1e-12, atol=1e-12
+    )
+    np.testing.assert_allclose(np.concatenate(run.final), own.y[:, -1], rtol=0, atol=1e-7)
+
+
+# --- a broken pitchfork ---------------------------------------------------------------------------
+
+
+def _branch(arm: int, share: float) -> Any:
+    """Down from beyond the pitchfork, along what was one of its arms."""
+    seed = asymmetric(0.8, 0.04, 0.8, arm=arm, lattice=cb.Ring(6))
+    start = cb.shooting(seed, forcing=Fourier(cos={1: -1.0, 2: share}))
+    return cb.trace(start, "a", within={"a": (0.72, 0.82)}, towards="down")
+
+
+def test_a_small_even_harmonic_breaks_a_pitchfork_into_a_fold_and_nothing() -> None:
+    """The cusp a - a_PF = const share^(2/3), as of every imperfect pitchfork."""
+    whole = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(6))
+    fork = cb.trace(whole, "a", within={"a": (0.7, 0.8)}, towards="up").first("PF")
+    rates, folds = [], []
+    for share in (1e-4, 8e-4):
+        cut, passing = _branch(1, share), _branch(-1, share)
+        assert [point.kind for point in cut.special].count("LP") == 1
+        assert passing[-1]["a"] == pytest.approx(0.72)
+        assert not {"LP", "BP", "PF"} & {point.kind for point in passing.special}
+        folds.append(cut.first("LP"))
+        rates.append((folds[-1]["a"] - fork["a"]) / share ** (2 / 3))
+    assert rates[0] == pytest.approx(rates[1], rel=5e-3)
+    assert rates[0] > 0.4
+    # the other sign of the harmonic cuts the other arm
+    assert "LP" in [point.kind for point in _branch(-1, -1e-4).special]
+    # the fold's curve has its cusp at the pitchfork
+    line = cb.boundary(folds[0], ("c2", "a"), within={"c2": (-0.003, 0.003), "a": (0.7, 0.9)})
+    cusp = line.first("CP")
+    assert cusp["a"] == pytest.approx(fork["a"], abs=1e-9)
+    assert abs(cusp["c2"]) < 1e-9
+
+
+def test_where_the_harmonic_is_zero_the_whole_period_has_a_branch_point_there() -> None:
+    """It leads to both arms: no symmetry is used, and none is named."""
+    whole = cb.symmetric(0.75, 0.04, 0.8, lattice=cb.Ring(6))
+    start = cb.shooting(whole, symmetric=False, forcing=Fourier(cos={1: -1.0, 2: 0.0}))
+    branch = cb.trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
+    crossing = branch.first("BP")
+    assert crossing["a"] == pytest.approx(0.7776324456, abs=1e-9)
+    arms = cb.switch(crossing, within={"a": (0.7, 0.79)})
+    ends = sorted(arm[-1]["asymmetry"] for arm in arms)
+    assert ends[1] == pytest.approx(-ends[0], abs=1e-9)
+    assert ends[1] > 0.1
+
+
+# --- branches -------------------------------------------------------------------------------------
+
+
+@cache
+def doubling() -> tuple[Any, Any]:
+    lattice, drive = cb.Ring(1), Fourier(cos={0: 0.02, 1: -1.0, 2: 0.01})
+    seed = asymmetric(0.9, 0.0, 0.8, lattice=lattice)
+    start = cb.shooting(seed, forcing=drive)
+    branch = cb.trace(start, "a", within={"a": (0.85, 1.0)}, towards="up")
+    return branch, branch.first("PD")
+
+
+def test_a_doubling_is_one_of_the_simulation_and_its_arm_repeats_after_two_periods() -> None:
+    _, point = doubling()
+    assert abs(point.solution.multipliers() + 1.0).min() < 1e-7
+    arm = cb.switch(point, within={"a": (0.85, 1.0)})
+    twice = (arm[0] if isinstance(arm, tuple) else arm)[-1].solution
+    u, v = twice.state()
+    on = twice.conditions
+    run = simulate((u, v), a=on.a, gamma=0.0, k=on.k, lattice=cb.Ring(1), forcing=on.forcing,
+                   periods=2)  # fmt: skip
+    np.testing.assert_allclose(np.concatenate(run.final), np.concatenate([u, v]), atol=1e-9)
+    assert abs(run.strobe.u[1] - run.strobe.u[0]).max() > 1e-3
+
+
+def test_its_curve_in_the_offset_and_its_file_are_those_of_every_branch(tmp_path: Any) -> None:
+    branch, point = doubling()
+    line = cb.boundary(point, ("c0", "a"), within={"c0": (-0.05, 0.05), "a": (0.5, 1.5)})
+    assert np.ptp(line["c0"]) > 0.01
+    for end in (line[0], line[-1]):
+        assert abs(end.solution.multipliers() + 1.0).min() < 1e-6
+    cb.save(tmp_path / "run.nc", branch=branch, line=line)
+    kept, again = map(cb.load(tmp_path / "run.nc").__getitem__, ("branch", "line"))
+    np.testing.assert_array_equal(kept["a"], branch["a"])
+    there, here = (end.solution for end in (again[-1], line[-1]))
+    assert there.conditions == here.conditions
+    np.testing.assert_array_equal(there.times, here.times)
+
+
+def test_offsets_of_several_sites_and_coefficients_have_names_of_their_own() -> None:
+    drive = Fourier(cos={1: -1.0, 2: 0.05})
+    two = cb.multibreather([0, 3], **ON, lattice=cb.Ring(6), forcing=drive)
+    branch = cb.trace(two, "c2", within={"c2": (0.0, 0.1)}, towards="both")
+    assert {"offset1", "offset2", "c1", "c2"} <= {*branch.columns()}
+    assert branch["c2"].min() == 0.0
+    # at c2 = 0 it is the whole period of the symmetric one
+    whole = cb.multibreather([0, 3], **ON, lattice=cb.Ring(6))
+    end = branch[int(branch["c2"].argmin())].solution
+    assert abs(end.impulses) == pytest.approx(np.full(4, abs(whole.impulses[0])), abs=1e-9)
+
+
+# --- multibreathers, one wall, no end -------------------------------------------------------------
+
+
+def test_multibreathers_grow_out_of_their_odd_harmonics() -> None:
+    drive, lattice = Fourier(cos={0: 0.02, 1: -1.0, 2: 0.1}, sin={2: 0.05}), cb.OpenChain(5)
+    on = {**ON, "lattice": lattice, "damping": 0.01, "spring": 0.2, "forcing": drive}
+    two = cb.multibreather([0, 2], **on)
+    t0 = float(two.times.min()) - 0.3
+    end, met = flown(two, t0)
+    np.testing.assert_allclose(end, np.concatenate(two.state(t=t0)), rtol=0, atol=1e-10)
+    assert len(met) == 4
+    entries = cb.multibreathers(most=2, **on)
+    assert [entry.exists for entry in entries] == [True] * 9
+
+
+def test_an_offset_alone_brings_a_site_back_to_its_one_wall() -> None:
+    """A ball on a vibrating table, of the rest of a free lattice."""
+    drive = Fourier(cos={0: 1.0, 1: -0.5})
+    on = Conditions(0.2, 0.0, 0.8, forcing=drive, lattice=cb.Ring(1))
+    # from the balance: J = -2 pi a F0 once in a period
+    found = orbit_of(on, Section(((0, 1),)), [1.0], [-0.4 * math.pi], [0.5]).solved()
+    assert found.impulses == pytest.approx([-0.4 * math.pi], abs=1e-12)
+    # the mean velocity at the impact is -q J/2, that of the drive there
+    assert -0.1 * math.sin(found.times[0]) == pytest.approx(-found.impulses[0] / 18.0, abs=1e-12)
+
+
+def test_the_infinite_chain_has_orbits_of_even_harmonics() -> None:
+    """As a long ring has, next to which its sites are; its far field has two walls."""
+    drive = Fourier(cos={1: -1.0, 2: 0.1}, sin={2: 0.05})
+    ring = orbit_at(cb.shooting(cb.symmetric(**ON), sites=40, symmetric=False, forcing=drive))
+    on = replace(ring.conditions, lattice=cb.InfiniteChain())
+    chain = orbit_of(on, ring.section, ring.times, ring.impulses, ring.offsets).solved()
+    np.testing.assert_allclose(chain.times, ring.times, rtol=0, atol=1e-9)
+    far = chain.displacement(60, np.linspace(0.0, 2 * math.pi, 20001))
+    assert chain.admissibility().far == pytest.approx(1.0 - abs(far).max(), abs=1e-7)
+    assert chain.displacement(60, chain.admissibility().places["far"][1]) == pytest.approx(
+        far[abs(far).argmax()], abs=1e-3
+    )
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+LOPSIDED = Fourier(cos={0: 0.1, 1: -1.0, 2: 0.0}, sin={4: 0.1})
+NEEDS = (
+    r"F = a \(.*\), has a mean and the even harmonics 2, 4: .* no pitchfork; drop them, or shoot "
+    r"the whole period .* shooting\(b, forcing=..., symmetric=False\)"
+)
+
+
+def _half(**more: Any) -> Any:
+    return cb.shooting(cb.symmetric(**ON), sites=6, forcing=LOPSIDED, **more)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: cb.symmetric(**ON, forcing=LOPSIDED), NEEDS),
+        (lambda: cb.symmetric(**ON, forcing=LOPSIDED, lattice=cb.Ring(6), damping=0.1), NEEDS),
+        (lambda: cb.symmetric(**ON, forcing=LOPSIDED, spring=0.1), NEEDS),
+        (lambda: symmetric_roots(**ON, forcing=LOPSIDED), NEEDS),
+        (lambda: asymmetric(0.8, 0.04, 0.8, forcing=LOPSIDED), NEEDS),
+        (lambda: cb.zones(k=0.8, forcing=LOPSIDED), NEEDS),
+        (lambda: cb.orbits.find_symmetric("a", (0.5, 0.8), gamma=0.1, k=0.8, forcing=LOPSIDED),
+         NEEDS),
+        (_half, NEEDS),
+        (lambda: _half(symmetric=True), NEEDS),
+        (lambda: cb.symmetric(**ON, forcing="-cos(t) + cos(2*t)"), "has the even harmonic 2: "),
+        (lambda: cb.symmetric(**ON, forcing=lambda t: 1.0 - math.cos(t)), "has a mean: without"),
+        (lambda: periodic(([0.0], [0.0]), **ON, forcing=LOPSIDED, symmetric=True),
+         "the walls, or the forcing, are not symmetric"),
+        (lambda: cb.multibreather([0], **ON, forcing=LOPSIDED, lattice=cb.Ring(4)),
+         "has a mean, and nothing holds sites of the ring of 4 against it .* springs"),
+        (lambda: orbit("ring", 1).on(cb.InfiniteChain()),
+         "has a mean: nothing holds an infinite chain against it; take a finite lattice"),
+    ],
+)  # fmt: skip
+def test_what_needs_a_symmetry_or_a_hold_is_refused_with_what_to_do(make: Any, says: str) -> None:
+    with pytest.raises((BadInput, NoSolution), match=says):
+        make()
+
+
+def test_half_a_period_is_refused_at_a_breather_that_its_parameter_could_break() -> None:
+    """c2 = 0 on the way: a branch in it would leave the symmetry without a word."""
+    with pytest.raises(BadInput, match="has the even harmonic 2: "):
+        cb.symmetric(**ON, forcing=Fourier(cos={1: -1.0, 2: 0.0}))
