@@ -134,7 +134,10 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     """Contacts of a section with walls, and the orbit with impacts of impulse 0 there."""
     motion, section, first = orbit.motion, orbit.section, orbit.times.min()
     if motion.endless and abs(motion.far) < LIMIT:
-        raise BadInput("the far field touches the walls: all sites hit them from here on")
+        raise BadInput(
+            "the far field touches the walls: all sites hit them from here on, as simulations of "
+            "rings show"
+        )
     worst = closest(motion)
     left, right, size = section.hit[0], section.hit[-1], orbit.lattice.sites
     reach = max(abs(worst.site - left), abs(worst.site - right))
@@ -153,7 +156,7 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     if not contacts and orbit.k == 0.0:
         raise BadInput(
             f"after its impact with k = 0 site {worst.site} is pushed into the wall: beyond it "
-            "sticks there for a while, which is no orbit of impacts; simulation goes on"
+            "sticks there for a while, which is no orbit of impacts; `simulate` goes on"
         )
     if not contacts:
         raise BadInput(f"no site touches a wall but in its impacts: {orbit.admissibility().reason}")
@@ -172,10 +175,13 @@ def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     if not lost:
         raise BadInput(
             "two impacts of a site at one wall have become one, none has vanished by itself: both "
-            "do where they meet, and the curve goes no further"
+            "do where they meet, and the curve goes no further; `simulate` goes on"
         )
     if not left:
-        raise BadInput("all impacts vanish: beyond the lattice follows its forcing alone")
+        raise BadInput(
+            "all impacts vanish: what is left is the lattice that follows its forcing alone, and "
+            "just comes to its walls"
+        )
     there = _with_impacts(orbit, left)
     return lost, simpler_than(there) or there
 

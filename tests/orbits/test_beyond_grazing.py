@@ -141,6 +141,50 @@ def test_a_site_that_grazes_between_its_impacts_hits_twice_in_a_row(gamma):
     assert checked(twice) == ""
 
 
+SOFT = {  # small k: site 0 grazes between its impacts, and what is beyond is stable
+    "ring": {"gamma": 0.05, "k": 0.03, "damping": 0.02, "lattice": cb.Ring(9)},
+    "ring, k = 0.01": {"gamma": 0.05, "k": 0.01, "damping": 0.02, "lattice": cb.Ring(9)},
+    "grid": {"gamma": 0.03, "k": 0.03, "damping": 0.02, "lattice": cb.Grid(3, 3)},
+    "grid, k = 0.01": {"gamma": 0.03, "k": 0.01, "damping": 0.02, "lattice": cb.Grid(3, 3)},
+    "open": {"gamma": 0.08, "k": 0.02, "damping": 0.05, "lattice": cb.OpenChain(5)},
+}
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_a_simulation_begun_beyond_grazing_comes_to_the_orbit_that_was_switched_to(name):
+    within = {"a": (0.1, 1.5)}
+    end = cb.trace(cb.symmetric(0.8, **SOFT[name]), "a", within=within).first("GR")
+    (arm,) = cb.switch(end, within=within)
+    a = 0.5 * (end["a"] + arm[-1]["a"])
+    assert a > end["a"] + 1e-3  # the breather itself is nowhere there
+    twice = cb.trace(arm[-1], "a", within={"a": (a, 1.5)})[0].solution
+    assert (twice.a, twice.stability().stable) == (a, True)
+    run = cb.simulate(end.solution, a=a, periods=400)
+    assert np.abs(np.subtract(run.final, twice.state())).max() < 1e-11
+    last = run.impacts[run.impacts["period"] == 399]
+    assert sorted(zip(last["site"], last["wall"], strict=True)) == [(0, -1)] * 2 + [(0, 1)] * 2
+
+
+def test_a_site_that_the_diagram_says_sticks_rests_on_its_wall_in_a_simulation():
+    on = {"gamma": 0.05, "k": 0.0, "damping": 0.05, "lattice": cb.Ring(5)}
+    end = cb.trace(cb.symmetric(0.8, **on), "a", within={"a": (0.1, 1.5)}).first("GR")
+    before, beyond = (
+        cb.simulate(end.solution, a=end["a"] + more, periods=300) for more in (-0.01, 0.01)
+    )
+    assert not before.rests["period"].max(initial=0) > 100
+    assert {*beyond.rests[beyond.rests["period"] == 299]["site"].tolist()} == {0}
+
+
+def test_a_diagram_lists_ends_beyond_which_no_orbit_is_with_what_there_is(tmp_path):
+    tree = cb.diagram(cb.symmetric(0.55, 0.02, 0.0), "a", within={"a": (0.1, 1.5)}, beyond=True)
+    assert tree.failed == ()
+    assert {end.place.point.kind for end in tree.ends} == {"GR", "VI"}
+    assert any("beyond it sticks" in str(end) for end in tree.ends)
+    assert tree.describe().endswith("; 2 ends with no orbit beyond")
+    cb.save(tmp_path / "tree.nc", tree)
+    assert [*map(str, cb.load(tmp_path / "tree.nc").ends)] == [*map(str, tree.ends)]
+
+
 def test_elastic_neighbours_that_graze_as_the_breather_hits_are_found():
     end = cb.trace(cb.symmetric(0.75, 0.08, 1.0), "a", towards="up").first("GR")
     (arm,) = cb.switch(end, within={"a": (0.1, 1.5)})
