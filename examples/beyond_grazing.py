@@ -39,8 +39,9 @@ def jump(axes: object) -> None:
     (arm,) = cb.switch(grazing, within={"a": (0.8, 1)}, steps=cb.Steps(first=1e-4))
     J = [-float(point["J2"]) for point in arm[1:]]
     mu = [abs(point.solution.multipliers(half=True)).max() for point in arm[1:]]
-    print(f"|mu| J = {mu[0] * J[0]:.4f} at J = {J[0]:.1e}")
-    axes.loglog(J, mu, "ko-", ms=3)
+    print(f"|mu| J = {mu[0] * J[0]:.4f} at J = {J[0]:.1e}, {arm[0]['|mu| J']:.4f} at 0")
+    axes.loglog(J, mu, "ko", ms=3)
+    axes.loglog(J, [arm[0]["|mu| J"] / j for j in J], color="gray", zorder=0)
     axes.set(xlabel="impulse $J$ of a neighbour", ylabel="largest $|\\mu|$ over $\\pi$")
 
 

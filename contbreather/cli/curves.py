@@ -442,8 +442,9 @@ def of_diagram(tree: Any) -> Result:
 
 
 def _loose_ends(tree: Any, depth: int) -> Iterator[str]:
-    """List what the tree does not show: arms that lead to a known branch, points left alone."""
-    yield from map(str, tree.meetings)
+    """List what the tree does not show: arms that lead to a known branch, what is beyond where no
+    orbit goes on, points left alone."""
+    yield from map(str, (*tree.meetings, *tree.ends))
     begun = {birth.place.name for birth in tree.births if birth.place is not None}
     begun |= {meeting.place.name for meeting in tree.meetings}
     half = [place for place in tree.left if place.name in begun]
@@ -474,4 +475,5 @@ def diagram_entry(tree: Any) -> dict[str, Any]:
         "edges": edges,
         "left": [place.name for place in tree.left],
         "failed": [str(failure) for failure in tree.failed],
+        "ends": [str(end) for end in tree.ends],
     }

@@ -25,6 +25,7 @@ from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.section import AT_ONCE, Impact
 from contbreather.orbits.symmetries import simpler_than
+from contbreather.stability.chain_map import RINGS
 
 FloatArray = NDArray[np.float64]
 
@@ -48,7 +49,8 @@ class GrazingSwitch(SwitchingProblem):
 
     def seeds(self) -> tuple[Seed, ...]:
         """The start of the branch, and what becomes of the orbit: it "persists" as one with other
-        impacts, beyond in the parameter, or both live on one side, a nonsmooth "fold"."""
+        impacts, beyond in the parameter, or both live on one side, a nonsmooth "fold";
+        and the limit of |mu| J."""
         curve, here, (tangent, _) = Curve(self.problem, (self.free,)), self.point, self.tangents
         ahead, inside = self._grown(curve, curve.start, tangent), here.direction
         if min(ahead) * max(ahead) <= 0.0:
@@ -58,9 +60,13 @@ class GrazingSwitch(SwitchingProblem):
                 "to pull where those of others push: no orbit has all these impacts"
             )
         tangent = math.copysign(1.0, ahead[0]) * tangent
+        longer = (
+            (here.curve, here.z, inside) if here.kind == "VI" else (curve, curve.start, tangent)
+        )
         inside = self._grown(here.curve, here.z, inside)[0] * inside[-1]
         what = "fold" if inside * tangent[-1] > 0.0 else "persists"
-        return (Seed(self.problem, curve.start, tangent, detail={"beyond": what}),)
+        detail = {"beyond": what, "|mu| J": multiplier_at_grazing(*longer)}
+        return (Seed(self.problem, curve.start, tangent, detail=detail),)
 
     def _grown(self, curve: Curve, z: FloatArray, way: FloatArray) -> FloatArray:
         """By how much impulses, or else distances from walls, grow along a curve."""
@@ -99,11 +105,39 @@ def past_grazing(point: Point) -> GrazingSwitch:
     return GrazingSwitch(problem, point.curve.free[-1], point=point, contacts=contacts)
 
 
+def multiplier_at_grazing(curve: Curve, z: FloatArray, way: FloatArray) -> float:
+    """Limit of |mu| J as J -> 0, along a curve that sets out where impacts have no impulse yet.
+
+    Entries b of the saltations (19) of new impacts grow as 1/J. Where these come at p times of a
+    section its map is a polynomial of degree p in 1/J, and the largest |mu| J^p tends to that of
+    the leading coefficient, a p-th difference. J is the largest of their impulses; the p-th root
+    counts mu from one of the times to the next, the same for half a period and the whole.
+    """
+    orbit: Orbit = Point(curve, z).solution
+    on, T, new = orbit.conditions, orbit.section.length, abs(orbit.incoming) < VANISHED
+    rates = np.array([way[curve.slots[f"J{j + 1}"]] for j in np.flatnonzero(new)])
+    with np.errstate(divide="ignore"):
+        entries = np.where(new, 0.0, orbit.entries)
+    grow = np.zeros(new.size)  # b J, from b = (1 + k) u''/u' and J = -(1 + k) u'
+    grow[new] = ((1.0 + orbit.at_impacts("k")) ** 2 * orbit.accelerations)[new] / rates
+    grow *= abs(rates).max()
+    times = np.sort((orbit.times[new] - orbit.times[0]) % T)
+    p = int(np.count_nonzero(np.diff(times, append=times[0] + T) > AT_ONCE))
+    maps = [orbit.representation.map_at(on, orbit.times, entries + j * grow) for j in range(p + 1)]
+    if on.lattice.sites is None:  # no wave comes round within a section
+        maps = [map.on_ring(RINGS[0] * orbit.section.turns) for map in maps]
+    leading = np.diff(np.stack([map.matrix for map in maps]), n=p, axis=0)[0] / math.factorial(p)
+    return float(abs(np.linalg.eigvals(leading)).max() ** (1.0 / p))
+
+
 def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     """Contacts of a section with walls, and the orbit with impacts of impulse 0 there."""
     motion, section, first = orbit.motion, orbit.section, orbit.times.min()
     if motion.endless and abs(motion.far) < LIMIT:
-        raise BadInput("the far field touches the walls: all sites hit them from here on")
+        raise BadInput(
+            "the far field touches the walls: all sites hit them from here on, as simulations of "
+            "rings show"
+        )
     worst = closest(motion)
     left, right, size = section.hit[0], section.hit[-1], orbit.lattice.sites
     reach = max(abs(worst.site - left), abs(worst.site - right))
@@ -122,7 +156,7 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     if not contacts and orbit.k == 0.0:
         raise BadInput(
             f"after its impact with k = 0 site {worst.site} is pushed into the wall: beyond it "
-            "sticks there for a while, which is no orbit of impacts; simulation goes on"
+            "sticks there for a while, which is no orbit of impacts; `simulate` goes on"
         )
     if not contacts:
         raise BadInput(f"no site touches a wall but in its impacts: {orbit.admissibility().reason}")
@@ -141,10 +175,13 @@ def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     if not lost:
         raise BadInput(
             "two impacts of a site at one wall have become one, none has vanished by itself: both "
-            "do where they meet, and the curve goes no further"
+            "do where they meet, and the curve goes no further; `simulate` goes on"
         )
     if not left:
-        raise BadInput("all impacts vanish: beyond the lattice follows its forcing alone")
+        raise BadInput(
+            "all impacts vanish: what is left is the lattice that follows its forcing alone, and "
+            "just comes to its walls"
+        )
     there = _with_impacts(orbit, left)
     return lost, simpler_than(there) or there
 

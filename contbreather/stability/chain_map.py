@@ -66,7 +66,7 @@ from contbreather.stability.bordered import (
     Impacts,
     PairSeries,
 )
-from contbreather.stability.modal_map import section_map
+from contbreather.stability.modal_map import ModalMap, section_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     MOST,
@@ -340,9 +340,7 @@ class OrbitMap:
     def zeros(self, sites: int, rim: float = -ON_CIRCLE) -> Array:
         """Multipliers that Newton's method on F reaches from those of a ring, the largest first,
         outside the circle, or as far in as Im kappa is a rim."""
-        ring = Ring(sites + 2 * int(self._sites[0].max()))
-        held = self.gamma, self.spring, 0.0
-        mu = section_map(ring, held, self.k, self.kicks, self.period).coupled
+        mu = self.on_ring(sites).coupled
         # most of a ring's band is on the circle, to within rounding
         kappa = np.log(mu[(abs(mu) > 1.0 + 1e-9) & (mu.imag >= 0.0)]) / (2j * math.pi)
         deep, (near, _, off) = kappa.imag < -DEEP, self._near
@@ -350,6 +348,11 @@ class OrbitMap:
         zeros = newton_from_all(self._step, starts, 40, 1e-11, 0.3, _outside, self._unit)
         zeros = np.concatenate([kappa[deep], zeros[zeros.imag < rim]])
         return multipliers_of(2.0 * distinct(zeros, 1e-7 * self._unit(zeros)))
+
+    def on_ring(self, sites: int) -> ModalMap:
+        """The map of a ring with so many sites besides those between impacts."""
+        ring = Ring(sites + 2 * int(self._sites[0].max()))
+        return section_map(ring, (self.gamma, self.spring, 0.0), self.k, self.kicks, self.period)
 
     def _unit(self, kappa: Array) -> Array:
         # what is next to a narrow band changes as fast as that does

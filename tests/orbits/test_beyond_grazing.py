@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 import contbreather as cb
@@ -42,6 +45,47 @@ def test_an_impulse_leads_away_from_grazing_as_far_as_it_was_computed_by_hand():
         assert there.residual < 1e-13
 
 
+def arm_of(end: cb.Point) -> cb.Branch:
+    pitchfork = cb.trace(end, "a", within={"a": (0.4, 1.0)}).first("PF")
+    return cb.switch(pitchfork, within={"a": (0.4, 1.0)})[0]
+
+
+PAIR = {"gamma": 0.04, "k": 0.8, "damping": 0.03, "lattice": cb.Ring(8)}
+GRAZINGS = {  # with how often new impacts come in a section
+    "ring": (lambda: grazing("ring"), 1),
+    "endless": (lambda: grazing("endless"), 2),
+    "two sites": (lambda: cb.trace(cb.multibreather([0, 3], a=0.7, **PAIR), "a").first("GR"), 1),
+    "arm": (lambda: arm_of(cb.symmetric(0.75, 0.04, 0.8)).first("GR"), 1),
+    "whole period": (lambda: cb.trace(grazing("ring").solution.unfolded(), "a").first("GR"), 2),
+}
+
+
+@pytest.mark.parametrize("name", GRAZINGS)
+def test_the_limit_of_mu_times_J_is_where_multipliers_lead(name):
+    where, times = GRAZINGS[name]
+    within = {"a": (0.4, 1.5)}
+    (arm,) = cb.switch(where(), within=within, steps=cb.Steps(first=1e-5, largest=1e-2))
+    assert arm[0]["beyond"] == ("persists" if name == "arm" else "fold")
+    impulses = arm[1].solution.impulses
+    new = int(abs(impulses).argmin())
+    J = 1e-3 * np.array([4.0, 2.0, 1.0, 0.5])
+    at = [cb.user(f"J{new + 1}", float(np.copysign(value, impulses[new]))) for value in J]
+    found = cb.trace(arm[1], "a", towards="both", events=at, within=within).special
+    orbits = [p.solution for p in found if p.kind == "UZ"]
+    orbits.sort(key=lambda orbit: -abs(orbit.impulses[new]))
+    assert len(orbits) == len(J)
+    limits = [(largest(orbit) ** (1 / times)) * j for orbit, j in zip(orbits, J, strict=True)]
+    for order in (2, 4, 8):  # Richardson's: what is left falls as J, J^2, J^3
+        limits = [(order * b - a) / (order - 1) for a, b in pairwise(limits)]
+    assert arm[0]["|mu| J"] == pytest.approx(limits[0], rel=1e-9)
+
+
+def largest(orbit: cb.Orbit) -> float:
+    if orbit.lattice.sites is None:
+        return float(abs(orbit.stability().multipliers).max())
+    return float(abs(orbit.multipliers(half=orbit.symmetric)).max())
+
+
 @pytest.mark.parametrize("name", CHAINS)
 def test_grazing_and_the_impact_that_vanishes_are_one_place(name):
     end = grazing(name)
@@ -53,6 +97,7 @@ def test_grazing_and_the_impact_that_vanishes_are_one_place(name):
     assert less[0].solution.section == end.solution.section
     assert abs(less[0]["a"] - end["a"]) < 1e-12
     assert less[0]["beyond"] == arm[0]["beyond"]
+    assert less[0]["|mu| J"] == pytest.approx(arm[0]["|mu| J"], rel=1e-11)
 
 
 def test_a_diagram_goes_on_beyond_grazing_when_asked():
@@ -94,6 +139,50 @@ def test_a_site_that_grazes_between_its_impacts_hits_twice_in_a_row(gamma):
     twice = arm[len(arm) // 2].solution
     assert twice.section.impacts == ((0, 1), (0, 1), (0, -1), (0, -1))
     assert checked(twice) == ""
+
+
+SOFT = {  # small k: site 0 grazes between its impacts, and what is beyond is stable
+    "ring": {"gamma": 0.05, "k": 0.03, "damping": 0.02, "lattice": cb.Ring(9)},
+    "ring, k = 0.01": {"gamma": 0.05, "k": 0.01, "damping": 0.02, "lattice": cb.Ring(9)},
+    "grid": {"gamma": 0.03, "k": 0.03, "damping": 0.02, "lattice": cb.Grid(3, 3)},
+    "grid, k = 0.01": {"gamma": 0.03, "k": 0.01, "damping": 0.02, "lattice": cb.Grid(3, 3)},
+    "open": {"gamma": 0.08, "k": 0.02, "damping": 0.05, "lattice": cb.OpenChain(5)},
+}
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_a_simulation_begun_beyond_grazing_comes_to_the_orbit_that_was_switched_to(name):
+    within = {"a": (0.1, 1.5)}
+    end = cb.trace(cb.symmetric(0.8, **SOFT[name]), "a", within=within).first("GR")
+    (arm,) = cb.switch(end, within=within)
+    a = 0.5 * (end["a"] + arm[-1]["a"])
+    assert a > end["a"] + 1e-3  # the breather itself is nowhere there
+    twice = cb.trace(arm[-1], "a", within={"a": (a, 1.5)})[0].solution
+    assert (twice.a, twice.stability().stable) == (a, True)
+    run = cb.simulate(end.solution, a=a, periods=400)
+    assert np.abs(np.subtract(run.final, twice.state())).max() < 1e-11
+    last = run.impacts[run.impacts["period"] == 399]
+    assert sorted(zip(last["site"], last["wall"], strict=True)) == [(0, -1)] * 2 + [(0, 1)] * 2
+
+
+def test_a_site_that_the_diagram_says_sticks_rests_on_its_wall_in_a_simulation():
+    on = {"gamma": 0.05, "k": 0.0, "damping": 0.05, "lattice": cb.Ring(5)}
+    end = cb.trace(cb.symmetric(0.8, **on), "a", within={"a": (0.1, 1.5)}).first("GR")
+    before, beyond = (
+        cb.simulate(end.solution, a=end["a"] + more, periods=300) for more in (-0.01, 0.01)
+    )
+    assert not before.rests["period"].max(initial=0) > 100
+    assert {*beyond.rests[beyond.rests["period"] == 299]["site"].tolist()} == {0}
+
+
+def test_a_diagram_lists_ends_beyond_which_no_orbit_is_with_what_there_is(tmp_path):
+    tree = cb.diagram(cb.symmetric(0.55, 0.02, 0.0), "a", within={"a": (0.1, 1.5)}, beyond=True)
+    assert tree.failed == ()
+    assert {end.place.point.kind for end in tree.ends} == {"GR", "VI"}
+    assert any("beyond it sticks" in str(end) for end in tree.ends)
+    assert tree.describe().endswith("; 2 ends with no orbit beyond")
+    cb.save(tmp_path / "tree.nc", tree)
+    assert [*map(str, cb.load(tmp_path / "tree.nc").ends)] == [*map(str, tree.ends)]
 
 
 def test_elastic_neighbours_that_graze_as_the_breather_hits_are_found():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -71,7 +71,7 @@ class Connection:
 
 @dataclass(frozen=True)
 class Failure:
-    """An arm that could not be followed, and why."""
+    """An arm that could not be followed, or a place where none sets out, and why."""
 
     place: Place
     reason: str
@@ -102,6 +102,8 @@ class Diagram(Columns, HtmlRepr):
         after an interruption. Of the last of these some arms may have been followed.
     interrupted : bool
         Whether it was interrupted; what there was by then is kept.
+    ends : tuple of Failure
+        Where branches end and no other orbit sets out, with what there is instead.
     """
 
     branches: tuple[Branch, ...]
@@ -111,6 +113,7 @@ class Diagram(Columns, HtmlRepr):
     failed: tuple[Failure, ...] = ()
     left: tuple[Place, ...] = ()
     interrupted: bool = False
+    ends: tuple[Failure, ...] = ()
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -170,8 +173,9 @@ class Diagram(Columns, HtmlRepr):
         )
         left = f"{_count(self.left, 'point')} not switched at" if self.left else ""
         failed = f"{_count(self.failed, 'arm')} not followed" if self.failed else ""
+        ends = f"{_count(self.ends, 'end')} with no orbit beyond" if self.ends else ""
         end = Stop.INTERRUPTED.value if self.interrupted else ""
-        return "; ".join(filter(None, [f"{branches}, {points}", left, failed, end]))
+        return "; ".join(filter(None, [f"{branches}, {points}", left, failed, ends, end]))
 
     def __repr__(self) -> str:
         return f"<Diagram {self.describe()}>"
@@ -258,7 +262,7 @@ def diagram(
         Number of branches after which no others are followed.
     beyond : bool, optional
         Whether to switch where branches end, too, and other orbits set out: at GR those with an
-        impact more, at VI those with one less.
+        impact more, at VI those with one less. Where none does, ``ends`` says what there is.
     progress, save : optional
         As for `trace`.
 
@@ -341,7 +345,11 @@ class _Growth:
         try:
             seeds = seeds_at(place.point)
         except ContbreatherError as error:
-            self._note(failed=Failure(place, str(error)))
+            end = place.point.event is not None and place.point.event.ends
+            if end and isinstance(error.__cause__, BadInput):  # the sentence of who would go on
+                self._note(ends=Failure(place, str(error.__cause__)))
+            else:
+                self._note(failed=Failure(place, str(error)))
             return
         for seed in seeds:
             if len(self.tree) >= self.most:
@@ -447,6 +455,7 @@ def _to_dict(tree: Diagram) -> dict[str, Any]:
         "meetings": [(at(meeting.place), meeting.branch) for meeting in tree.meetings],
         "failed": [(at(failure.place), failure.reason) for failure in tree.failed],
         "left": [at(place) for place in tree.left],
+        "ends": [(at(end.place), end.reason) for end in tree.ends],
         "interrupted": tree.interrupted,
         "groups": {f"branch{i}": branch for i, branch in enumerate(tree)},
     }
@@ -462,6 +471,7 @@ def _from_dict(
     failed: list[tuple[At, str]],
     left: list[At],
     interrupted: bool,
+    ends: Sequence[tuple[At, str]] = (),  # older files have none
 ) -> Diagram:
     branches = [groups[f"branch{i}"] for i in range(len(groups))]
     known = dict[tuple[int, int], Place]()
@@ -489,4 +499,5 @@ def _from_dict(
         tuple(Failure(at(where), reason) for where, reason in failed),
         tuple(at(where) for where in left),
         interrupted,
+        tuple(Failure(at(where), reason) for where, reason in ends),
     )
