@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 
-from ..checks import brief, check_kind, number, numbers
+from ..checks import brief, check_kind, number, numbers, one_of
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event
@@ -19,12 +19,14 @@ from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
+from .conservation import ASIDE, Conservation, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .equations import FlowEquations
 from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, value_at
 from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
+from .multipliers import around
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
@@ -44,6 +46,8 @@ def cycle(
     params: Mapping[str, float],
     *,
     period: float | Callable[[Params], float] | None = None,
+    conserves: Any = None,
+    fixed: str = "period",
     t0: float = 0.0,
     settle: float = 0.0,
     collocation: Collocation | None = None,
@@ -69,6 +73,13 @@ def cycle(
     period : float or callable, optional
         Of the forcing, a number or ``period(p)``. The orbit may take several of them, as the
         simulation tells. Without it nothing may depend on the time, and the period is unknown.
+        With `conserves` that of the orbit.
+    conserves : callable, or several in a dict, optional
+        ``H(x, p)``, what is constant along every orbit of one smooth flow. Orbits then come in
+        families, and the "period" and the "energy" (or the name of the first of several) of one are
+        parameters: trace in either of them.
+    fixed : {"period", "energy"}
+        Which of both is given, where the free parameter is another one.
     t0 : float
         The time of the start.
     settle : float
@@ -108,8 +119,13 @@ def cycle(
     >>> round(oscillator.start["period"], 9)
     6.663286859
     """
-    scheme, forcing = collocation or Collocation(), None
+    scheme, forcing, wanted = collocation or Collocation(), None, None
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
+    quantities, kept = ((), ()) if conserves is None else quantities_of(conserves)
+    if kept:
+        one_of("fixed", fixed, ("period", kept[0]))
+        if period is not None:
+            period, wanted = None, number("period", period, 1e-300, 1e300, "a positive time")
     if period is not None:
         if not callable(period):
             number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
@@ -118,9 +134,9 @@ def cycle(
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
-        (_, params), size, shift = named_state(dict.fromkeys(names, 0.0), params), 0.0, 0.0
+        (_, params), size, shift = named_state(dict.fromkeys(names, 0.0), params, kept), 0.0, 0.0
     else:
-        (state, params), names = named_state(start, params), tuple(start)
+        (state, params), names = named_state(start, params, kept), tuple(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
@@ -129,7 +145,8 @@ def cycle(
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
         else:
-            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
+            motion = _smooth(alone, run, params, begin, length, settle, size, wanted)
+            parts, pieces = (alone,), [motion]
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length
@@ -146,21 +163,65 @@ def cycle(
         turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
+    if kept:
+        equations, params = _conserving(equations, quantities, kept, params)
     if events is None:
         events = events_of_cycle(equations, flows if isinstance(flows, Filippov) else None)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
-    return _closed(equations, problem_at, params, size)
+    closed = _closed(equations, problem_at, params, size)
+    if wanted is not None:
+        try:
+            closed = closed.having("period").at(period=wanted).solve(tolerance=1e-12)[0]
+        except NotConverged as error:
+            found = cycle_of(closed).period
+            raise NotConverged(
+                f"from the orbit of period {found:.6g} there none of period {wanted:.6g} was found:"
+                ' start closer to it, or leave period= out and trace in "period"',
+                residual=error.residual,
+            ) from error
+    return closed.having(fixed) if kept else closed
+
+
+def _conserving(
+    equations: FlowEquations,
+    quantities: tuple[Function, ...],
+    names: tuple[str, ...],
+    params: dict[str, float],
+) -> tuple[FlowEquations, dict[str, float]]:
+    """Unfold a family, of which the orbit with the energy of the start is looked for."""
+    (flow,), (flight,) = equations.flows, equations.start
+    if flow.until is not None:
+        raise BadInput("conserves= is of one smooth flow: this one ends by a condition")
+    states = flight.states.T
+    refuse_drift(quantities, names, flow.f, states, params)
+    energy = float(values(quantities[0], 0.0, states[:, :1], params)[0, 0])
+    # where all that is conserved has a symmetry orbits are shifted along these
+    x = np.concatenate([np.ravel(value) for value in equations.unknowns([flight]).values()])
+    (factors,), (ways,) = around(equations, x, params)
+    off = reduce(np.matmul, factors[::-1]) - np.eye(len(states))
+    along = ways[:1] / np.linalg.norm(ways[0])
+    null = np.linalg.svd(off - off @ along.T @ along)[2][-len(names) :]
+    across = np.linalg.svd(null - null @ along.T @ along)[2][: len(names) - 1]
+    kept = Conservation(quantities, names, names[0], across)
+    sizes = abs(states).max(axis=1)
+    steps = ASIDE * np.where(sizes, sizes, sizes.max())
+    unfolded = Unfolded(flow.f, dict(zip(kept.lambdas, quantities, strict=True)), steps)
+    flows = (replace(flow, f=unfolded),)
+    return replace(equations, flows=flows, conservation=kept), {**params, names[0]: energy}
 
 
 def named_state(
-    start: Mapping[str, float], params: Mapping[str, float]
+    start: Mapping[str, float], params: Mapping[str, float], conserved: tuple[str, ...] = ()
 ) -> tuple[Array, dict[str, float]]:
     """Make numbers of a state and parameters, and refuse names that clash."""
     states = "a dict with the name and value of each state, {'x': 1.0} for instance,"
     check_kind(start, Mapping, f"{states} or for a cycle samples (t, x),")
     check_kind(params, Mapping, "a dict of parameters")
     names = [*start, *params]
-    taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names})
+    own = {"orbit", "mesh", "period", "durations", "phase", *conserved}
+    if conserved:
+        own |= {"held", *(f"lambda{i}" for i in ("", *range(1, len(conserved) + 1)))}
+    taken = sorted(own & {*names})
     if taken:
         raise BadInput(f"rename {taken}: every cycle has columns of these names")
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -316,13 +377,14 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
-) -> Motion:
+    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float,
+    wanted: float | None,
+) -> Motion:  # fmt: skip
     """Simulate one period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    for wait in np.multiply(settle or _WAIT, (1, 3, 9, 27)):
+    for wait in np.multiply(settle or max(_WAIT, 3 * (wanted or 0.0)), (1, 3, 9, 27)):
         ran = run(x0=state, time=float(wait), t0=t0)
         t0, state = t0 + float(wait), ran.final  # if it was not settled yet
         # what is slow has time to settle that is as long
@@ -331,6 +393,9 @@ def _smooth(
         returns = _returns(flow, ran, params)
         if min((off for off, _ in returns), default=math.inf) <= _BACK:
             break
+    if wanted is not None:
+        close = [time for off, time in returns if off <= _BACK]
+        returns = [(0.0, min(close, key=lambda time: abs(time - wanted)))] if close else returns
     return ran, float(ran.t[0]), float(_first_close(returns, ran))
 
 
@@ -492,7 +557,7 @@ def _refuse_family(problem: Problem, error: Exception) -> None:
             unforced = "" if autonomous else f"; {_UNFORCED}"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
-                "1: it is one of a family, as where energy is conserved (add damping and forcing), "
+                "1: it is one of a family, as where energy is conserved (say so by conserves=), "
                 f"or at a bifurcation (take other parameters){unforced}",
                 residual=float(abs(left).max()),
             ) from error

@@ -111,7 +111,10 @@ def _examine_fold(point: Point) -> Examined:
     if reason := unresolved(point) or _PLAIN.examine(point):
         return reason
     # where a branch is steep, as at a canard, rounding turns its parameter back, too
-    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
+    kept, off = equations_of(point.base_point).conservation, point.base_point.solution.others - 1
+    if kept:
+        return ""
+    off = abs(off).min(initial=math.inf)
     if not off < 0.1:  # 1e-5 where the parameter turns by 1e-13
         return f"no multiplier is 1: the nearest is {off:.2g} off"
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free

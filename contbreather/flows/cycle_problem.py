@@ -26,6 +26,7 @@ from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
+from .conservation import indices_of, off_circle, refuse_drift
 from .equations import FlowEquations
 from .flow import refuse_false_period
 from .functions import Function, Params, values
@@ -53,7 +54,11 @@ class Cycle(HtmlRepr):
         autonomous orbit is among them. One is infinite where an impact loses its velocity (VI),
         where all others are NaN.
     trivial : float
-        That one, 1 but for what the mesh does not resolve; NaN for forced orbits.
+        That one, 1 but for what the mesh does not resolve; NaN for forced orbits. Where something
+        is conserved there are several, and this is the one that is farthest off 1.
+    indices : ndarray
+        Stability indices (mu + 1/mu)/2 of all other pairs of multipliers where something is
+        conserved: the pair is on the unit circle where that is real and from -1 to 1.
     unstable : int
         How many multipliers are outside of the unit circle.
     times : ndarray
@@ -122,7 +127,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     @one_thread
-    def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
+    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
         return of_cycle(self.equations, self.x, self.params)
 
     @property
@@ -132,22 +137,46 @@ class Cycle(HtmlRepr):
 
     @property
     def trivial(self) -> float:
-        return self._spectrum[1]
+        ones = self._spectrum[1]
+        return float(ones[abs(ones - 1).argmax()]) if ones.size else math.nan
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        trivial = [] if math.isnan(self.trivial) else [self.trivial]
-        mu = np.concatenate([self.others, trivial])
+        mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
         return mu[np.argsort(-abs(mu), kind="stable")]
+
+    @cached_property
+    def indices(self) -> NDArray[np.complex128]:
+        if self.equations.conservation is None:
+            raise BadInput("multipliers come in pairs where something is conserved: conserves=")
+        return indices_of(self.others)
 
     @property
     def unstable(self) -> int:
+        if self.equations.conservation:
+            return int(off_circle(self.indices).sum())
         return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
+
+    @property
+    def drifts(self) -> float:
+        """How large the unfolding lambda grad H is, relative to the field: rounding where H is
+        conserved."""
+        kept, place = self.equations.conservation, self.equations.linearised(self.x, self.params)
+        if kept is None:
+            return 0.0
+        states, (field,) = place.flights[0].states.T, self.equations.velocities(self.x, self.params)
+        terms = zip(kept.lambdas, kept.gradients(states, self.params), strict=True)
+        return float(sum(abs(place.params[name] * g).max() for name, g in terms) / abs(field).max())
 
     @property
     def coarse(self) -> str:
         """Reason why the mesh does not resolve the orbit; empty if it does."""
         off = abs(self.trivial - 1)
+        if self.drifts > 1e-4:
+            return (
+                f"the unfolding is {self.drifts:.1g} of the field, where it should be rounding: "
+                f"{' or '.join(self.equations.conservation.names)} is not conserved"  # type: ignore
+            )
         if off <= 1e-4:  # so far off 1 it may be of a resolved orbit
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
@@ -215,7 +244,7 @@ class CycleProblem(Problem):
 
     @property
     def internals(self) -> frozenset[str]:
-        return frozenset(("orbit", "mesh"))
+        return frozenset(("orbit", "mesh", "held"))
 
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
@@ -280,7 +309,8 @@ class CycleProblem(Problem):
         flights that are given."""
         here = self.residual.flights(self.x, self.params)
         finer = replace(self.residual, start=tuple(f.halved() for f in flights or here))
-        return replace(self, residual=finer, start=finer.unknowns([f.halved() for f in here]))
+        start = finer.unknowns([f.halved() for f in here], self.params)
+        return replace(self, residual=finer, start=start)
 
     def unresolved(self, point: Point) -> str:
         try:
@@ -296,11 +326,34 @@ class CycleProblem(Problem):
         return problem
 
     def having(self, *names: str) -> Problem:
-        """Free parameters, if the forcing keeps the period while these change."""
-        equations = self.residual
+        """Free parameters, if the forcing keeps the period while these change, and what is
+        conserved stays so; of a family the period or the energy, in place of the other one."""
+        equations, kept = self.residual, self.residual.conservation
         states = [flight.states.T for flight in equations.start]
         refuse_false_period(equations.flows, states, equations.period, self.params, names)
-        return super().having(*names)
+        if kept is None:
+            return super().having(*names)
+        refuse_drift(
+            kept.quantities, kept.names, equations.flows[0].f, states[0], self.params, names
+        )
+        both = [name for name in ("period", kept.names[0]) if name in names]
+        if len(both) > 1:
+            raise BadInput(f"{' and '.join(both)} are not independent of each other on a family")
+        return self.holding(*both) if both and both != [kept.held] else self
+
+    def holding(self, name: str) -> CycleProblem:
+        """Give the period of an orbit in place of its energy, or the other way around."""
+        equations = self.residual
+        assert equations.conservation is not None
+        kept = replace(equations.conservation, held=name)
+        params = {n: value for n, value in self.params.items() if n != equations.conservation.held}
+        problem = problem_of(
+            replace(equations, conservation=kept), params | {name: float(self.start[name])},
+            self.events, self.label,
+        )  # fmt: skip
+        # the same unknowns in the same order, under other names
+        start = dict(zip(problem.start, self.start.values(), strict=True))
+        return replace(problem, start=start)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return {"PD": _doubled, "GR": _beyond}.get(kind)
@@ -313,8 +366,10 @@ def _doubled(point: Point) -> SwitchingProblem:
     multipliers does not: curves cross off PD by as much as the mesh does not resolve.
     """
     problem, (free,) = point.curve.problem, point.curve.free
-    twice = _twice(equations_of(point), np.array(point.x), point.params)
-    arm: Problem = problem_of(twice, point.params, problem.events, problem.label)
+    twice, params = _twice(equations_of(point), np.array(point.x), point.params), point.params
+    if twice.conservation and "period" in params:
+        params = {**params, "period": 2 * params["period"]}
+    arm: Problem = problem_of(twice, params, problem.events, problem.label)
     curve = Curve(arm, (free,))
     with suppress(Undefined):
         arm = Point(curve, crossing(curve, curve.start).solution.z).problem
@@ -462,10 +517,12 @@ def problem_of(
     equations: FlowEquations, params: Params, events: Sequence[Event], label: str
 ) -> CycleProblem:
     """The problem of a cycle that starts at the orbit which its equations began with."""
-    start = equations.unknowns(equations.start)
+    start = equations.unknowns(equations.start, params)
     size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
-    times = "durations" if "durations" in start else "period"
-    record: dict[str, Any] = {} if times == "period" else {"period": attrgetter("solution.period")}
+    times = next(name for name in ("durations", "period", "held") if name in start)
+    record: dict[str, Any] = (
+        {"period": attrgetter("solution.period")} if times == "durations" else {}
+    )
     record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
     if equations.autonomous:
         record["trivial"] = _trivial

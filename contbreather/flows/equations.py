@@ -27,6 +27,7 @@ from .collocation import (
     derivatives,
     flown,
 )
+from .conservation import Conservation
 from .flow import Flow
 from .functions import Params, slopes, values
 
@@ -38,19 +39,24 @@ class Layout:
 
     `nodes` are the places of the states of each flow, shape (intervals, n), the first `orbit` of
     all `size` unknowns; `knots` those of its inner knots and the logarithm of its path, shape
-    (intervals,); `lengths` those of all durations.
+    (intervals,); `lengths` those of all durations; of what is conserved `levels` those of its
+    values, and `lambdas` those of its unfolding, which stand where parameters begin.
     """
 
     def __init__(self, equations: FlowEquations) -> None:
         counts = [flight.states.shape for flight in equations.start]
         states, meshes = [k * n for k, n in counts], [k for k, _ in counts]
         self.orbit, flows = sum(states), len(counts)
-        self.size = self.orbit + sum(meshes) + flows + equations.phased
-        parts = np.split(np.arange(self.size), np.cumsum([*states, *meshes, flows]))
+        kept = equations.conservation
+        conserved = len(kept.names) if kept else 0
+        sizes = [*states, *meshes, flows, int(equations.phased), conserved, conserved]
+        self.size = sum(sizes)
+        parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
         pairs = zip(parts, counts, strict=False)
         self.nodes: list[Places] = [part.reshape(count) for part, count in pairs]
         self.knots, self.lengths = parts[flows : 2 * flows], parts[2 * flows]
-        self.phase = parts[-1].tolist()  # no unknown, or one
+        self.phase = parts[-3].tolist()  # no unknown, or one
+        self.levels, self.lambdas = parts[-2:]
         self.ended = [flow.until is not None for flow in equations.flows]
         self.autonomous = equations.autonomous
         self._cells: dict[int, Places] = {}
@@ -73,7 +79,7 @@ class Layout:
 
     def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
         """Rows and columns of the blocks of `FlowEquations`."""
-        diagonal, parameters = np.arange(self.orbit), np.arange(self.size, self.size + named)
+        diagonal, parameters = np.arange(self.orbit), self._parameters(named)
         whole = np.append(self.lengths, parameters)
         yield diagonal, diagonal
         for i, node in enumerate(self.nodes):
@@ -88,12 +94,19 @@ class Layout:
                 yield self.lengths[i], node.ravel() if self.autonomous else whole
         for phase in self.phase:
             yield phase, whole
+        if self.lambdas.size:
+            rows = np.concatenate([self.levels, self.lambdas])
+            start = self.nodes[0][0], self.lengths, self.levels, parameters
+            yield rows[:, None], np.concatenate(start)
+
+    def _parameters(self, named: int) -> Places:
+        return np.arange(self.size - self.lambdas.size, self.size + named)
 
     def columns(self, i: int, named: int) -> Places:
         """List the unknowns that each interval depends on, -1 for a knot that is fixed: its state,
         the knots at both ends, the duration, what the beginning of the flow is the sum of, and the
         parameters."""
-        begins, parameters = [*self.lengths[:i], *self.phase], range(self.size, self.size + named)
+        begins, parameters = [*self.lengths[:i], *self.phase], self._parameters(named)
         inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
         shared = np.tile([self.lengths[i], *begins, *parameters], (len(inner) - 1, 1))
         return np.hstack([self.nodes[i], inner[:-1, None], inner[1:, None], shared])
@@ -136,6 +149,7 @@ class FlowEquations:
     turns: int  # over how many of these periods it closes
     states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
+    conservation: Conservation | None = None
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -161,7 +175,9 @@ class FlowEquations:
     def layout(self) -> Layout:
         return Layout(self)
 
-    def unknowns(self, flights: Sequence[TrajectorySegment]) -> dict[str, Any]:
+    def unknowns(
+        self, flights: Sequence[TrajectorySegment], p: Params | None = None
+    ) -> dict[str, Any]:
         durations = np.array([flight.duration for flight in flights])
         start: dict[str, Any] = {
             "orbit": np.concatenate([f.states.ravel() for f in flights]),
@@ -173,7 +189,18 @@ class FlowEquations:
             ),
         }
         start |= {"durations": durations} if len(flights) > 1 else {"period": float(durations[0])}
-        return start | ({"phase": flights[0].start} if self.phased else {})
+        start |= {"phase": flights[0].start} if self.phased else {}
+        return start if self.conservation is None else self._kept(self.conservation, start, p)
+
+    def _kept(self, kept: Conservation, start: dict[str, Any], p: Params | None) -> dict[str, Any]:
+        """Add what is conserved, of an orbit at parameters, to the unknowns."""
+        state = start["orbit"][: self.start[0].dimension, None]
+        levels = [0.0 if p is None else float(values(H, 0.0, state, p)[0, 0])
+                  for H in kept.quantities]  # fmt: skip
+        time, first = kept.named("period")
+        start = {time if name == "period" else name: value for name, value in start.items()}
+        names = (first, *kept.names[1:], *kept.lambdas)
+        return start | dict(zip(names, [*levels, *[0.0] * len(levels)], strict=True))
 
     # --- the equations ----------------------------------------------------------------------------
 
@@ -183,6 +210,9 @@ class FlowEquations:
 
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """Solve for all flows, once for one of the latest places."""
+        if self.conservation:  # lambdas are unknowns here, and parameters to the flow
+            lambdas = x[self.layout.lambdas].tolist()
+            p = {**p, **dict(zip(self.conservation.lambdas, lambdas, strict=True))}
         key = x.tobytes(), tuple(p.items())
         place = self._latest.pop(key, None)
         if place is None or place.error > error:
@@ -202,7 +232,8 @@ class FlowEquations:
     def _near(self, x: Array) -> list[SolvedPlace]:
         """Sort the places that are solved for, and near: the nearest first."""
         places = [*self._latest.values()] or [self._begin]
-        off = abs(np.array([place.x for place in places]) - x).max(axis=1)
+        x = x[: self.layout.lengths[-1] + 1]
+        off = abs(np.array([place.x[: x.size] for place in places]) - x).max(axis=1)
         most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
         return [places[j] for j in off.argsort().tolist() if off[j] <= most]
 
@@ -251,7 +282,35 @@ class FlowEquations:
         rows.append(np.array([self._condition(i, x, f, p) for i, f in enumerate(flights)]))
         if self.phased:
             rows.append(np.array([self._over(None, x, p)]))
+        if self.conservation:
+            rows.append(self._given(self.conservation, x, p))
         return np.concatenate(rows)
+
+    def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
+        """Values of what is conserved less these, what is held less that, and how far the orbit is
+        off its first one along symmetries."""
+        layout, begin = self.layout, x[self.layout.nodes[0][0]]
+        levels = [values(H, 0.0, begin[:, None], p)[0, 0] for H in kept.quantities]
+        held = x[(layout.lengths if kept.held == "period" else layout.levels)[0]] - p[kept.held]
+        off = kept.across @ (begin - self.start[0].states[0])
+        return np.concatenate([levels - x[layout.levels], [held], off])
+
+    def _given_slopes(
+        self, kept: Conservation, x: Array, p: Params, names: tuple[str, ...]
+    ) -> Array:
+        """Differentiate these in the first state, the duration, levels, lambdas and parameters."""
+        begin = x[self.layout.nodes[0][0]]
+        n, k = begin.size, len(kept.names)
+        rows = np.zeros((2 * k, n + 1 + 2 * k + len(names)))
+        for row, H in zip(rows, kept.quantities, strict=False):
+            slope = slopes(H, 0.0, begin[:, None], p, names)[1][0, :, 0]
+            row[:n], row[n + 1 + 2 * k :] = slope[:n], slope[n + 1 :]
+        rows[:k, n + 1 : n + 1 + k] = -np.eye(k)
+        rows[k, n + (kept.held != "period")] = 1.0
+        if kept.held in names:
+            rows[k, n + 1 + 2 * k + names.index(kept.held)] = -1.0
+        rows[k + 1 :, :n] = kept.across
+        return rows
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
         reset = self.flows[i].reset
@@ -330,8 +389,10 @@ class FlowEquations:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
         place = self._solved(x, p)
-        if not place.linear or names not in (None, place.names):
-            place.names = names or ()
+        lambdas = self.conservation.lambdas if self.conservation else ()
+        wanted = (*lambdas, *(names or ()))
+        if not place.linear or (names is not None and wanted != place.names):
+            place.names = wanted
             place.linear = tuple(self._linearised(i, x, place) for i in range(len(self.flows)))
         return place
 
@@ -393,6 +454,8 @@ class FlowEquations:
                 yield self._phase[i] if self.autonomous else self._of_period(i, p, names)
         if self.phased:
             yield self._of_period(None, p, names)
+        if self.conservation:
+            yield self._given_slopes(self.conservation, x, p, names)
 
     def place(self, i: int, s: float, x: Array, p: Params) -> tuple[float, Array]:
         """Time and state of a flow at a part of its duration."""

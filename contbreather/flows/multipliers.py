@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,38 @@ def without_direction(
         multiplier *= turned[:, 0, 0].prod()
         rest.append(turned[:, 1:, 1:])
     return rest, float(multiplier)
+
+
+def without_pairs(
+    stack: Array, way: Array, gradients: Sequence[Array]
+) -> tuple[Array, NDArray[np.float64]]:
+    """The factors of one stack without the multipliers 1 of a conservative flow, and these.
+
+    The velocity is mapped into itself, and so is the gradient of each quantity by the transposes,
+    the other way around. Of several quantities all but one have a symmetry, along which an orbit
+    is shifted to another: its directions are the null vectors of what is left, less 1.
+    """
+    (stack,), one = without_direction([stack], [way])
+    ones, left = [one], [_beyond(way, gradient) for gradient in gradients]
+    while left:
+        gradient, *left = left
+        turned = stack.transpose(0, 2, 1)[::-1]
+        (turned,), one = without_direction([turned], [np.roll(gradient[::-1], 1, axis=0)])
+        stack, left = turned.transpose(0, 2, 1)[::-1], [_beyond(gradient, g) for g in left]
+        ones.append(one)
+    for left_over in range(len(gradients) - 1, 0, -1):
+        whole = reduce(np.matmul, stack[::-1])
+        shifts = [np.linalg.svd(whole - np.eye(len(whole)))[2][-left_over]]
+        for factor in stack[:-1]:
+            shifts.append(factor @ shifts[-1])
+        (stack,), one = without_direction([stack], [np.array(shifts)])
+        ones.append(one)
+    return stack, np.array(ones)
+
+
+def _beyond(ways: Array, vectors: Array) -> Array:
+    """Vectors in the complement of directions, as `without_direction` has it."""
+    return np.asarray((_mirrors(ways) @ vectors[:, :, None])[:, 1:, 0])
 
 
 def _mirrors(ways: Array) -> Array:
@@ -135,11 +168,33 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
 # --- of a cycle ---------------------------------------------------------------------------------
 
 
-def of_cycle(equations: FlowEquations, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
-    """Compute those that are not trivial, and the trivial one: NaN where there is none.
+def of_cycle(
+    equations: FlowEquations, x: Array, p: Params
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Compute those that are not trivial, and the trivial ones: of autonomous cycles one, and one
+    more or a pair for each quantity that is conserved.
 
     At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
     """
+    factors, directions = around(equations, x, p)
+    none = np.empty(0)
+    if any(np.isnan(stack).any() for stack in factors):
+        lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
+        lost[:1] = np.inf
+        return lost, none
+    if not equations.autonomous:
+        return multipliers(factors), none
+    if equations.conservation:
+        states = equations.flights(x, p)[0].states.T
+        gradients = equations.conservation.gradients(states, p)
+        left, ones = without_pairs(factors[0], directions[0], gradients)
+        return multipliers([left]), ones
+    rest, trivial = without_direction(factors, directions)
+    return multipliers(rest), np.array([trivial])
+
+
+def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], list[Array]]:
+    """Map small perturbations over each interval, in stacks, and list the velocities there."""
     place = equations.linearised(x, p)
     # the velocities where they begin, in stacks of those of one shape as the factors
     ways = equations.velocities(x, p)
@@ -151,14 +206,7 @@ def of_cycle(equations: FlowEquations, x: Array, p: Params) -> tuple[NDArray[np.
         alike = last.shape[1] == last.shape[2]
         factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
         directions += [way] if alike else [way[:-1], way[-1:]]
-    if any(np.isnan(stack).any() for stack in factors):
-        lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
-        lost[:1] = np.inf
-        return lost, np.nan
-    if not equations.autonomous:
-        return multipliers(factors), np.nan
-    rest, trivial = without_direction(factors, directions)
-    return multipliers(rest), trivial
+    return factors, directions
 
 
 def _saltation(
@@ -231,4 +279,9 @@ def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Mat
             square[layout.lengths[i], layout.lengths[i]] = 1.0
     if equations.phased:
         square[-1, -1] = 1 - mu
+    for level, unfolded in zip(layout.levels, layout.lambdas, strict=True):
+        # along a perturbation nothing that is conserved changes: the unfolding brings back to that
+        square[level, level] = 0.0
+        square[unfolded] = 0.0
+        square[unfolded, level] = 1.0
     return square.tocsc() if sparse else square
