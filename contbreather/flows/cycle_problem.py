@@ -249,6 +249,12 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
 
+    def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
+        raise BadInput(
+            f"{', '.join(map(str, functions))}: the equations of a cycle are made of its flow; "
+            "write the functions into f(t, x, p) of the flow itself, and make the cycle of that"
+        )
+
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """The first impact is at a time of the forcing; and states that the reset takes back by a
         constant, as those of a rotation, are angles."""

@@ -229,6 +229,14 @@ class MapCycleProblem(Problem):
     def period(self) -> int:
         return self.residual.period
 
+    def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
+        """Tie the parameters of the map: its cycles double as before."""
+        new, iterate = super().tied(functions, **values), self.residual
+        slopes = iterate.derivative and new.ties.of(iterate.derivative)
+        iterate = replace(iterate, map=new.ties.of(iterate.map), derivative=slopes)
+        same = {n: getattr(new, n) for n in ("params", "record", "domain", "scales")}
+        return replace(self, residual=iterate, jacobian=slopes and iterate.jacobian, **same)
+
     def interpret(self, point: Point) -> Any:  # type: ignore[override]
         points = np.array(self.residual.phases(point.x, point.params))
         return MapCycle(points, multiplier_matrix(point), point.params)

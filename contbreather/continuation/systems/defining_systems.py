@@ -307,7 +307,9 @@ class ExtendedProblem(Problem):
 
     def walker(self, free: tuple[str, ...], params: Params) -> Any:
         both = self.residual
-        return both.locus.walker and both.locus.walker(both.problem, (both.released, *free), params)
+        if both.problem.walker is None or both.locus.walker is None:
+            return None
+        return both.locus.walker(both.problem, (both.released, *free), params)
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
