@@ -257,14 +257,7 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name",
-    [
-        "workers",
-        "orbits.atlas",
-        "plotting.zones",
-        "studies.run",
-        "studies.validation",
-    ],
+    "name", ["workers", "orbits.atlas", "plotting.zones", "studies.run", "studies.validation"]
 )
 def test_examples_give_what_they_show(name: str) -> None:
     found = doctest.testmod(import_module(f"contbreather.{name}"))

@@ -14,11 +14,7 @@ from scipy import sparse
 
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.modal_flow import (
-    driven_spectrum,
-    free_multipliers,
-    propagator,
-)
+from contbreather.lattice.modal_flow import driven_spectrum, free_multipliers, propagator
 from contbreather.orbits.clearance import highest_neighbour
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
@@ -616,9 +612,7 @@ def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-6, 0.3, 2.0, 5.0])
-def test_flights_are_exact_where_modes_drift_turn_and_creep(
-    damping: float,
-) -> None:
+def test_flights_are_exact_where_modes_drift_turn_and_creep(damping: float) -> None:
     """Against thirty digits."""
     t = 1.7
 
