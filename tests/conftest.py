@@ -9,14 +9,12 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -125,25 +123,6 @@ def in_a() -> cb.Branch:
 def diagram() -> cb.orbits.Zones:
     """The zones of the paper's figure 2 (a), to look at."""
     return cb.zones(k=0.8)
-
-
-@pytest.fixture
-def counted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], Counter[str]]:
-    """Count the calls of a function, and the places that it is asked about."""
-
-    def watch(owner: Any, name: str) -> Counter[str]:
-        calls, own = Counter[str](), getattr(owner, name)
-
-        def seen(*given: Any, **more: Any) -> Any:
-            calls["calls"] += 1
-            sizes = [one.size for one in given if isinstance(one, np.ndarray)]
-            calls["places"] += max(sizes, default=1)
-            return own(*given, **more)
-
-        monkeypatch.setattr(owner, name, seen)
-        return calls
-
-    return watch
 
 
 @pytest.fixture

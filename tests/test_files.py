@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 import errno
 import os
 import stat
@@ -23,15 +22,23 @@ def saying(text: bytes):
     return lambda file: file.write(text)
 
 
-def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("error", "seen"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), BadInput),
+        (KeyboardInterrupt("No space"), KeyboardInterrupt),
+        (ZeroDivisionError("No space"), ZeroDivisionError),
+    ],
+)
+def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path, error, seen) -> None:
     target = tmp_path / "table.csv"
     target.write_text("old")
 
     def half(file: BinaryIO) -> None:
         file.write(b"ha")
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise error
 
-    with pytest.raises(BadInput, match=r"table\.csv: No space left on device"):
+    with pytest.raises(seen, match=r"^(cannot write .*table\.csv: )?No space"):
         write_whole(target, half)
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
@@ -257,7 +264,3 @@ def test_reading_is_of_ordinary_files(tmp_path: Path) -> None:
     ):
         with pytest.raises(BadInput, match=sentence), opened(place):
             pass
-
-
-def test_example_runs() -> None:
-    assert doctest.testmod(files) == (0, 2)

@@ -105,6 +105,11 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     # lattices
     (lambda: cb.Lattice([[1.0, "a"], [0.0, 1.0]]), "the stiffness is not a matrix of numbers"),
     (lambda: cb.Lattice([[1.0, 2.0]]), r"the stiffness has shape \(1, 2\); a square matrix"),
+    (lambda: cb.OpenChain(0), "at least 1"),
+    (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
+    (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
+    (lambda: cb.symmetric(0.6, 0.05, 0.8, damping=0.1), "infinite chain"),
+    (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
     (lambda: cb.Lattice(np.zeros((0, 0))), r"the stiffness has shape \(0, 0\)"),
     (lambda: cb.Lattice([1.0, 2.0]), r"the stiffness has shape \(2,\)"),
     (lambda: cb.Lattice([[1.0, 0.0], [0.0, math.nan]]), r"stiffness\[1, 1\] = nan is not finite"),

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import doctest
 import os
 import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from functools import partial
-from importlib import import_module
 from itertools import count
 from pathlib import Path
 from threading import Lock
@@ -253,22 +251,6 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         cb.zones_many([0.8], over={"c3": [0.1]})
     with pytest.raises(cb.BadInput, match="finite real numbers"):
         cb.zones_many([0.8, float("nan")])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "workers",
-        "orbits.atlas",
-        "plotting.zones",
-        "studies.run",
-        "studies.validation",
-    ],
-)
-def test_examples_give_what_they_show(name: str) -> None:
-    found = doctest.testmod(import_module(f"contbreather.{name}"))
-    assert (found.failed, found.attempted > 0) == (0, True)
 
 
 def test_what_a_script_defines_is_sent_as_it_is_and_needs_no_guard(tmp_path: Path) -> None:

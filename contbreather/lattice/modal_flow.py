@@ -59,7 +59,7 @@ def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagato
 
     Examples
     --------
-    >>> quarter = propagator(np.array([0.0, 1.0]), 0.5 * math.pi)
+    >>> quarter = propagator(np.array([0.0, 1.0]), 0.5 * np.pi)
     >>> quarter(np.ones(2), np.zeros(2))[0].round(12) + 0.0
     array([1., 0.])
     """

@@ -17,11 +17,7 @@ SITES = 10  # of a chain of van der Pol oscillators, two states each
 
 
 def lorenz(t: Any, x: Any, p: Any) -> Any:
-    return [
-        p["s"] * (x[1] - x[0]),
-        x[0] * (p["r"] - x[2]) - x[1],
-        x[0] * x[1] - p["b"] * x[2],
-    ]
+    return [p["s"] * (x[1] - x[0]), x[0] * (p["r"] - x[2]) - x[1], x[0] * x[1] - p["b"] * x[2]]
 
 
 def chain(t: Any, x: Any, p: Any) -> Any:

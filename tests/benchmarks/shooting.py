@@ -88,12 +88,7 @@ def guess(sites: int) -> Any:
 
 def rows() -> list[Row]:
     compiled()
-    return [
-        shooting_row(100),
-        branch_row(100, 5.0),
-        branch_row(400, 60.0),
-        arm_row(),
-    ]
+    return [shooting_row(100), branch_row(100, 5.0), branch_row(400, 60.0), arm_row()]
 
 
 def compiled() -> None:

@@ -269,7 +269,4 @@ def test_a_site_that_rises_through_a_wall_late_in_its_flight_is_not_inside() -> 
         polynomials = path, path.derivative(), path.derivative().derivative()
         motion = inside_walls.ProvenMotion(((1, arb(0), arb(0)),), polynomials, 3 * (arb(0),))
         assert inside_walls.inside(motion, 2)[0] is False
-        assert [inside_walls.below(motion, arb(high), 8)[0] for high in (8, 7.5)] == [
-            True,
-            False,
-        ]
+        assert [inside_walls.below(motion, arb(high), 8)[0] for high in (8, 7.5)] == [True, False]

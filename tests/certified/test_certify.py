@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 import importlib
 import json
 import math
@@ -12,7 +11,6 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from types import ModuleType
 
 import mpmath
 import pytest
@@ -20,7 +18,7 @@ from flint import arb
 
 import contbreather as cb
 import contbreather.certified
-from contbreather.certified import Interval, certificate, certify, proofs, winding
+from contbreather.certified import Interval, certify, proofs, winding
 from contbreather.certified.balls import working
 from contbreather.certified.proofs import BranchSheet, certify_curve, certify_point
 from contbreather.orbits import Orbit, orbit_of
@@ -271,11 +269,6 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
 def test_others_are_refused_in_a_sentence(make: Callable[[], object], words: str) -> None:
     with pytest.raises(cb.BadInput, match=words):
         certify(make())
-
-
-@pytest.mark.parametrize("module", [contbreather.certified, certificate])
-def test_examples_of_the_docstrings_run(module: ModuleType) -> None:
-    assert doctest.testmod(module) == (0, 4 if module is contbreather.certified else 6)
 
 
 def test_without_python_flint_a_sentence_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:

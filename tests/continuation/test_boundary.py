@@ -74,16 +74,7 @@ def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None
 
 def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Branch) -> None:
     line = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
-    assert line.names == (
-        "b1",
-        "b2",
-        "unstable",
-        "arclength",
-        "residual",
-        "x",
-        "y",
-        "omega2",
-    )
+    assert line.names == ("b1", "b2", "unstable", "arclength", "residual", "x", "y", "omega2")
     assert [name for name in line.columns() if name != "label"] == [*line.names]
     assert line.free == "b2"
     assert "HB boundary in (b2, b1)" in repr(line)

@@ -18,16 +18,7 @@ from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted, NotConverged
 
-from .zoo import (
-    LORENZ,
-    PITCHFORK,
-    STATIC,
-    Array,
-    Counted,
-    imperfect,
-    knowing,
-    scalar,
-)
+from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, scalar
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}

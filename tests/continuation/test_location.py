@@ -425,10 +425,7 @@ def test_a_double_zero_eigenvalue_is_told_from_a_neutral_saddle() -> None:
 
 @pytest.mark.parametrize(
     ("times", "counted", "most", "said"),
-    [
-        (1e6, False, 1e4, "more than"),
-        (1e4, True, 1e3, "too often"),
-    ],
+    [(1e6, False, 1e4, "more than"), (1e4, True, 1e3, "too often")],
 )
 def test_what_jumps_ten_thousand_times_within_a_step_does_not_hang(times, counted, most, said):
     calls = [0]

@@ -7,16 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.continuation import (
-    Branch,
-    Point,
-    Problem,
-    Steps,
-    boundary,
-    fold,
-    trace,
-    user,
-)
+from contbreather.continuation import Branch, Point, Problem, Steps, boundary, fold, trace, user
 from contbreather.continuation.branches.duplicates import lies_on, placed
 from contbreather.errors import BadInput, NotConverged
 

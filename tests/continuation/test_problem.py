@@ -163,10 +163,7 @@ def test_a_wrong_entry_of_a_derivative_is_named(row: int, column: int) -> None:
     off[row, column] = 1e-3
     problem = knowing(
         Problem(
-            coupled,
-            PAIR,
-            {"mu": 0.4},
-            jacobian=lambda u, p: coupled_jacobian(u, p) + off[:, :2],
+            coupled, PAIR, {"mu": 0.4}, jacobian=lambda u, p: coupled_jacobian(u, p) + off[:, :2]
         ),
         sensitivity=lambda u, p, name: coupled_sensitivity(u, p, name) + off[:, 2],
     )

@@ -250,3 +250,18 @@ def test_what_is_known_of_a_place_is_known_of_all_points_there() -> None:
     slopes = point.jacobian(), replace(point, z=point.z.copy()).jacobian()
     assert np.array_equal(*slopes)
     assert calls["jacobian"] <= 1
+
+
+@pytest.mark.parametrize(("floor", "most"), [(0.3, 18), (1e-2, 25)])
+def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) -> None:
+    looks = list[float]()
+
+    def kink(point: cb.continuation.Point) -> float:
+        looks.append(point["m"])
+        return floor + 10.0 * abs(point["m"] - 0.6151)
+
+    line = cb.Problem(lambda x, p: np.array([x[0] - p["m"]]), {"x": 0.0}, {"m": 0.0})
+    steps, event = cb.Steps(first=2.0, largest=2.0), cb.Event("KK", kink)
+    found = cb.trace(line, "m", within={"m": (0.0, 1.0)}, towards="up", events=event, steps=steps)
+    assert not found.doubtful
+    assert len(looks) <= most  # 36 to find out where it is least to six digits

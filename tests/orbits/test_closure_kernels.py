@@ -9,7 +9,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Steps, refined
-from contbreather.orbits.closed_problem import Closure
 from contbreather.orbits.closure_kernels import CLOSURE, CONTACT, FOLD, PAIR, PITCHFORK
 
 pytestmark = pytest.mark.skipif(CLOSURE.walk.code is None, reason="nothing is compiled here")
@@ -76,12 +75,3 @@ def test_boundaries_and_places_filled_in_are_those_of_single_steps(
     at = cb.trace(cb.symmetric(*start, forcing=FOURIER), free).first(kind)
     window = {"a": (0.0, 1.0), "c3": (-1.0, 1.0)}
     _alike(lambda: refined(cb.boundary(at, pair, within=window), 100), monkeypatch)
-
-
-def test_a_boundary_takes_its_steps_in_machine_code(monkeypatch) -> None:
-    """By what it costs: of the equations in Python a plain walk asks at every iteration."""
-    at, asked = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a").first("PF"), []
-    plain = Closure.residual
-    monkeypatch.setattr(Closure, "residual", lambda *given: asked.append(1) or plain(*given))
-    line = refined(cb.boundary(at, ("gamma", "a")), 200)
-    assert len(asked) < len(line) / 2

@@ -12,7 +12,7 @@ import contbreather as cb
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.stability import ns_points
-from contbreather.stability.one_impact import HalfMap, window
+from contbreather.stability.one_impact import window
 
 from ..campaigns import branches, rims
 from ..effort import effort
@@ -124,13 +124,12 @@ def test_two_neighbouring_sites_are_counted_or_said_to_be_uncertain():
 
 
 @pytest.mark.parametrize("kind", ["LP", "PF", "NS"])
-def test_on_its_own_boundary_a_count_is_no_number_and_nobody_counts(kind, monkeypatch):
+def test_on_its_own_boundary_a_count_is_no_number(kind):
     point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a").special
     start = next((p for p in point if p.kind == kind), None)
     if start is None:
         start = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first(kind)
     line = cb.boundary(start, ("gamma", "a"), within={"gamma": (0.02, 0.12), "a": (0.01, 1)})
-    monkeypatch.setattr(HalfMap, "unstable", None)
     assert np.isnan(line["unstable"]).all()
 
 
@@ -188,3 +187,12 @@ def test_a_point_at_a_fold_goes_to_a_ring() -> None:
     orbit = orbit_at(cb.shooting(fold, sites=20))
     assert orbit.residual < 1e-12
     assert orbit.p == pytest.approx(fold["p"], rel=1e-6)
+
+
+def test_the_angle_of_a_pair_is_known_from_its_window() -> None:
+    start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
+    found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
+    ends = sorted(ns_points(found["gamma"], 0.8), key=lambda point: point.b)
+    own = window(found["gamma"], 0.8)
+    assert abs(own.miss(found.solution.representation.b)) < 1e-10
+    assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)

@@ -307,24 +307,3 @@ def test_hand_written_closure_derivatives_are_those_sympy_derives(which, point):
     for name, symbol in names.items():
         found = closure.sensitivity(x, params, name)
         np.testing.assert_allclose(found, wanted[symbol][:, 0], **close)
-
-
-def test_the_mode_between_impacts_is_free_antisymmetric_and_loses_two_p():
-    """``v(s) = sin(w (pi/2 - s))/(w cos(pi w/2))`` per unit p, continued by ``v(s + pi) = -v(s)``:
-    what must vanish if that is right."""
-    import sympy
-
-    s, w = sympy.symbols("s w", positive=True)
-    v = sympy.sin(w * (sympy.pi / 2 - s)) / (w * sympy.cos(sympy.pi * w / 2))
-    speed = v.diff(s)
-    before, after = -speed.subs(s, sympy.pi), speed.subs(s, 0)  # on both sides of s = 0
-    identities = {
-        "free motion": speed.diff(s) + w**2 * v,
-        "antisymmetry": v.subs(s, sympy.pi) + v.subs(s, 0),
-        "the impact takes 2p": before - after - 2,
-        "symmetric impact (7)": before - 1,
-        "chi": v.subs(s, 0) - sympy.tan(sympy.pi * w / 2) / w,
-        "eta": speed.diff(s).subs(s, 0) + w * sympy.tan(sympy.pi * w / 2),
-    }
-    left = {name: sympy.simplify(expression) for name, expression in identities.items()}
-    assert {name: expression for name, expression in left.items() if expression != 0} == {}

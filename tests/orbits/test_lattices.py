@@ -14,11 +14,7 @@ from scipy import sparse
 
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.modal_flow import (
-    driven_spectrum,
-    free_multipliers,
-    propagator,
-)
+from contbreather.lattice.modal_flow import driven_spectrum, free_multipliers, propagator
 from contbreather.orbits.clearance import highest_neighbour
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
@@ -271,21 +267,6 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
     assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
 
 
-# --- flights ----------------------------------------------------------------------------------
-
-
-def test_forced_motion_solves_its_equation() -> None:
-    lattice = random_lattice(3)
-    forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
-    forced = driven_spectrum(lattice, forcing, 0.2, 0.3, 0.1)
-    K = 0.2 * np.diag(1 / lattice.masses) @ lattice.stiffness + 0.3 * np.eye(lattice.sites)
-    for t in (0.0, 1.3):
-        u, v, w = (forced.everywhere(t, order) for order in range(3))
-        assert w + 0.1 * v + K @ u == pytest.approx(lattice.drive * forcing.d2f(t), abs=1e-12)
-        one = forced.along([2], np.array([t]))[:3, 0]
-        assert one == pytest.approx([u[2], v[2], w[2]])
-
-
 # --- lattices ---------------------------------------------------------------------------------
 
 
@@ -295,50 +276,6 @@ def test_lattice_is_the_same_dense_sparse_or_as_a_graph() -> None:
     assert cb.Lattice.from_graph(nx.path_graph(6)) == dense
     assert hash(cb.Lattice.from_graph(nx.path_graph(6))) == hash(dense)
     assert cb.OpenChain(6, ends="fixed") != dense
-
-
-def test_modes_are_orthonormal_with_their_masses() -> None:
-    lattice = random_lattice(1)
-    lam, shapes = lattice.spectrum
-    gram = shapes.T @ np.diag(lattice.masses) @ shapes
-    assert gram == pytest.approx(np.eye(lattice.sites), abs=1e-12)
-    assert lattice.stiffness @ shapes == pytest.approx(
-        np.diag(lattice.masses) @ shapes * lam, abs=1e-12
-    )
-    assert lam[0] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: cb.Lattice([[1, 2], [0, 1]]), "must be symmetric"),
-        (lambda: cb.Lattice([[-1, 1], [1, -1]]), "positive semidefinite"),
-        (lambda: cb.Lattice([[1, 2, 3]]), r"shape \(1, 3\)"),
-        (lambda: cb.Lattice([[math.nan]]), "not finite"),
-        (lambda: cb.Lattice("abc"), "not a matrix of numbers"),
-        (lambda: cb.Lattice(np.eye(2), masses=[1, -1]), "every mass must be positive"),
-        (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive = .* has shape \(1,\)"),
-        (lambda: cb.OpenChain(0), "at least 1"),
-        (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
-        (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
-        (lambda: cb.Lattice.from_graph([1, 2]), "undirected networkx graph"),
-        (
-            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9), site=9),
-            "no such site on the open chain",
-        ),
-        (
-            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Lattice(np.diag([0.0, 1.0]))),
-            "no bond to any other",
-        ),
-        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), spring=1.0), "resonance"),
-        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=-1), "damping = -1"),
-        (lambda: cb.symmetric(0.6, 0.05, 0.8, damping=0.1), "infinite chain"),
-        (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
-    ],
-)  # fmt: skip
-def test_what_is_no_lattice_is_refused(make, says: str) -> None:
-    with pytest.raises(cb.BadInput, match=says):
-        make()
 
 
 def test_orbit_is_asked_for_its_own_sites_only() -> None:
@@ -616,9 +553,7 @@ def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-6, 0.3, 2.0, 5.0])
-def test_flights_are_exact_where_modes_drift_turn_and_creep(
-    damping: float,
-) -> None:
+def test_flights_are_exact_where_modes_drift_turn_and_creep(damping: float) -> None:
     """Against thirty digits."""
     t = 1.7
 
@@ -656,27 +591,6 @@ def test_a_drive_is_in_resonance_to_rounding_only() -> None:
     )
     third = driven_spectrum(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
     assert third.everywhere(0.0, 0)[0] == pytest.approx(1e10, rel=1e-4)
-
-
-@pytest.mark.parametrize("name", ["gamma", "spring", "damping", "c3", "s5", "a"])
-@pytest.mark.parametrize("lattice", [cb.Ring(4), random_lattice(3)], ids=repr)
-@pytest.mark.parametrize("still", [(0.0, 0.0), (0.3, 0.1)])
-def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice, still) -> None:
-    forcing, when = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2}), np.array([0.7])
-    here = {"gamma": 0.2, "spring": still[0], "damping": still[1]}
-    if here.get(name) == 0.0:
-        return
-
-    def at(step: float) -> np.ndarray:
-        there = forcing.at(**{name: forcing.params[name] + step}) if name in "c3 s5" else forcing
-        moved = {n: v + step * (n == name) for n, v in here.items()}
-        made = driven_spectrum(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
-        return made.along([1], when)[:3, 0]
-
-    own = driven_spectrum(lattice, forcing, *here.values(), name).along([1], when)[:3, 0]
-    assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
-    if name == "a" or (name == "gamma" and lattice.uniform):
-        assert own.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_the_boundary_of_an_arm_where_it_comes_back_is_one_of_pitchforks(tmp_path) -> None:

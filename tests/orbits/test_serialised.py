@@ -274,10 +274,7 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
     ],
 )
 def test_nothing_in_a_file_is_executed(
-    branch: cb.Branch,
-    tmp_path: Path,
-    equations: dict[str, Any],
-    sentence: str,
+    branch: cb.Branch, tmp_path: Path, equations: dict[str, Any], sentence: str
 ) -> None:
     """A formula that calls, and a kind that is the name of a function."""
     content = branch_to_dict(branch) | {"equations": equations}

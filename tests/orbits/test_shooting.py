@@ -28,7 +28,6 @@ from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
-from contbreather.stability.modal_map import ModalMap
 from tests.stability.by_hand import slope
 
 from .by_hand import derivatives, in_phase, two_impacts
@@ -236,21 +235,6 @@ def test_every_site_sits_off_centre_by_the_same_offset() -> None:
     assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
 
 
-def test_newton_converges_quadratically() -> None:
-    orbit = tilted()
-    equations, exact = orbit.representation.equations, orbit.representation.x
-    x = exact + 0.03 * np.cos(np.arange(exact.size))
-    errors = []
-    for _ in range(6):
-        residual = equations.residual(x, orbit.conditions.params)
-        x = x - np.linalg.solve(equations.jacobian(x, orbit.conditions.params), residual)
-        errors.append(float(abs(x - exact).max()))
-    assert errors[0] > 1e-4
-    for before, after in itertools.pairwise(errors):
-        assert after < 30 * before**2 + 1e-13
-    assert errors[-1] < 1e-13
-
-
 def test_a_ring_pushed_off_centre_is_brought_back_by_its_impacts() -> None:
     orbit = tilted()
     assert orbit.representation.condition < 1e4
@@ -294,12 +278,6 @@ def test_whole_periods_reach_the_limit_without_coupling() -> None:
 # --- events and what leaves them ----------------------------------------------------------------
 
 
-def test_whole_period_sees_the_pitchfork_as_a_branch_point() -> None:
-    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=RING, symmetric=False)
-    branch = cb.trace(start, "a", within={"a": (0.7, 0.8)})
-    assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-10)
-
-
 def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
     for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
         for seed in seeds_at(point):
@@ -310,25 +288,6 @@ def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
             assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
             assert matrix @ seed.tangent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
             assert abs(seed.parent[-1]) > 1e-3
-
-
-def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
-    arms = switch(symmetric_branch().first("PF"), within={"a": (0.5, 0.85)})
-    assert [arm[-1]["a"] for arm in arms] == [0.85, 0.85]
-    assert arms[1].image_of == 0
-    one, other = (arm[-1].solution for arm in arms)
-    assert one.c == pytest.approx(-other.c, abs=1e-10)
-    assert abs(one.c) > 1e-3
-    t = np.linspace(0, 7, 30)  # u -> -u, half a period later: the same seen from the other wall
-    mirrored = -other.displacement(3, t + math.pi)
-    assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
-    lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
-    assert len(lone) == 1
-    assert "period 4 pi" in lone[0].problem.label
-    assert "ring of 1" in lone[0].problem.label
-    orbit = lone[0][-1].solution
-    assert (orbit.a, orbit.period) == (0.95, 4 * math.pi)
-    assert abs(orbit.times[2] - orbit.times[0] - 2 * math.pi) > 1e-2
 
 
 # --- the cascade of a single oscillator ---------------------------------------------------------
@@ -376,25 +335,6 @@ def cascade() -> list[cb.continuation.Point]:
         )
         points.append(branch.first("PD"))
     return points
-
-
-def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.continuation.Point]) -> None:
-    """At 30 digits: the closed form in d with ``1 + trace + det = 0``, Q and S of one site."""
-    k = mp.mpf("0.8")
-
-    def characteristic(d: mp.mpf) -> mp.mpf:
-        exact = two_impacts(d, 0.0, k, 1)
-        start, end = exact.middle - (mp.pi / 2 - d), exact.middle + (mp.pi / 2 - d)
-        M = mp.eye(2)
-        for t, flight, side in ((start, end - start, 1), (end, start + 2 * mp.pi - end, -1)):
-            b = (1 + k) * -exact.a * mp.cos(t) / (side * 2 * exact.p / (1 + k))
-            M = mp.matrix([[1, flight], [0, 1]]) * mp.matrix([[-k, 0], [b, -k]]) * M
-        return 1 + M[0, 0] + M[1, 1] + mp.det(M)
-
-    with mp.workdps(30):
-        exact = two_impacts(mp.findroot(characteristic, 0.65), 0.0, k, 1)
-    assert float(exact.a) == pytest.approx(0.925512006294, abs=1e-12)
-    assert cascade[0]["a"] == pytest.approx(float(exact.a), abs=1e-13)
 
 
 def test_cascade_has_multiplier_minus_one_of_an_independent_map(
@@ -459,18 +399,6 @@ def test_grazing_of_the_impacting_site_itself_is_followed_between_its_impacts(ga
 # --- admissibility ------------------------------------------------------------------------------
 
 
-def test_inadmissible_orbit_says_which_site_and_when() -> None:
-    start, window = arm()[-2].problem, {"a": (0, 0.9)}
-    branch = cb.trace(start, "a", within=window, towards="up", events=(), inadmissible=True)
-    verdict = branch[-1].solution.admissibility()
-    assert not verdict.ok
-    assert verdict.margin < 0
-    assert (verdict.site, verdict.far) == (1, 1.0)
-    assert "site 1" in verdict.reason
-    with pytest.raises(cb.BadInput, match="GR"):
-        cb.trace(branch[-1].solution, "a", within={"a": (0, 0.95)})
-
-
 def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
     beyond = cb.symmetric(0.97, 0.04, 0.8, root=1)
     said = r"no breather.*site 1 reaches \|u\| = 1\.04.* inadmissible=True"
@@ -483,21 +411,6 @@ def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
     orbit = orbit_at(shooting(beyond, sites=RING, inadmissible=True))
     assert "no breather: site 1" in repr(orbit)
     assert "no breather" not in repr(arm()[-1].solution)  # at the limit, not beyond it
-
-
-def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
-    """On the lower branch of (13) p -> 0 as a -> 1: there the impact itself is lost."""
-    low = min(cb.orbits.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
-    branch = cb.trace(
-        shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[cb.grazing()]
-    )
-    assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
-    assert branch[-1].solution.p == pytest.approx(0.0, abs=1e-9)
-    assert branch[-1].kind == "VI"
-    # whatever the restitution: without impacts the answer to the forcing is as high as a
-    line = cb.boundary(branch[-1], ("k", "a"), within={"k": (0.7, 0.9)})
-    assert [line["k"].min(), line["k"].max()] == [0.7, 0.9]
-    assert line["a"] == pytest.approx(np.ones(len(line)), abs=1e-9)
 
 
 # --- seeds --------------------------------------------------------------------------------------
@@ -617,15 +530,6 @@ def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
     assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
 
 
-def test_other_forcings_are_continued_in_their_own_parameters() -> None:
-    forcing = cb.Fourier(cos={1: -1.0, 3: 0.0})
-    start = shooting(cb.symmetric(0.6, 0.04, 0.8, forcing=forcing), sites=RING)
-    branch = cb.trace(start, "c3", within={"c3": (0.0, 0.5)}, towards="up")
-    end = branch[-1].solution
-    wanted = cb.symmetric(0.6, 0.04, 0.8, forcing=forcing.at(c3=0.5), lattice=cb.Ring(RING))
-    assert end.p == pytest.approx(wanted.p, abs=1e-10)
-
-
 # --- refusals -----------------------------------------------------------------------------------
 
 BY_HAND = {"a": 0.82, "sites": RING, **AT}
@@ -703,16 +607,6 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
         shooting(tilted(), symmetric=True)
     with pytest.raises(cb.BadInput, match="threshold = 0"):
         in_phase().representation.problem(0.5)
-
-
-def test_a_branch_of_a_large_ring_takes_no_eigenproblem(counted) -> None:
-    start = cb.shooting(cb.symmetric(a=0.7, gamma=0.04, k=0.8), sites=100)
-    outermost = counted(ModalMap, "outermost")
-    branch = cb.trace(start, "a", within={"a": (0.5, 0.95)}, towards="both")
-    assert [point.label for point in branch.special] == ["EP1", "PF1", "GR1"]
-    assert branch.first("PF")["a"] == pytest.approx(0.7776324259, abs=1e-9)
-    assert not any("coupled" in vars(point.solution.map) for point in branch)
-    assert outermost["calls"] < 1.3 * len(branch)
 
 
 @pytest.mark.parametrize("to", [0.0, 1e-12, 1e-7])

@@ -274,8 +274,7 @@ def test_zones_of_another_forcing() -> None:
 
 
 @pytest.mark.parametrize(
-    "plane",
-    [{"k": 0.05}, {"k": 0.8, "forcing": WELLS, "within": {"gamma": (0.0, 0.04)}}],
+    "plane", [{"k": 0.05}, {"k": 0.8, "forcing": WELLS, "within": {"gamma": (0.0, 0.04)}}]
 )
 def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]) -> None:
     rows, walks = cb.zones(**plane), cb.zones(**plane, past_folds=True)  # which are walked along
@@ -422,10 +421,7 @@ def test_a_diagram_without_any_curve_has_no_verdicts() -> None:
 
 @pytest.mark.parametrize(
     ("forcing", "close"),
-    [
-        (cb.Fourier(cos={1: -1, 3: 0.0}), 1e-9),
-        (cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=1e-9), 1e-7),
-    ],
+    [(cb.Fourier(cos={1: -1, 3: 0.0}), 1e-9), (cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=1e-9), 1e-7)],
 )
 def test_one_harmonic_is_one_harmonic_however_it_is_written(forcing, close: float) -> None:
     """Several harmonics made it a diagram of both families, whatever their size."""

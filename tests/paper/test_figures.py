@@ -192,8 +192,7 @@ def test_an_arrow_stands_at_the_angle_of_the_multiplier_that_it_stands_for() -> 
 
 
 @pytest.mark.parametrize(
-    ("number", "unstable", "top"),
-    [(3, 2, -0.2447945960 + 1.0231123432j), (4, 1, 1.0627500064)],
+    ("number", "unstable", "top"), [(3, 2, -0.2447945960 + 1.0231123432j), (4, 1, 1.0627500064)]
 )
 def test_panels_lie_on_both_sides_of_the_bifurcation(number, unstable: int, top: complex) -> None:
     """With the leading multipliers of the notes."""

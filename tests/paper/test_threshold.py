@@ -8,11 +8,7 @@ import pytest
 import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits import Orbit, neighbour_peak, smallest_amplitude
-from contbreather.paper.threshold import (
-    neimark_sacker_line,
-    neimark_sacker_point,
-    pitchfork_line,
-)
+from contbreather.paper.threshold import neimark_sacker_line, neimark_sacker_point, pitchfork_line
 from tests.stability.half import dense_half_map
 
 SITES, THRESHOLD = 40, 1.02  # a short ring: its dense matrix is quick

@@ -196,10 +196,7 @@ def turning(number: float, shrinks: float = 0.0, count: int = 600) -> tuple[Any,
 
 @pytest.mark.parametrize(
     ("walls", "q", "on"),
-    [
-        ("smooth", 3, {}),
-        *(("rigid", q, {"a": 0.93, "gamma": 0.0, "damping": 0.0}) for q in (1, 3)),
-    ],
+    [("smooth", 3, {}), *(("rigid", q, {"a": 0.93, "gamma": 0.0, "damping": 0.0}) for q in (1, 3))],
 )
 def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked(walls, q, on) -> None:
     u, v = turning(1 / q, count=201)

@@ -13,13 +13,7 @@ from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.simulation import (
-    Sample,
-    periodic,
-    simulate,
-    simulate_smooth,
-    variation,
-)
+from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, variation
 from contbreather.simulation.states import damping_of, restitution_of
 from tests.simulation.zoo import breather
 

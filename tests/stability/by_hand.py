@@ -17,11 +17,7 @@ from contbreather.stability.saltation import Saltation
 
 
 def ring_map(
-    ring: Ring,
-    gamma: float,
-    k: float,
-    kicks: tuple[Saltation, ...],
-    period: float = 2.0 * math.pi,
+    ring: Ring, gamma: float, k: float, kicks: tuple[Saltation, ...], period: float = 2.0 * math.pi
 ) -> ModalMap:
     """The map of a ring without losses over a whole period."""
     return section_map(ring, (gamma, 0.0, 0.0), k, kicks, period)

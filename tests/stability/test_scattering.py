@@ -11,12 +11,7 @@ from scipy.optimize import brentq
 from contbreather.lattice import Ring
 from contbreather.stability import OverReflection, ns_points
 from tests.stability.by_hand import b_of, det_by_modes, pitchfork_b
-from tests.stability.half import (
-    amplified,
-    half_multipliers,
-    over_reflection,
-    over_reflects,
-)
+from tests.stability.half import amplified, half_multipliers, over_reflection, over_reflects
 
 
 def limit(gamma: float, nu: float, k: float, b: float, side: complex) -> complex:

@@ -1,4 +1,4 @@
-"""Every example in a docstring of the engine gives what it shows."""
+"""Every example in a docstring gives what it shows, and the engine's public functions have one."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import pkgutil
 
 import pytest
 
+import contbreather
 import contbreather.continuation as engine
 
 # types that nobody but the engine makes, and `load`, which the example of `save` shows
 WITHOUT = {"Branch", "Point", "Stop", "DefiningSystem", "Seed", "load"}
-MODULES = sorted(module.name for module in pkgutil.iter_modules(engine.__path__))
+MODULES = [one.name for one in pkgutil.walk_packages(contbreather.__path__, "contbreather.")]
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_examples_run(name: str) -> None:
-    module = importlib.import_module(f"{engine.__name__}.{name}")
-    result = doctest.testmod(module, optionflags=doctest.ELLIPSIS)
-    assert result.failed == 0
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if ".paper." in name else ()) for name in MODULES],
+)
+def test_examples_run(name: str, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert not doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS).failed
 
 
 def test_every_public_function_has_an_example() -> None:
