@@ -123,8 +123,9 @@ _CHOICES = (
               "F(t)/a as a formula in t, antisymmetric over half the period 2 pi."),
     Parameter("lattice", "lattice", "lattice", "infinite chain",
               "ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix in "
-              "a .csv, a graph in a .graphml, whose nodes may have a mass and a drive; the "
-              "infinite chain unless given."),
+              "a .csv, a graph in a .graphml, whose nodes may have a mass and a drive; behind any "
+              "of them numbers of all sites, :masses=1,2,1 for instance; the infinite chain unless "
+              "given."),
     Parameter("site", "site", "impacts at site", 0, "The site that impacts."),
     Parameter("walls", "walls", "walls", "-1,1",
               "LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is not "

@@ -73,13 +73,8 @@ def main(folder: Path = Path()) -> list[Path]:
     print(units.table())
 
     lattice = cb.OpenChain(SITES, **units.rows)
-    on: dict[str, Any] = {
-        **units.parameters,
-        "k": K,
-        "lattice": lattice,
-        "site": CENTRE,
-        "forcing": drive,
-    }
+    on: dict[str, Any] = {"lattice": lattice, "site": CENTRE, "forcing": drive}
+    on |= {"k": K, **units.parameters}
     breather = cb.symmetric(**on)
     # with damping a multiplier outside the unit circle is one too many
     events = [cb.neimark_sacker(threshold=1), cb.fold(), cb.pitchfork(), cb.grazing()]

@@ -45,6 +45,14 @@ LATTICES = {
     "grid:3x4:periodic": cb.Grid(3, 4, periodic=True),
     "m.csv": cb.Lattice(MATRIX),
     "star.graphml": cb.Lattice.from_graph(star()),
+    "open:3:fixed:masses=1,2,1": cb.OpenChain(3, ends="fixed", masses=[1, 2, 1]),
+    "m.csv:springs=1,0.5,2:drive=1,0,1": cb.Lattice(MATRIX, springs=[1, 0.5, 2], drive=[1, 0, 1]),
+    "star.graphml:restitutions=1,1,0.9,1,1:dampings=1,2,1,2,1": cb.Lattice.from_graph(
+        star(), restitutions=[1, 1, 0.9, 1, 1], dampings=[1, 2, 1, 2, 1]
+    ),
+    "ring:4:masses=1,2,1.5,1": cb.Lattice.from_graph(
+        nx.cycle_graph(4), masses=[1, 2, 1.5, 1], name="ring"
+    ),
 }
 
 

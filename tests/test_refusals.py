@@ -285,7 +285,19 @@ CASES += [
         for typed in (
             "ring", "ring:", "ring:0", "ring:5x5", "ring:9:free", "ring:9999999999", "open:9:loose",
             "open:-3", "open:9:free:fixed", "grid:5", "grid:5x5:fixed", "grid:5x5x5", "torus:5",
+            "open:2:weights=1,2", "masses=1,2",
         )
+    ),
+    *(
+        (lambda typed=typed: lattice_by(typed, None), f"^{sentence}")
+        for typed, sentence in {
+            "open:2:masses=1,x": "--lattice open:2:masses=1,x: masses=1,x: numbers apart by commas",
+            "open:2:drive=": "--lattice open:2:drive=: drive=: numbers apart by commas",
+            "open:2:masses=1,2:masses=1,2": "--lattice .*: masses are given twice",
+            "open:2:masses=1": r"masses = \[1.0\] has shape \(1,\)",
+            "ring:2:masses=1,0": r"masses\[1\] = 0: every mass must be positive",
+            "open:2:springs=1,-1": r"springs\[1\] = -1: none may be negative",
+        }.items()
     ),
     (lambda: lattice_by("ring:5", 5), "^--lattice ring:5 and --sites 5: give one of the two"),
     *(

@@ -423,8 +423,9 @@ def test_a_member_of_a_scan_that_is_not_in_it_is_refused(tmp_path: Path) -> None
 def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
     (tmp_path / "spring.csv").write_text("1, -1\n-1, 1\n")
     path = tmp_path / "study.toml"
-    path.write_text('[chain]\nlattice = "spring.csv"\n' + ONE)
-    assert read(path).chain.place.sites == 2
+    for rows in ("", ":masses=1,2"):
+        path.write_text(f'[chain]\nlattice = "spring.csv{rows}"\n' + ONE)
+        assert read(path).chain.place.masses.tolist() == [1, 2 if rows else 1]
 
 
 def test_values_are_a_grid(tmp_path: Path) -> None:
@@ -439,7 +440,7 @@ def test_values_are_a_grid(tmp_path: Path) -> None:
 
 ALL = """
 [chain]
-lattice = "open:5"
+lattice = "open:5:masses=1,1.1,0.9,1,1:restitutions=1,1,0.98,1,1"
 forcing = "-cos(t) + c3*cos(3*t)"
 parameters = {c3 = 0.05}
 damping = 0.002
@@ -465,7 +466,7 @@ k = 0.9
 [arms.arms]
 of = "ways"
 at = "PF1"
-within = {a = [0.75, 0.81]}
+within = {a = [0.75, 0.83]}
 
 [boundary.fork]
 of = "ways"
@@ -502,11 +503,13 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
         results |= cb.load(conduct(path, executor=1).folder)
     find = cb.orbits.find_symmetric
     walls = dict.fromkeys(range(5), (-1.0, 1.0)) | {3: (-1.5, 1.5)}
-    on = {"lattice": cb.OpenChain(5), "site": 2, "damping": 0.002, "spring": 0.02, "walls": walls}
+    rows = {"masses": [1, 1.1, 0.9, 1, 1], "restitutions": [1, 1, 0.98, 1, 1]}
+    lattice = cb.OpenChain(5, **rows)
+    on = {"lattice": lattice, "site": 2, "damping": 0.002, "spring": 0.02, "walls": walls}
     ways, fixed = (cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=c3) for c3 in (0.01, 0.05))
     start = find("a", (0.7, 0.85), root=1, gamma=0.04, k=0.8, **on, forcing=ways)
     branch = cb.trace(start, "a", within={"a": (0.7, 0.85)}, steps=cb.Steps(largest=0.05))
-    one, other = cb.switch(branch.first("PF"), within={"a": (0.75, 0.81)})
+    one, other = cb.switch(branch.first("PF"), within={"a": (0.75, 0.83)})
     still = find("gamma", (0.03, 0.03), a=0.6, gamma=0.03, k=0.9, **on, forcing=fixed)
     ring = {"lattice": cb.Ring(6), "spring": 0.0}
     soft = problem_with(find("a", (0.3, 0.6), gamma=0.04, k=0.7, **ring), "a", threshold=1.01)

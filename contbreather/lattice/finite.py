@@ -398,13 +398,20 @@ def per_site(lattice: Any, values: dict[str, Any]) -> tuple[Any, dict[str, Any]]
         row = _row(name, given, lattice.sites)
         mean = float(np.mean([parameter(name, value) for value in row.tolist()]))
         alike = not np.ptp(row)
-        if not (alike or isinstance(lattice, Lattice)):
-            lattice = Lattice(stiffness_of(lattice), name=lattice.describe().partition(" of")[0])
+        if not alike:
+            lattice = by_matrix(lattice)
         if isinstance(lattice, Lattice):
             shares: dict[str, Any] = {PER_SITE[name]: None if alike else row / mean}
             lattice = replace(lattice, **shares)
         values = {**values, name: float(row[0]) if alike else mean}
     return lattice, values
+
+
+def by_matrix(lattice: Finite) -> Lattice:
+    """A finite lattice, rings too, as one by its matrix."""
+    if isinstance(lattice, Lattice):
+        return lattice
+    return Lattice(stiffness_of(lattice), name=lattice.describe().partition(" of")[0])
 
 
 def finite(lattice: Any) -> Finite:

@@ -1,21 +1,26 @@
-"""Lattices and walls as they are typed: `ring:20`, `grid:5x5`, a file; `-1,1`, `3:none,0.8`."""
+"""Lattices and walls as they are typed: `ring:20`, `open:3:masses=1,2,1`, `grid:5x5`, a file;
+`-1,1`, `3:none,0.8`."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Walls
-from contbreather.lattice.finite import Grid, Lattice, OpenChain
+from contbreather.lattice.finite import ROWS, Grid, Lattice, OpenChain, by_matrix
 
 KNOWN = (
     "ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a .csv with a stiffness matrix "
-    "or a .graphml with a graph"
+    "or a .graphml with a graph; behind it numbers of all sites, :masses=1,2,1 for instance, "
+    f"or {', '.join(ROWS[1:])}"
 )
+_ROW = re.compile(rf":({'|'.join(ROWS)})=([^:]*)")
 
 
 def lattice_by(typed: str | None, sites: int | None = None, option: str = "--lattice") -> Any:
@@ -25,14 +30,32 @@ def lattice_by(typed: str | None, sites: int | None = None, option: str = "--lat
         return InfiniteChain() if sites is None else Ring(sites)
     if sites is not None:
         raise BadInput(f"--lattice {typed} and --sites {sites}: give one of the two")
-    if typed.lower().endswith(".csv"):
-        return _of_matrix(typed)
-    if typed.lower().endswith(".graphml"):
-        return _of_graph(typed)
-    if (call := _call(typed)) is None:
+    bare, rows = _ROW.sub("", typed), _rows(typed, option)
+    if bare.lower().endswith(".csv"):
+        lattice = _of_matrix(bare)
+    elif bare.lower().endswith(".graphml"):
+        lattice = _of_graph(bare)
+    elif (call := _call(bare)) is None:
         raise BadInput(f"{option} {typed}: expected {KNOWN}")
-    make, sizes, options = call
-    return make(*sizes, **options)
+    else:
+        make, sizes, options = call
+        lattice = make(*sizes, **options)
+    return replace(by_matrix(lattice), **rows) if rows else lattice
+
+
+def _rows(typed: str, option: str) -> dict[str, Any]:
+    """Numbers of all sites, by what they are of."""
+    rows: dict[str, Any] = {}
+    for name, words in _ROW.findall(typed):
+        try:
+            row = [float(word) for word in words.split(",")]
+        except ValueError:
+            raise BadInput(
+                f"{option} {typed}: {name}={words}: numbers apart by commas were expected"
+            ) from None
+        if rows.setdefault(name, row) is not row:
+            raise BadInput(f"{option} {typed}: {name} are given twice; leave one of them")
+    return rows
 
 
 def _call(typed: str) -> tuple[Callable[..., Any], list[int], dict[str, Any]] | None:

@@ -64,7 +64,7 @@ def read(path: str | Path) -> Study:
             raise BadInput(f"{path} is not TOML: {error}") from error
         chain: Any = tables.get("chain")
         lattice = str(chain.get("lattice")) if isinstance(chain, dict) else ""
-        if lattice.lower().endswith((".csv", ".graphml")):  # a file beside the study
+        if re.search(r"\.(csv|graphml)(:|$)", lattice.lower()):  # a file beside the study
             chain["lattice"] = str(Path(path).resolve().parent / lattice)
         # also those of which the study says nothing because of their own mistakes
         kinds = [(name, kind) for kind in KINDS if isinstance(tables.get(kind), dict)

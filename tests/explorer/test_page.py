@@ -236,6 +236,10 @@ def show(page: Page) -> None:
             {"lattice": cb.OpenChain(9), "site": 4, "damping": 0.02},
         ),
         (
+            {"lattice": "open:3:masses=1,1.1,1"},
+            {"lattice": cb.OpenChain(3, masses=[1, 1.1, 1])},
+        ),
+        (
             {"lattice": "12", "walls": "-0.9,0.9 3:none,none"},
             {
                 "lattice": cb.Ring(12),
