@@ -318,7 +318,7 @@ class Problem(Structure):
         >>> round(solved.start["x"], 12), list(by_area.params)
         (2.0, ['mu', 'area'])
         """
-        return TiedProblem.of(self, functions, values)
+        return TiedProblem.tie(self, functions, values)
 
     def check_names(self, names: Iterable[str]) -> None:
         for name in names:
@@ -419,17 +419,10 @@ class Ties:
     functions: Mapping[str, Callable[[Params], Any]]
 
     def __call__(self, params: Params) -> dict[str, Any]:
-        """Those of the base problem; `Undefined` outside of its domain."""
-        base, tied = self.base, {name: value(params) for name, value in self.functions.items()}
-        for name in base.domain.keys() & tied.keys():
-            low, high = base.domain[name]
-            value = np.real(tied[name])
-            # an end that was calculated is met to rounding
-            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
-                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
-        return {
-            name: tied.get(name, params.get(name, value)) for name, value in base.params.items()
-        }
+        """Those of the base problem."""
+        tied = {name: value(params) for name, value in self.functions.items()}
+        own = self.base.params.items()
+        return {name: tied.get(name, params.get(name, value)) for name, value in own}
 
     def of(self, function: Callable[..., Any]) -> Callable[[Array, Params], Any]:
         """A function of unknowns and the base's parameters as one of the new parameters."""
@@ -455,7 +448,7 @@ class TiedProblem(Problem):
     ties: Ties = field(kw_only=True)
 
     @classmethod
-    def of(
+    def tie(
         cls, base: Problem, functions: Mapping[str, Any], values: Mapping[str, float], **more: Any
     ) -> Any:
         """Tie a problem; `more` are fields of a derived class."""
@@ -510,10 +503,10 @@ class TiedProblem(Problem):
             return np.array([function(there) for function in functions.values()])
 
         place = np.array([params[name] for name in free])
-        if free not in self._schemes:
+        if free and free not in self._schemes:
             sizes = np.array([float(self.scales.get(name, 1.0)) for name in free])
             self._schemes[free] = choose(tied, place, sizes)
-        slopes = self._schemes[free](tied, place)
+        slopes = self._schemes[free](tied, place) if free else np.zeros((len(functions), 0))
         rows = {n: row for n, row in zip(functions, slopes, strict=True) if row.any()}
         own = [name for name in free if name in inner and name not in functions]
         rows |= {name: np.equal(free, name) * 1.0 for name in own}
@@ -522,10 +515,17 @@ class TiedProblem(Problem):
             base = self.ties.base.at(**self.start, **inner)
             curve = self._curves[(*rows,)] = Curve(base, (*rows,))
         z = np.append(x, [inner[name] for name in rows])
-        return curve, z, np.array([*rows.values()]).reshape(-1, len(free))
+        return curve, z, np.reshape([*rows.values()], (len(rows), len(free)))
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         curve, z, chain = self.untied(x, params, free)
+        # here, not where the equations are: differences look beyond the edges of a domain
+        inner = self.ties(params)
+        for name in self.ties.functions.keys() & self.ties.base.domain.keys():
+            value, (low, high) = inner[name], self.ties.base.domain[name]
+            # an end that was calculated is met to rounding
+            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
+                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
         matrix = curve.jacobian(z)
         columns = matrix[:, x.size :]
         slopes = (columns.toarray() if is_sparse(columns) else columns) @ chain
