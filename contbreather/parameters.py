@@ -120,7 +120,8 @@ _MODEL = (
            high=HEAVIEST**2),
     # In units of 1/omega, the time of everything that moves, the frequency of the drive is 1.
     Number("omega", "frequency of the forcing", "frequency \N{GREEK SMALL LETTER OMEGA}", 1.0,
-           dimension="Omega", high=HEAVIEST, above=True, margin=1e-4),
+           dimension="Omega", high=HEAVIEST, above=True, margin=1e-4,
+           window=(0.1, 3.0), window_reason=", in units in which gamma is below 1/4"),
 )  # fmt: skip
 _WALLS = (  # smooth ones, (21), in place of k
     Number("lam", "damping of the wall", "wall's damping", high=2.0),

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from contbreather.checks import MOST, real, whole
-from contbreather.errors import BadInput, ContbreatherError
+from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
 from contbreather.lattice.forcing import (
@@ -257,7 +257,7 @@ def in_time_of_drive(make: Callable[..., T], omega: float, **given: Any) -> T:
 
 
 def check_drive(omega: float, gamma: Any, spring: Any, lattice: Any) -> None:
-    """`BadInput` where a harmonic of the drive is in the band of the infinite chain or a ring."""
+    """`NoSolution` where a harmonic of the drive is in the band of the infinite chain or a ring."""
     if not isinstance(lattice or InfiniteChain(), InfiniteChain | Ring):
         return
     # a ring with springs goes by its modes, of which each says so itself
@@ -269,7 +269,7 @@ def check_drive(omega: float, gamma: Any, spring: Any, lattice: Any) -> None:
     place = f"harmonic {m} of the drive, {m * omega:.6g}, is in the band of the lattice"
     if m * omega > high:
         place = "the drive is below the band of the lattice"
-    raise BadInput(
+    raise NoSolution(
         f"omega = {omega:.6g}: {place}, {low:.6g} to {high:.6g}; take a frequency above that."
     )
 
