@@ -424,6 +424,28 @@ class Ties:
         own = self.base.params.items()
         return {name: tied.get(name, params.get(name, value)) for name, value in own}
 
+    @cached_property
+    def bounded(self) -> list[str]:
+        """Names that are tied and have a domain."""
+        return [name for name in self.functions if name in self.base.domain]
+
+    @cached_property
+    def _schemes(self) -> dict[tuple[str, ...], Scheme]:
+        return {}
+
+    def slopes(self, params: Params, free: tuple[str, ...]) -> dict[str, Array]:
+        """Derivatives in free parameters, of the functions that change with any."""
+
+        def tied(z: Array) -> Array:
+            there = {**params, **dict(zip(free, z, strict=True))}
+            return np.array([function(there) for function in self.functions.values()])
+
+        place = np.array([params[name] for name in free])
+        if free and free not in self._schemes:
+            self._schemes[free] = choose(tied, place, np.ones(place.size))
+        rows: Any = self._schemes[free](tied, place) if free else []
+        return {n: row for n, row in zip(self.functions, rows, strict=bool(free)) if row.any()}
+
     def of(self, function: Callable[..., Any]) -> Callable[[Array, Params], Any]:
         """A function of unknowns and the base's parameters as one of the new parameters."""
         return partial(_through, self, function)
@@ -486,46 +508,33 @@ class TiedProblem(Problem):
         return self.ties.base.at(**self.start, **self.ties(self.params))
 
     @cached_property
-    def _schemes(self) -> dict[tuple[str, ...], Scheme]:
-        return {}
-
-    @cached_property
     def _curves(self) -> dict[tuple[str, ...], Curve]:
         return {}
 
     def untied(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array, Array]:
         """The curve of the base problem in all its parameters that change with free ones, the point
-        on it, and the derivatives of these parameters."""
-        functions, inner = self.ties.functions, self.ties(params)
+        on it, and the derivatives of these parameters.
 
-        def tied(z: Array) -> Array:
-            there = {**params, **dict(zip(free, z, strict=True))}
-            return np.array([function(there) for function in functions.values()])
-
-        place = np.array([params[name] for name in free])
-        if free and free not in self._schemes:
-            sizes = np.array([float(self.scales.get(name, 1.0)) for name in free])
-            self._schemes[free] = choose(tied, place, sizes)
-        slopes = self._schemes[free](tied, place) if free else np.zeros((len(functions), 0))
-        rows = {n: row for n, row in zip(functions, slopes, strict=True) if row.any()}
-        own = [name for name in free if name in inner and name not in functions]
-        rows |= {name: np.equal(free, name) * 1.0 for name in own}
-        curve, still = self._curves.get((*rows,)), inner.keys() - rows.keys()
+        `Undefined` outside of the domain of the base; not so where its equations are evaluated, for
+        differences look beyond the edges of a domain.
+        """
+        inner, base = self.ties(params), self.ties.base
+        for name in self.ties.bounded:
+            value, (low, high) = inner[name], base.domain[name]
+            # an end that was calculated is met to rounding
+            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
+                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
+        own = [name for name in free if name in inner and name not in self.ties.functions]
+        rows = self.ties.slopes(params, free) | {n: np.equal(free, n) * 1.0 for n in own}
+        names = (*rows,)
+        curve, still = self._curves.get(names), inner.keys() - rows.keys()
         if curve is None or any(curve.fixed[name] != inner[name] for name in still):
-            base = self.ties.base.at(**self.start, **inner)
-            curve = self._curves[(*rows,)] = Curve(base, (*rows,))
-        z = np.append(x, [inner[name] for name in rows])
+            curve = self._curves[names] = Curve(base.at(**self.start, **inner), names)
+        z = np.append(x, [inner[name] for name in names])
         return curve, z, np.reshape([*rows.values()], (len(rows), len(free)))
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         curve, z, chain = self.untied(x, params, free)
-        # here, not where the equations are: differences look beyond the edges of a domain
-        inner = self.ties(params)
-        for name in self.ties.functions.keys() & self.ties.base.domain.keys():
-            value, (low, high) = inner[name], self.ties.base.domain[name]
-            # an end that was calculated is met to rounding
-            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
-                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
         matrix = curve.jacobian(z)
         columns = matrix[:, x.size :]
         slopes = (columns.toarray() if is_sparse(columns) else columns) @ chain
