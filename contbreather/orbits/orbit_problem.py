@@ -15,7 +15,7 @@ from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
-from contbreather.continuation.curve.problem import Problem, TiedProblem, Ties
+from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.beyond_grazing import past_grazing
@@ -99,15 +99,14 @@ class OrbitProblem(Problem):
 
     def at_frequency(self, omega: float) -> DrivenProblem:
         """The same equations in the time in which the drive has this frequency, a parameter."""
-        powers = {name: POWERS[name] for name in self.params if name in POWERS}
-        functions = {
-            name: partial(_in_time_of_drive, name, power) for name, power in powers.items()
-        }
-        values = {name: self.params[name] * omega**power for name, power in powers.items()}
-        of = {name: getattr(self, name) for name in ("section", "threshold")}
-        of |= {"kind": "orbit at a frequency", "conditions": self.conditions.at_frequency(omega)}
-        of["motion_at"] = Ties(self, functions).of(self.motion_at)
-        driven = DrivenProblem.tie(self, functions, {**values, "omega": omega}, **of)
+        powers = {name: power for name, power in POWERS.items() if name in self.params}
+        functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
+        values = {name: self.params[name] * omega**n for name, n in powers.items()}
+        driven: DrivenProblem = DrivenProblem.tie(
+            self, functions, {**values, "omega": omega},
+            kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
+            conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
+        )  # fmt: skip
         return replace(driven, domain={**driven.domain, "omega": NUMBERS["omega"].domain})
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
@@ -153,21 +152,22 @@ class DrivenProblem(TiedProblem, OrbitProblem):
 
     @property
     def serialised(self) -> Mapping[str, Any]:
-        form = dict(self.ties.base.serialised or {})
+        form = dict(self.base.serialised or {})
         return {"kind": self.kind, "of": form.pop("kind"), "form": form}
 
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
-        return Orbit(self.motion_at(point.x, point.params), point.params["omega"])
+        inner = self.ties(point.params)
+        return Orbit(self.motion_at(point.x, inner), point.params["omega"])
 
     def simpler(self, point: Point) -> Problem | None:
         return OrbitProblem.simpler(self, point)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return self.ties.base.lift(kind)
+        return self.base.lift(kind)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
-        wider: Any = self.base.having(*names)
-        return wider.at_frequency(self.params["omega"])
+        base: Any = self.base.at(**self.start, **self.ties(self.params)).having(*names)
+        return base.at_frequency(self.params["omega"])
 
 
 @serialised("orbit at a frequency")

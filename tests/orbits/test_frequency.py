@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -269,3 +270,88 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     )  # fmt: skip
     assert branch["omega"][-1] == pytest.approx(math.sqrt(0.1 / 0.2499), abs=1e-6)
     assert "gamma" in branch.reason
+
+
+# --- runs, zones, commands ------------------------------------------------------------------------
+
+
+def test_a_run_at_any_frequency_is_that_of_the_scaled_lattice():
+    lattice, rng = cb.Ring(7), np.random.default_rng(3)
+    state = rng.uniform(-0.8, 0.8, 7), rng.uniform(-1, 1, 7)
+    w, shared = 1.7, {"lattice": lattice, "k": 0.7, "periods": 6, "t0": 0.4}
+    run = cb.simulate(state, a=1.1, gamma=0.3, damping=0.02, spring=0.4, omega=w, **shared)
+    scaled = cb.simulate(
+        state, a=1.1 / w**2, gamma=0.3 / w**2, damping=0.02 / w, spring=0.4 / w**2, **shared
+    )
+    assert len(run.impacts) == len(scaled.impacts) > 10
+    assert run.final.u == pytest.approx(scaled.final.u, abs=1e-9)
+    assert (run.conditions.omega, run.conditions.gamma) == (w, 0.3)
+    assert "omega" in str(run.table())
+
+
+def test_a_periodic_motion_at_any_frequency_has_the_multipliers_of_the_orbit():
+    orbit = cb.symmetric(0.8, 0.07, 0.8, damping=0.05, omega=1.2, lattice=cb.Ring(4))
+    motion = cb.simulation.periodic(orbit)
+    assert motion.largest == pytest.approx(abs(orbit.multipliers()).max(), abs=1e-9)
+
+
+def test_a_sweep_of_the_frequency_keeps_the_velocities_of_the_sites():
+    on = {"a": 0.0, "gamma": 0.0, "k": 1.0, "periods": 3}
+    sweep = cb.simulation.sweep(([0.1], [0.3]), "omega", [1.0, 2.0, 4.0], **on)
+    assert abs(sweep.final.v) == pytest.approx(0.3 / 4.0)  # in d omega
+
+
+def test_smooth_walls_have_no_frequency():
+    with pytest.raises(BadInput, match="smooth walls have a time of their own"):
+        cb.simulation.simulate_smooth(
+            ([0.0], [0.0]), a=0.5, gamma=0.0, k=0.8, m=6, omega=1.1, periods=1
+        )
+
+
+def test_zones_in_omega_and_a_are_those_in_gamma_and_a_in_other_coordinates(tmp_path):
+    plane = cb.zones(k=0.8, gamma=0.05, within={"omega": (0.55, 1.2)})
+    assert (plane.pair, dict(plane.held)) == (("omega", "a"), {"gamma": 0.05})
+    scaled = cb.zones(k=0.8, within={"gamma": (0.05 / 1.2**2, 0.05 / 0.55**2)})
+    mine = {p.kind: (0.05 / p["omega"] ** 2, p["a"] / p["omega"] ** 2) for p in plane.special}
+    theirs = {p.kind: (p["gamma"], p["a"]) for p in scaled.special}
+    assert len(mine) == 3
+    assert {frozenset(kind.split("-")) for kind in mine} == {
+        frozenset(k.split("-")) for k in theirs
+    }
+    for kind, place in mine.items():
+        other = theirs.get(kind) or theirs["-".join(reversed(kind.split("-")))]
+        assert place == pytest.approx(other, abs=1e-9)
+    # between the fold and the pitchfork there is a stable breather, below the fold none
+    assert (plane.unstable(1.0, 0.4), plane.unstable(1.0, 0.01)) == (0, None)
+    assert plane.unstable(0.4, 0.4) is None  # a harmonic in the band
+    cb.save(tmp_path / "zones.nc", plane)
+    again = cb.load(tmp_path / "zones.nc")
+    assert again.held == plane.held
+    assert again.unstable(1.0, 0.4) == 0
+    assert len(again.curves["GR"][0]) == len(plane.curves["GR"][0])
+
+
+def test_zones_at_another_frequency_are_scaled_ones():
+    plane = cb.zones(k=0.8, omega=1.5, within={"gamma": (0.1, 0.2)})
+    scaled = cb.zones(k=0.8, within={"gamma": (0.1 / 2.25, 0.2 / 2.25)})
+    (mine,), (other,) = plane.special, scaled.special
+    assert (mine["gamma"] / 2.25, mine["a"] / 2.25) == pytest.approx((other["gamma"], other["a"]))
+    with pytest.raises(BadInput, match="past_folds: lower breathers are drawn at omega = 1"):
+        cb.zones(k=0.8, omega=1.5, past_folds=True)
+    with pytest.raises(BadInput, match="exactly one of k, gamma and a"):
+        cb.zones(k=0.8, gamma=0.1, omega=1.5)
+
+
+def test_the_command_line_and_studies_have_the_frequency(capsys):
+    from contbreather.cli import main
+    from contbreather.studies.schema import Chain
+
+    assert (
+        main(["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--omega", "1.1", "--json"])
+        == 0
+    )
+    said = json.loads(capsys.readouterr().out)
+    assert (said["omega"], said["p"]) == (1.1, cb.symmetric(0.5, 0.04, 0.8, omega=1.1).p)
+    assert main([*point, "--omega", "0.3"]) == 2
+    assert "harmonic 1 of the drive" in capsys.readouterr().err
+    assert Chain(omega=1.1).on["omega"] == 1.1
