@@ -346,10 +346,8 @@ def test_the_command_line_and_studies_have_the_frequency(capsys):
     from contbreather.cli import main
     from contbreather.studies.schema import Chain
 
-    assert (
-        main(["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--omega", "1.1", "--json"])
-        == 0
-    )
+    point = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8"]
+    assert main([*point, "--omega", "1.1", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert (said["omega"], said["p"]) == (1.1, cb.symmetric(0.5, 0.04, 0.8, omega=1.1).p)
     assert main([*point, "--omega", "0.3"]) == 2
