@@ -41,6 +41,7 @@ class Number(Parameter):
     high: float = math.inf
     above: bool = False
     below: bool = False
+    power: int = 0  # of omega that it is measured in
     margin: float = 0.0  # how far from an end that is excluded curves stop
     why: str = ""  # the reason for the range, behind it
     lattices: str = ""  # those that the range holds for
@@ -61,7 +62,10 @@ class Number(Parameter):
         if self.high == math.inf:
             sign = ">" if self.above else ">="
             return f"the {self.meaning} must be a finite number {sign} {self.low:g}{self.why}."
-        span = f"{self.low:g} <= {self.name} {'<' if self.below else '<='} {_plainly(self.high)}"
+        less = "<" if self.above else "<="
+        span = (
+            f"{self.low:g} {less} {self.name} {'<' if self.below else '<='} {_plainly(self.high)}"
+        )
         also = f"{self.why}; choose {self.name} in that range."
         return f"the {self.meaning} must be a number with {span}{also}"
 
@@ -70,8 +74,8 @@ class Number(Parameter):
         """The range in words, and where it holds."""
         if self.high == math.inf:
             return f"{'above' if self.above else 'at least'} {self.low:g}{self.lattices}"
-        end = ")" if self.below else "]"
-        return f"in [{self.low:g}, {_plainly(self.high)}{end}{self.lattices}"
+        start, end = "(" if self.above else "[", ")" if self.below else "]"
+        return f"in {start}{self.low:g}, {_plainly(self.high)}{end}{self.lattices}"
 
     @property
     def help(self) -> str:
@@ -96,22 +100,28 @@ HEAVIEST = 1e4
 
 _MODEL = (
     # without forcing there is no phase; simulations may have none
-    Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", above=True,
-           margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf),
+    Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", power=2,
+           above=True, margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf),
            first=0.5, slider=(0.05, 0.99, 0.01)),  # beyond 1 there is nothing
     # At 1/4 the band reaches the drive: chi grows as (1/4 - gamma)^(-1/2), p goes to 0 and all
     # curves end in one point. The equations of NS hold to 2e-10 at 0.2499, to 1e-7 at 0.24999;
     # within 1e-6 Newton's iteration fails on NS and on the fold.
     Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2",
-           high=0.25, below=True, margin=1e-4, lattices=" on chain and ring",
+           power=2, high=0.25, below=True, margin=1e-4, lattices=" on chain and ring",
            why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1",
            first=0.08, slider=(0.005, 0.245, 0.005)),
     # the arc of multipliers is neutral throughout at 1; the impact of site 0 degenerates at 0
     Number("k", "restitution coefficient", "restitution k", high=1.0, window=(0.01, 0.999),
            why=" (0 sticks, 1 loses nothing)", window_reason=": at 0 and 1 curves degenerate",
            first=0.8, slider=(0.01, 0.99, 0.01)),
-    Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega", high=HEAVIEST),
-    Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2", high=HEAVIEST**2),
+    Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega", power=1,
+           high=HEAVIEST),
+    Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2", power=2,
+           high=HEAVIEST**2),
+    # In units of 1/omega, the time of everything that moves, the frequency of the drive is 1.
+    Number("omega", "frequency of the forcing", "frequency \N{GREEK SMALL LETTER OMEGA}", 1.0,
+           dimension="Omega", high=HEAVIEST, above=True, margin=1e-4,
+           window=(0.1, 3.0), window_reason=", in units in which gamma is below 1/4"),
 )  # fmt: skip
 _WALLS = (  # smooth ones, (21), in place of k
     Number("lam", "damping of the wall", "wall's damping", high=2.0),
@@ -134,7 +144,8 @@ _CHOICES = (
 NUMBERS = {entry.name: entry for entry in _MODEL}
 SMOOTH = {entry.name: entry for entry in _WALLS}
 CHOICES = {entry.name: entry for entry in _CHOICES}
-NAMES = tuple(NUMBERS)  # a, gamma, k, damping, spring
+NAMES = tuple(NUMBERS)  # a, gamma, k, damping, spring, omega
+POWERS = {entry.name: entry.power for entry in _MODEL if entry.power}
 NEEDED = tuple(name for name, entry in NUMBERS.items() if entry.default is None)
 OPTIONAL = tuple(name for name in NAMES if name not in NEEDED)
 

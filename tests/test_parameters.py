@@ -35,7 +35,7 @@ DECLARED = {**NUMBERS, **CHOICES}
 
 def test_conditions_are_what_is_declared_in_this_order_with_these_defaults() -> None:
     fields = {one.name: one for one in dataclasses.fields(Conditions)}
-    assert tuple(fields)[: len(NAMES)] == NAMES
+    assert tuple(name for name in fields if name in NAMES) == NAMES
     assert set(fields) == {*DECLARED, "restitution"} - {"site"}
     assert {n for n in NAMES if fields[n].default is dataclasses.MISSING} == {*NEEDED}
     assert all(fields[n].default == NUMBERS[n].default for n in NAMES if n not in NEEDED)

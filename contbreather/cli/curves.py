@@ -96,7 +96,7 @@ def _entry(
     # what goes through a wall is no motion of the lattice, be its linearisation what it may
     judged = margins.ok
     content: dict[str, Any] = {
-        **{name: getattr(breather, name) for name in NAMES},
+        **{name: value for name, value in breather.conditions.params.items() if name in NAMES},
         **on,
         **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
         "admissible": margins.ok,

@@ -86,6 +86,7 @@ class LatticeOptions:
 
     damping: Annotated[PerSite | None, parameter_help("damping")] = None
     spring: Annotated[PerSite | None, parameter_help("spring")] = None
+    omega: Annotated[float | None, parameter_help("omega")] = None
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
@@ -182,7 +183,8 @@ class ZoneOptions(LatticeOptions):
                 part = f"{max(low, least):g} to {min(high, most):g}"
                 inform(f"of the window {low:g} to {high:g} of {name} only {part} is looked at")
         how = {"past_folds": self.past_folds, "within": within, "threshold": self.threshold}
-        return {**self.on(), **how, "damping": self.damping or 0.0, "spring": self.spring}
+        own = {"damping": self.damping or 0.0, "spring": self.spring, "omega": self.omega or 1.0}
+        return {**self.on(), **how, **own}
 
 
 def assigned(

@@ -207,7 +207,16 @@ class PageForms:
         }
         self.breather = {
             name: Field.of_the_model(name, first.get(name, ""), readers.get(name, str.strip))
-            for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
+            for name in (
+                *NEEDED,
+                "forcing",
+                "lattice",
+                "site",
+                "spring",
+                "damping",
+                "omega",
+                "walls",
+            )
         }
         # 1 has the largest p, admissible or not
         self.breather["root"] = Field("root, by p", "", optional(a_count), hint="upper")

@@ -185,10 +185,11 @@ class Session:
     def _zones_of(self, lattice: str = "", root: int | None = None, **typed: Any) -> str:
         """Code of what zones are wanted of: what is set, but on the infinite chain, where they have
         no springs, that alone."""
-        if not lattice:
+        own = typed if lattice else {"omega": typed.get("omega")}
+        if not lattice and own["omega"] in (None, 1.0):
             return ""
         # in one order, and without zeros: what vanishes is not there
-        conditions = {name: typed[name] for name in sorted(typed) if typed[name]}
+        conditions = {name: own[name] for name in sorted(own) if own[name]}
         params, code = arguments(self.lattices[lattice], **conditions)
         self._models[code] = params
         return code
@@ -219,7 +220,10 @@ class Session:
         orbit = chosen.orbit
         losses = {name: getattr(orbit, name) for name in OPTIONAL}
         entries = {
-            **{n: value if value or n in chosen.free else None for n, value in losses.items()},
+            **{
+                n: value if value != NUMBERS[n].default or n in chosen.free else None
+                for n, value in losses.items()
+            },
             "site": orbit.section.hit[0],
             "walls": as_typed(orbit.walls),
             "root": None,

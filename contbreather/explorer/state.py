@@ -240,7 +240,8 @@ def plane_in_words(zones: Zones) -> str:
 def model_in_words(orbit: Orbit) -> str:
     on, site = orbit.conditions, orbit.section.hit[0]
     words = [on.lattice.describe(), f"site {site}" if site else ""]
-    words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
+    own = {name: getattr(on, name) for name in OPTIONAL}
+    words += [f"{n} = {x:.10g}" for n, x in own.items() if x != NUMBERS[n].default]
     words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
     return ", ".join(filter(None, words))
 

@@ -7,15 +7,15 @@ What somebody else has written, a forcing of his own for instance, is not among 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from contbreather.checks import MOST, whole
-from contbreather.errors import BadInput
+from contbreather.checks import MOST, real, whole
+from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
 from contbreather.lattice.forcing import (
@@ -30,7 +30,7 @@ from contbreather.lattice.forcing import (
 )
 from contbreather.lattice.formula import Symbolic
 from contbreather.lattice.impact_law import ImpactLaw, Restitution
-from contbreather.parameters import NAMES, parameter
+from contbreather.parameters import NAMES, POWERS, parameter
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 
 
@@ -144,6 +144,9 @@ class Conditions:
     lattice : InfiniteChain, Ring or Lattice
     restitution : callable, optional
         Of the speed before an impact, in simulations: k is no number then.
+    omega : float
+        Frequency of the drive, ``F = a f(omega t)``. Everything that moves has its times in units
+        of 1/omega, as phases of the drive, and its velocities in d omega: see `scaled`.
     """
 
     a: float
@@ -155,6 +158,7 @@ class Conditions:
     walls: Walls = Walls()
     lattice: Any = field(default_factory=InfiniteChain)
     restitution: Restitution | None = None
+    omega: float = 1.0
 
     def __post_init__(self) -> None:
         given = {name: getattr(self, name) for name in PER_SITE}
@@ -170,13 +174,36 @@ class Conditions:
             # how far gamma goes its lattice knows: no further than 1/4 on chain and ring
             other = {"high": math.inf, "why": ""} if name == "gamma" else {}
             parameter(name, getattr(self, name), **other)
+        if self.omega != 1.0:
+            check_drive(self.omega, self.gamma, self.spring, self.lattice)
         return self.at({})
 
     @property
     def params(self) -> dict[str, float]:
-        """All parameters by name, those of the forcing last."""
-        own = [name for name in NAMES if name != "k" or self.restitution is None]
-        return {**{name: getattr(self, name) for name in own}, **self.forcing.params}
+        """All parameters by name, those of the forcing last; omega where it is not 1."""
+        absent = {"k"} if self.restitution is not None else set()
+        absent |= {"omega"} if self.omega == 1.0 else set()
+        own = {name: getattr(self, name) for name in NAMES if name not in absent}
+        return {**own, **self.forcing.params}
+
+    @property
+    def scaled(self) -> Conditions:
+        """The same motion with the time in units of 1/omega, in which equations are written."""
+        return self.at_frequency(1.0)
+
+    def at_frequency(self, omega: float) -> Conditions:
+        """The same motion with the time in units in which the drive has this frequency.
+
+        Examples
+        --------
+        >>> on = Conditions(0.5, 0.04, 0.8, damping=0.1, omega=2.0).scaled
+        >>> on.a, on.gamma, on.damping, on.omega
+        (0.125, 0.01, 0.05, 1.0)
+        """
+        if omega == self.omega:
+            return self
+        own = {n: getattr(self, n) * (omega / self.omega) ** power for n, power in POWERS.items()}
+        return self.at({**own, "omega": omega})
 
     def at_sites(self, name: str, sites: Any) -> Any:
         """Values of k, damping or spring at sites, of which a lattice may give each its own."""
@@ -212,8 +239,45 @@ def _moved(
     names = tuple(forcing.params)
     if names:
         forcing = forcing.at(**dict(zip(names, values[len(NAMES) :], strict=True)))
-    a, gamma, k, damping, spring = values[: len(NAMES)]
-    return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice, restitution)
+    own: Any = dict(zip(NAMES, values, strict=False))
+    return Conditions(**own, forcing=forcing, walls=walls, lattice=lattice, restitution=restitution)
+
+
+# --- in the time of the drive ---------------------------------------------------------------------
+
+T = TypeVar("T")
+
+
+def in_time_of_drive(make: Callable[..., T], omega: float, **given: Any) -> T:
+    """What is made of parameters with the time in units of 1/omega; a refusal says so."""
+    check_drive(omega, given["gamma"], given.get("spring"), given.get("lattice"))
+    for name, power in POWERS.items():
+        if given.get(name) is not None:  # of each site, perhaps
+            given[name] = (np.asarray(given[name], dtype=float) / omega**power).tolist()
+    try:
+        return make(**given)
+    except ContbreatherError as error:
+        units = f"in units of omega = {omega:g}: a, gamma, spring by its square, damping by itself"
+        error.args = (f"{error} These numbers are {units}.",)
+        raise
+
+
+def check_drive(omega: float, gamma: Any, spring: Any, lattice: Any) -> None:
+    """`NoSolution` where a harmonic of the drive is in the band of the infinite chain or a ring."""
+    if not isinstance(lattice or InfiniteChain(), InfiniteChain | Ring):
+        return
+    # a ring with springs goes by its modes, of which each says so itself
+    ground = 0.0 if spring is None or isinstance(lattice, Ring) else real(spring)
+    low, high = math.sqrt(abs(ground)), math.sqrt(abs(ground + 4.0 * real(gamma)))
+    if omega > high:
+        return
+    m = 2 * math.ceil(0.5 * (low / omega - 1.0)) + 1  # the lowest odd one above the lower edge
+    place = f"harmonic {m} of the drive, {m * omega:.6g}, is in the band of the lattice"
+    if m * omega > high:
+        place = "the drive is below the band of the lattice"
+    raise NoSolution(
+        f"omega = {omega:.6g}: {place}, {low:.6g} to {high:.6g}; take a frequency above that."
+    )
 
 
 # --- the forced response where a spring holds every site: f'' + spring f = F ----------------------
@@ -340,7 +404,7 @@ def _walls(of_all: Sequence[float | None], own: Sequence[Any]) -> Walls:
 def _conditions_to_dict(on: Conditions) -> dict[str, Any]:
     if on.restitution is not None:
         raise NotSerialisable(on.restitution)
-    numbers = {name: float(getattr(on, name)) for name in NAMES}
+    numbers = {name: float(getattr(on, name)) for name in NAMES if name in on.params}
     parts = ("forcing", "walls", "lattice")
     return {**numbers, **{name: to_dict(getattr(on, name)) for name in parts}}
 

@@ -101,8 +101,9 @@ def past_grazing(point: Point) -> GrazingSwitch:
     """
     orbit: Orbit = point.solution
     contacts, there = _vanished(orbit) if point.kind == "VI" else _touching(orbit)
-    problem = there.representation.problem(point.curve.problem.threshold)
-    return GrazingSwitch(problem, point.curve.free[-1], point=point, contacts=contacts)
+    free, threshold = point.curve.free[-1], point.curve.problem.threshold
+    problem = there.problem_beyond(threshold).having(free)
+    return GrazingSwitch(problem, free, point=point, contacts=contacts)
 
 
 def multiplier_at_grazing(curve: Curve, z: FloatArray, way: FloatArray) -> float:

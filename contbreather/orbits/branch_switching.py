@@ -90,7 +90,8 @@ def lift(point: Point) -> OrbitSwitching:
     >>> round(arm.asymmetry, 3)
     0.028
     """
-    problem, free = _orbit_at(point).representation.lifted(), point.curve.free[-1]
+    orbit, free = _orbit_at(point), point.curve.free[-1]
+    problem = _lifted(orbit).having(free)
     times = [name for name in problem.start if name[0] == "t" and name[1:].isdigit()]
     switching = OrbitSwitching(problem, free, times, both=point.kind == "PF")
     curve, (tangent, _) = Curve(problem, (free,)), switching.tangents
@@ -105,9 +106,11 @@ def lift(point: Point) -> OrbitSwitching:
         )
     if not changes_order(orbit_at(problem), switching.direction):
         return switching
-    return replace(
-        switching, along=tangent_in(curve, point, lambda orbit: orbit.representation.lifted())
-    )
+    return replace(switching, along=tangent_in(curve, point, _lifted))
+
+
+def _lifted(orbit: Orbit) -> Problem:
+    return orbit.driven(orbit.representation.lifted())
 
 
 # --- impacts of neighbours at once ----------------------------------------------------------------

@@ -20,7 +20,7 @@ from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Point
-from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.problem import Problem, chained
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
@@ -53,7 +53,7 @@ from contbreather.orbits.section import (
     check_possible,
 )
 from contbreather.orbits.site_motion import SiteMotion, Terms
-from contbreather.parameters import NEEDED, NUMBERS, parameter
+from contbreather.parameters import NAMES, NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, section_map
 from contbreather.stability.saltation import Saltation
@@ -410,7 +410,7 @@ def _columns(on: Conditions, section: Section, threshold: float) -> dict[str, An
 def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float, float]]:
     """Domain: parameters mean something."""
     if on.lattice.sites is not None:
-        bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
+        bounds = {n: (NUMBERS[n].low, NUMBERS[n].high) for n in NAMES if n in on.params}
         # k up to where the hardest site loses nothing
         most = 1.0 / max(1.0, float(on.lattice.restitutions.max()))
         return {**bounds, "gamma": (0.0, on.lattice.highest_gamma), "k": (0.0, most)}
@@ -491,6 +491,7 @@ def _while_asymmetric(side: float, point: Point) -> float:
     return asymmetry if asymmetry > EQUAL else math.nan
 
 
+@chained
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
     orbit = Point(curve, z).solution
     share = float(orbit.representation.equations.shares[j])
@@ -507,6 +508,7 @@ STEP = 1e-4  # of times and entries of the order of one, and of parameters
 OF_MAPS = "gamma", "k", "damping", "spring"
 
 
+@chained
 def _circle_slopes(of: OnCircle, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
     """Along a curve, through times and entries b of the saltations, which are all that a map knows
     of an orbit: in these, and in parameters of the map, by differences next to a place.

@@ -25,6 +25,7 @@ from contbreather.lattice.conditions import (
     Conditions,
     SpringResponse,
     Walls,
+    in_time_of_drive,
     restitution_ratio,
     spring_response,
 )
@@ -280,6 +281,7 @@ def symmetric(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    omega: float = 1.0,
     root: int | None = None,
 ) -> Orbit:
     """The symmetric breather of one impacting site, (11) to (13).
@@ -306,6 +308,9 @@ def symmetric(
         ``spring + 4 gamma < 1``.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given, ``low = -high``; on finite lattices.
+    omega : float
+        Frequency of the drive, ``F = a f(omega t)``. Times of the orbit are phases omega t, its
+        velocities and p are in d omega; gamma goes up to omega^2/4.
     root : int, optional
         Which solution of (11), by falling p from 1, admissible or not.
 
@@ -329,6 +334,7 @@ def symmetric(
     (0.680056001966, -2.519293143359)
     """
     more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    more["omega"] = omega
     return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
 
 
@@ -356,6 +362,7 @@ def symmetric_roots(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    omega: float = 1.0,
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
@@ -366,6 +373,11 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "forcing": forcing, "site": site}
+        given |= {"lattice": lattice, "damping": damping, "spring": spring, "walls": walls}
+        orbits = in_time_of_drive(symmetric_roots, frequency, **given)
+        return tuple(replace(orbit, omega=frequency) for orbit in orbits)
     held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
     lattice, held = per_site(lattice, held)
     k, damping, stiff = held["k"], held["damping"], real(held["spring"])

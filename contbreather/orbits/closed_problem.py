@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.walk_kernel import Walker
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
-from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.problem import Problem, chained
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
@@ -250,7 +250,7 @@ class SymmetricProblem(OrbitProblem):
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
         orbit = orbit_at(self)
-        if orbit.lattice.sites is not None or "spring" not in names:
+        if orbit.lattice.sites is not None or "spring" not in names or "omega" in names:
             return super().with_parameters(names)
         # a spring of 0 changes no response, but it is one of its parameters
         soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
@@ -290,6 +290,7 @@ class Scalar(NamedTuple):
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self.value(self.terms(Point(curve, z).solution.representation))])
 
+    @chained
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         breather = Point(curve, z).solution.representation
         t = self.terms(breather)
@@ -352,6 +353,7 @@ PITCHFORK = Scalar(
 # --- a pair on a circle -------------------------------------------------------------------------
 
 
+@chained
 def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     """Along the curve's columns, through b and directly, and the angle."""
     orbit = Point(curve, z).solution

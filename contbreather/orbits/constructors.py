@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,13 +18,13 @@ from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
-from contbreather.orbits.by_impacts import ByImpacts, impact_problem
+from contbreather.orbits.by_impacts import impact_problem
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
@@ -32,7 +33,7 @@ from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.orbits.section import Section, checked_impacts
-from contbreather.parameters import NAMES, NEEDED
+from contbreather.parameters import NAMES, NEEDED, parameter
 from contbreather.stability.verdict import THRESHOLD
 
 OFF = 2e-3  # asymmetry of a start beside a pitchfork
@@ -48,6 +49,7 @@ def asymmetric(
     arm: int = 1,
     forcing: Drive | None = None,
     lattice: UniformLattice | None = None,
+    omega: float = 1.0,
     inadmissible: bool = False,
 ) -> Orbit:
     """The asymmetric breather at given parameters, followed from its pitchfork.
@@ -62,6 +64,8 @@ def asymmetric(
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
+    omega : float
+        Frequency of the drive, as for `symmetric`.
     inadmissible : bool
         Return the solution of the equations also where it is no orbit of the chain, beyond GR.
 
@@ -78,6 +82,10 @@ def asymmetric(
     (1.093139, 0.0373542)
     """
     one_of("arm", arm, (1, -1))
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "arm": arm, "forcing": forcing}
+        given |= {"lattice": lattice, "inadmissible": inadmissible}
+        return replace(in_time_of_drive(asymmetric, frequency, **given), omega=frequency)
     drive, lattice = forcing_of(forcing), lattice_of(lattice)
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, root=1)
     a, gamma, k = start.a, start.gamma, start.k
@@ -149,6 +157,7 @@ def shooting(
     damping: float | None = None,
     spring: float | None = None,
     walls: Any = None,
+    omega: float | None = None,
     forcing: Drive | None = None,
     t: float = 0.0,
     threshold: float = THRESHOLD,
@@ -176,7 +185,7 @@ def shooting(
         Shoot half the period and close with ``u -> -u``. By default as the seed: True for a
         symmetric breather. False on a symmetric seed opens it up, so that it may become
         asymmetric.
-    a, gamma, k, forcing, damping, spring : optional
+    a, gamma, k, forcing, damping, spring, omega : optional
         The first three are needed for states and times; all overrule those of other seeds.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given; None in place of a wall that is not there.
@@ -216,18 +225,18 @@ def shooting(
     """
     overrides: dict[str, Any] = {
         "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
-        "walls": walls,
+        "walls": walls, "omega": omega,
     }  # fmt: skip
     t = number("t", t, -math.inf, math.inf, "the time of a state")
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
     sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
-    flight = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
-    problem = impact_problem(Orbit(flight), threshold)
+    guess = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
+    problem = guess.driven(impact_problem(Orbit(guess.representation), threshold))
     try:
         solved, convergence = problem.solve()
     except NotConverged as error:
         raise NotConverged(
-            f"no orbit of {Orbit(flight).describe()} near the seed: {error}",
+            f"no orbit of {guess.describe()} near the seed: {error}",
             residual=error.residual,
             iterations=error.iterations,
             last=orbit_at(error.last) if isinstance(error.last, Problem) else None,
@@ -274,7 +283,7 @@ def _guess(
     turns: int,
     sign: int | None,
     t: float,
-) -> ByImpacts:
+) -> Orbit:
     """A first guess from any kind of seed."""
     if isinstance(seed, Problem):
         seed = orbit_at(seed)
@@ -284,13 +293,14 @@ def _guess(
         if lattice is None and seed.lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
         on = _conditions(overrides, lattice or seed.lattice, seed)
-        return from_orbit(seed, on, sequence, sign)
+        return Orbit(from_orbit(seed, on.scaled, sequence, sign), on.omega)
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
-        return from_times(_conditions(overrides, lattice), section, seed)
+        on = _conditions(overrides, lattice)
+        return Orbit(from_times(on.scaled, section, seed), on.omega)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
     if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
@@ -301,7 +311,8 @@ def _guess(
     if lattice is not None and lattice.sites != size:
         raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
     on = _conditions(overrides, lattice or Ring(size))
-    return from_state(on, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
+    flight = from_state(on.scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
+    return Orbit(flight, on.omega)
 
 
 def _conditions(

@@ -20,6 +20,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
+from contbreather.continuation.curve.problem import chained
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -73,6 +74,7 @@ class GrazingSite:
         u, v, _ = self.motion(orbit, t) if self.motion else orbit.motion.at(self.site, t)
         return np.array([u - wall, v])
 
+    @chained
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         slopes: Array = self.slopes(curve, Point(curve, z).solution, float(extra[0]))
         return slopes

@@ -92,7 +92,8 @@ class ImpactSequence:
 
     def at_impacts(self, name: str) -> Any:
         """Values of k or damping at the site of each impact."""
-        return self.conditions.at_sites(name, [site for site, _ in self.section.impacts])
+        on: Conditions = self.representation.conditions
+        return on.at_sites(name, [site for site, _ in self.section.impacts])
 
     @cached_property
     def entries(self) -> FloatArray:
@@ -106,7 +107,7 @@ class ImpactSequence:
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """All impacts of a period in order of time."""
-        on, w = self.conditions, self.accelerations
+        on, w = self.representation.conditions, self.accelerations
         w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
         for (site, wall, time, J), acceleration in zip(

@@ -57,6 +57,7 @@ def multibreather(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
+    omega: float = 1.0,
     forcing: Drive | None = None,
 ) -> Orbit:
     """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
@@ -69,7 +70,7 @@ def multibreather(
         in the drive what it becomes as they grow from 0), or any orbit of the
         single oscillator (symmetric, asymmetric or doubled) under the same forcing, or a point of
         one of its branches.
-    a, gamma, k, damping, spring, walls, forcing
+    a, gamma, k, damping, spring, walls, omega, forcing
         As for `symmetric`.
     lattice : Ring or Lattice
 
@@ -92,12 +93,13 @@ def multibreather(
     (((0, 1), (6, 1)), True)
     """
     at, drive = Walls.given(walls), forcing_of(forcing)
-    on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
+    own = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice), omega=omega)
+    on = own.checked().scaled
     branch = _from_the_limit(_singles(choice, on), on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
         raise NoSolution(_refusal(_in_words(choice), branch, on))
     orbit: Orbit = branch[-1].solution
-    return orbit
+    return replace(orbit, omega=own.omega)
 
 
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
@@ -174,7 +176,9 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
             f"site {site}: {orbit!r} has gamma = {orbit.gamma!r}; an orbit of the single "
             "oscillator, without coupling, is expected."
         )
-    elif not np.allclose(_under(orbit.conditions, orbit.section.hit[0]), _under(on, site)):
+    elif not np.allclose(
+        _under(orbit.representation.conditions, orbit.section.hit[0]), _under(on, site)
+    ):
         raise BadInput(
             f"site {site}: {orbit!r} was given; one of the same a, k, damping, spring and forcing "
             f"is expected, a = {on.a}, k = {on.k} and {on.forcing.describe()}, say."

@@ -48,6 +48,9 @@ class Orbit(ImpactSequence, HtmlRepr):
     ----------
     representation : ClosedForm or ByImpacts
         How its flights are evaluated.
+    omega : float
+        Frequency of the drive. Times are its phases, omega times the time, and velocities, p and
+        impulses in d omega: in units of 1/omega the motion is that of the representation.
     conditions : Conditions
         a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
     section : Section
@@ -68,6 +71,12 @@ class Orbit(ImpactSequence, HtmlRepr):
     """
 
     representation: Any  # `ClosedForm` or `ByImpacts`, with what they know besides
+    omega: float = 1.0
+
+    @cached_property
+    def conditions(self) -> Conditions:  # type: ignore[override]
+        on: Conditions = self.representation.conditions
+        return on.at_frequency(self.omega)
 
     # --------------------------------------------------------------------------------- motion
 
@@ -142,7 +151,8 @@ class Orbit(ImpactSequence, HtmlRepr):
         if lattice == self.lattice:
             return self
         # the representation's own way there, or else Newton's iteration from the same impacts
-        orbit = self.representation.on(lattice) or self._guessed_on(lattice)
+        own = self.representation.on(lattice)
+        orbit = replace(own, omega=self.omega) if own else self._guessed_on(lattice)
         if orbit.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
@@ -167,7 +177,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         """The orbit that Newton's method finds from this one as a guess."""
         from contbreather.stability.verdict import THRESHOLD
 
-        return _settled(self.representation.guess(THRESHOLD))
+        return _settled(self.driven(self.representation.guess(THRESHOLD)))
 
     def _on_ring(self, sites: int | None) -> Orbit:
         if sites is None:
@@ -290,7 +300,16 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         """The orbit as a start for `trace`: its equations with all its events."""
         from contbreather.stability.verdict import THRESHOLD
 
-        return self.representation.problem(THRESHOLD)
+        return self.problem_beyond(THRESHOLD)
+
+    def problem_beyond(self, threshold: float) -> Problem:
+        """`problem`, with instability from a threshold on."""
+        return self.driven(self.representation.problem(threshold))
+
+    def driven(self, problem: Problem) -> Problem:
+        """Equations in the time of the drive as those of this frequency."""
+        of_orbits: Any = problem
+        return problem if self.omega == 1.0 else of_orbits.at_frequency(self.omega)
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""
@@ -401,8 +420,9 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for kind in suitable(on, section):
-            return Orbit(kind.through(on, section, times, impulses, offsets))
+        for kind in suitable(on.scaled, section):
+            motion = kind.through(on.scaled, section, times, impulses, offsets)
+            return Orbit(motion, on.omega)
         if not section.symmetric:
             break
         # u(t + T/2) = -u(t): the other wall half a period later, with the opposite impulse

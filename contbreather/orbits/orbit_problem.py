@@ -15,7 +15,7 @@ from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
-from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.beyond_grazing import past_grazing
@@ -26,8 +26,9 @@ from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit, orbit_at, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, simpler_than
+from contbreather.parameters import NUMBERS, POWERS
 from contbreather.stability.one_impact import HalfMap
-from contbreather.storage.serialise import serialised
+from contbreather.storage.serialise import from_dict, serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -96,7 +97,22 @@ class OrbitProblem(Problem):
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
+    def at_frequency(self, omega: float) -> DrivenProblem:
+        """The same equations in the time in which the drive has this frequency, a parameter."""
+        powers = {name: power for name, power in POWERS.items() if name in self.params}
+        functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
+        values = {name: self.params[name] * omega**n for name, n in powers.items()}
+        driven: DrivenProblem = DrivenProblem.tie(
+            self, functions, {**values, "omega": omega},
+            kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
+            conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
+        )  # fmt: skip
+        return replace(driven, domain={**driven.domain, "omega": NUMBERS["omega"].domain})
+
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
+        if "omega" in names:
+            others: Any = self.having(*(name for name in names if name != "omega"))
+            return others.at_frequency(1.0)
         # in another representation, where its own lacks these
         orbit = orbit_at(self)
         on, section = orbit.conditions, orbit.section
@@ -124,6 +140,45 @@ class OrbitProblemByEquations(OrbitProblem):
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:  # type: ignore[override]
         derivative: FloatArray = self.equations.sensitivity(x, params, name)
         return derivative
+
+
+def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
+    return params[name] / params["omega"] ** power
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrivenProblem(TiedProblem, OrbitProblem):
+    """Orbits under a drive of any frequency, by the equations in the time of the drive."""
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        form = dict(self.base.serialised or {})
+        return {"kind": self.kind, "of": form.pop("kind"), "form": form}
+
+    def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
+        inner = self.ties(point.params)
+        return Orbit(self.motion_at(point.x, inner), point.params["omega"])
+
+    def simpler(self, point: Point) -> Problem | None:
+        return OrbitProblem.simpler(self, point)
+
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        return self.base.lift(kind)
+
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
+        base: Any = self.base.at(**self.start, **self.ties(self.params)).having(*names)
+        return base.at_frequency(self.params["omega"])
+
+
+@serialised("orbit at a frequency")
+def _driven_from_dict(
+    *, of: str, form: Mapping[str, Any], start: Mapping[str, Any], params: Params
+) -> Problem:
+    omega, own = params["omega"], {n: v for n, v in params.items() if n != "omega"}
+    own |= {n: own[n] / omega ** POWERS[n] for n in POWERS if n in own}
+    base = from_dict({"kind": of, **form}, start=start, params=own)
+    driven: Problem = base.at_frequency(omega)
+    return driven
 
 
 def read_by(kind: str, of: Callable[..., Any]) -> Callable[[Make], Make]:
@@ -252,7 +307,7 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
         return None
     p, phi, a = np.ascontiguousarray(z.T)
     # with p <= 0 the wall +1 would pull at its site
-    return BreathersAlong(first, a, p, phi) if (p > 0.0).all() else None
+    return BreathersAlong(first, a / first.omega**2, p, phi) if (p > 0.0).all() else None
 
 
 # --- a multiplier on a circle ---------------------------------------------------------------------

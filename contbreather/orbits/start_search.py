@@ -26,7 +26,7 @@ from contbreather.orbits.closed_form import rooted, symmetric_roots
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_search import up_to_the_fold
-from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
+from contbreather.parameters import NAMES, NEEDED, NUMBERS, OPTIONAL, window_of
 from contbreather.stability.verdict import THRESHOLD, threshold_on
 
 REACH = 10.0  # how far a window without end is looked at
@@ -109,15 +109,16 @@ def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, A
 def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterator[float]:
     """Values to look at for a breather in a window: first next to the fold, then evenly spread."""
     low, high = within
-    first = conditions.get(free, 0.0 if free in OPTIONAL else None)
+    first = conditions.get(free, NUMBERS[free].default if free in OPTIONAL else None)
     near = [] if first is None else [first]
     if free == "a":
         width = abs(Walls.given(conditions.get("walls")).position(conditions.get("site", 0), 1))
         # beyond a = width the far field of one harmonic, a cos t, hits the walls as well
         high = min(high, max(width if math.isfinite(width) else 1.0, 2.0 * low))
         if not isinstance(conditions.get("lattice"), Lattice):
-            fold = smallest_amplitude(
-                conditions["gamma"], conditions["k"], conditions.get("forcing")
+            square = conditions.get("omega", 1.0) ** 2
+            fold = square * smallest_amplitude(
+                conditions["gamma"] / square, conditions["k"], conditions.get("forcing")
             )
             # breathers begin at the fold (14) and end where the neighbour comes to its wall, (15)
             near += [factor * fold for factor in (1.5, 1.1, 1.01)]
@@ -132,7 +133,7 @@ def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterato
 def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
     these parameters among theirs."""
-    return orbit.representation.problem(threshold).having(*names)
+    return orbit.problem_beyond(threshold).having(*names)
 
 
 @one_thread

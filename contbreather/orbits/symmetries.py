@@ -120,11 +120,12 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     offsets = [at[n] for n in section.hit if at]
     try:
         representation = type(orbit.representation).through(
-            orbit.conditions, section, times, impulses, offsets
+            orbit.representation.conditions, section, times, impulses, offsets
         )
     except BadInput:  # two sites at once, in an order that no section has
         return None
-    return Orbit(representation) if representation.error < SAME + orbit.residual else None
+    same = representation.error < SAME + orbit.residual
+    return Orbit(representation, orbit.omega) if same else None
 
 
 def _windows(impacts: Sequence[Impact], section: Section) -> Iterator[Sequence[Impact]]:
@@ -147,16 +148,17 @@ def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
 def simpler_than(orbit: Orbit) -> Orbit | None:
     """The same motion with fewer impacts: a part of its period, or half of it where the other half
     is its mirror image."""
+    on = orbit.representation.conditions
     for section in _parts(orbit):
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
             continue
-        kind, impacts = next(suitable(orbit.conditions, section), None), _first_of(orbit, section)
+        kind, impacts = next(suitable(on, section), None), _first_of(orbit, section)
         if kind is None or not impacts:
             continue
         _, _, times, impulses = zip(*impacts, strict=True)
-        motion = kind.through(orbit.conditions, section, times, impulses, orbit.offsets)
+        motion = kind.through(on, section, times, impulses, orbit.offsets)
         if motion.error < SAME:
-            return Orbit(motion)
+            return Orbit(motion, orbit.omega)
     return None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -66,6 +66,7 @@ class Zones(Columns, HtmlRepr):
     past_folds: bool = False
     interrupted: bool = False
     ceiling: float | None = None
+    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
         for kind in KINDS:
@@ -106,7 +107,7 @@ class Zones(Columns, HtmlRepr):
         """Points where curves meet: the two kinds, stability first, and the breather there."""
         places = [point.solution for point in self.special]
         columns = [Column("k", [b.k for b in places]), Column("meeting", self.meetings())]
-        names = ("gamma", "a", "p", "phi")
+        names = (*["omega"] * ("omega" in self.pair), "gamma", "a", "p", "phi")
         columns += [Column(name, [getattr(b, name) for b in places]) for name in names]
         return Sheet(columns, "Where the curves meet")
 
@@ -181,7 +182,7 @@ class Zones(Columns, HtmlRepr):
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """Admissible breathers at a place of the plane, of both families, by falling p."""
-        values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
+        values = {**self.held, self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
         return admissible_roots(values, **self.model)
 
     def sentences(self) -> Iterator[str]:
@@ -215,7 +216,8 @@ class Zones(Columns, HtmlRepr):
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)
         cut = "; interrupted, curves may be missing" if self.interrupted else ""
         of = f"{' and '.join(self.families)} breathers in {self.pair}"
-        return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
+        at = ", ".join(f"{name} = {x:g}" for name, x in (self.fixed, *self.held.items()))
+        return f"<Zones of {of} at {at}; {counts}{cut}>"
 
 
 class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
@@ -233,7 +235,7 @@ def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]
     """Roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""
     try:  # below the fold (14) no impulse solves (11)
-        roots = symmetric_roots(at["a"], at["gamma"], at["k"], **model)
+        roots = symmetric_roots(**{**at, **model})
     except (NoSolution, Resonance):
         return ()
     return tuple(breather for breather in roots if least_margin(breather.motion) > 0.0)
@@ -247,7 +249,7 @@ def phases_on(curve: Branch) -> Array:
 # --- in files -----------------------------------------------------------------------------------
 
 
-PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling")
+PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling", "held")
 
 
 def _to_dict(zones: Zones) -> dict[str, Any]:
@@ -271,8 +273,10 @@ def _from_dict(
     interrupted: bool,
     groups: dict[str, Branch] | None = None,
     ceiling: float | None = None,  # older files have none
+    held: dict[str, float] | None = None,
 ) -> Zones:
-    if {fixed[0], *pair} != {*NEEDED} or {*curves} != {*KINDS}:
+    plane = {fixed[0], *pair, *(held or {})} - ({"omega"} if held else set())
+    if plane != {*NEEDED} or {*curves} != {*KINDS}:
         raise BadInput(f"there are no zones in {pair} at {fixed[0]}, with curves of {[*curves]}")
     by_kind = {
         kind: tuple((groups or {})[f"{kind}{i}"] for i in range(1, 1 + count))
@@ -280,5 +284,12 @@ def _from_dict(
     }
     name, value = fixed
     return Zones(
-        (name, value), (pair[0], pair[1]), by_kind, threshold, past_folds, interrupted, ceiling
+        (name, value),
+        (pair[0], pair[1]),
+        by_kind,
+        threshold,
+        past_folds,
+        interrupted,
+        ceiling,
+        held or {},
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -32,7 +32,7 @@ from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
-from contbreather.parameters import window_of
+from contbreather.parameters import POWERS, window_of
 from contbreather.progress import Counter
 
 Array = NDArray[np.float64]
@@ -45,6 +45,7 @@ COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
     "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 0.997, 0.999),
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+    "omega": (0.3, 0.45, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 FEWEST = 80  # points on a curve
@@ -67,16 +68,22 @@ class ZoneSearch:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
+    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
     kept: Checkpoint | None = None
 
     def __post_init__(self) -> None:
-        self.pair = PAIRS[self.name]
+        third = ({*PAIRS} - {self.name, *self.held}).pop()
+        self.pair = ("omega", third) if "gamma" in self.held else PAIRS[self.name]
         for other in self.given:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
-        self.within = {n: _narrowed(n, self.given.get(n)) for n in self.pair}
+        self.within = {n: _narrowed(n, self.given.get(n), self._unit(n)) for n in self.pair}
         self.events: tuple[Event, ...] | None = None  # until there is a breather that has them
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
+
+    def _unit(self, name: str, omega: float | None = None) -> float:
+        """Unit of a parameter, which windows and combs are in."""
+        return float((omega or self.held.get("omega", 1.0)) ** POWERS.get(name, 0))
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
@@ -85,14 +92,14 @@ class ZoneSearch:
         beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach
         return Zones(
             (self.name, self.value), self.pair, curves, self.threshold, self.past_folds,
-            interrupted, reach if beyond else None,
+            interrupted, reach if beyond else None, self.held,
         )  # fmt: skip
 
     def so_far(self) -> Zones | None:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
 
     def run(self, shown: Counter) -> None:
-        scans = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
+        scans = [self._scan(x, shown) for x in self._comb(self.pair[0])]
         if not any(scans):
             searched = " and ".join(
                 f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
@@ -117,7 +124,7 @@ class ZoneSearch:
     def _scan(self, x: float, shown: Counter) -> bool:
         """Follow every new event of the admissible breathers at one value of the first parameter:
         by closed forms of all of them, or along branches."""
-        at = {self.name: self.value, self.pair[0]: x}
+        at = {**self.held, self.name: self.value, self.pair[0]: x}
         pieces = self._row(at)
         if pieces is None:
             branches = self._branches(at, shown)
@@ -137,7 +144,7 @@ class ZoneSearch:
     def _row(self, at: Mapping[str, float]) -> list[RowPiece] | None:
         """Row of upper breathers at these two parameters, None where they have no closed forms."""
         closed = self.pair[1] == "a" and self.model["lattice"].sites is None
-        if not closed or self.past_folds:
+        if not closed or self.past_folds or "omega" in (*self.pair, *self.held):
             return None
         # beyond there the far field is behind its walls
         largest = min(self.within["a"][1], BEYOND / self.model["forcing"].peak())
@@ -167,7 +174,7 @@ class ZoneSearch:
 
     def _problem(self, breather: Orbit) -> Problem:
         """Its equations; all have the same events."""
-        problem = breather.representation.problem(self.threshold).having(*self.pair)
+        problem = breather.problem_beyond(self.threshold).having(*self.pair)
         if self.events is None:
             self.events = problem.events
             if self.model.get("damping"):  # without losses nearly all pairs follow the first
@@ -181,7 +188,7 @@ class ZoneSearch:
         """Branches of admissible breathers in the second parameter, at one value of the first, from
         where it has one of several values, but for those that were passed."""
         free, passed = self.pair[1], list[Branch]()
-        for y in (*_comb(free, self.within), *self._next_to_folds(at)):
+        for y in (*self._comb(free, at.get("omega")), *self._next_to_folds(at)):
             for breather in admissible_roots({**at, free: y}, **self.model):
                 if not self.past_folds and breather.representation.family != "upper":
                     continue  # beyond the fold that ends the diagram
@@ -197,9 +204,19 @@ class ZoneSearch:
             steps=Steps(first=0.02, largest=0.1), progress=shown,
         )  # fmt: skip
 
+    def _comb(self, name: str, omega: float | None = None) -> Iterable[float]:
+        """Values inside the window and at its ends, at least nine."""
+        window, comb = self.within[name], np.multiply(COMBS[name], self._unit(name, omega)).tolist()
+        low, high = max(window[0], comb[0]), min(window[1], comb[-1])
+        inside = [value for value in comb if low < value < high]
+        if low > high:  # a window beyond the comb
+            low, high = window
+        values = [low, *inside, high] if len(inside) >= 7 else np.linspace(low, high, 9).tolist()
+        return [value for value in values if value > 0 or name != "a"]  # no forcing, no breather
+
     def _next_to_folds(self, at: Mapping[str, float]) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
-        if self.pair[1] != "a" or "damping" in self.model:
+        if self.pair[1] != "a" or {"damping", "omega"} & {*self.model, *at}:
             return []
         amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
@@ -247,25 +264,14 @@ def up_to_the_fold(event: Event) -> Event:
     return replace(event, ends="branch") if event.kind == "LP" else event
 
 
-def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = reach = window_of(name)
+def _narrowed(name: str, window: tuple[float, float] | None, unit: float) -> tuple[float, float]:
+    low, high = reach = tuple(unit * end for end in window_of(name))
     if window is None:
         return low, high
     low, high = max(low, window[0]), min(high, window[1])
     if not low < high:
         raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
     return low, high
-
-
-def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[float]:
-    """Values inside the window and at its ends, at least nine."""
-    low, high = within[name]
-    low, high = max(low, COMBS[name][0]), min(high, COMBS[name][-1])
-    inside = [value for value in COMBS[name] if low < value < high]
-    if low > high:  # a window beyond the comb
-        low, high = within[name]
-    comb = [low, *inside, high] if len(inside) >= 7 else np.linspace(low, high, 9).tolist()
-    return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
 
 
 def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:

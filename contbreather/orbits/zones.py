@@ -22,7 +22,7 @@ from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
 from contbreather.orbits.zone_search import ZoneSearch
-from contbreather.parameters import parameter
+from contbreather.parameters import HEAVIEST, parameter
 from contbreather.progress import Counter
 from contbreather.stability.verdict import threshold_on
 
@@ -41,6 +41,7 @@ class ZoneArguments(TypedDict, total=False):
     damping: float
     spring: float | None
     walls: Any
+    omega: float
 
 
 @overload
@@ -80,6 +81,7 @@ def zones(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    omega: float = 1.0,
 ) -> Zones | ZoneDiagrams:
     """Draw all curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
@@ -87,7 +89,8 @@ def zones(
     ----------
     k, gamma, a : float or sequence of float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
-        Several values give as many diagrams.
+        Several values give as many diagrams. Or gamma and one of the others: the plane is that of
+        the frequency and the third, ``(omega, a)`` of ``zones(k=0.8, gamma=0.05)``.
     forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
@@ -112,6 +115,8 @@ def zones(
         As for `symmetric`, on finite lattices. There curves are followed by exact modes, at seconds
         each and more; NS are then the curves on which a pair passes the threshold, without damping
         those of pairs that are somewhere the first to do so.
+    omega : float
+        Frequency of the drive, as for `symmetric`, where it is not in the plane.
 
     Returns
     -------
@@ -136,6 +141,9 @@ def zones(
     """
     every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
     fixed = {name: v for name, v in every.items() if v is not None}
+    held = {} if parameter("omega", omega) == 1.0 else {"omega": omega}
+    if len(fixed) == 2 and gamma is not None and not held:
+        held["gamma"] = fixed.pop("gamma")
     if len(fixed) != 1:
         raise BadInput(
             f"zones need exactly one of k, gamma and a fixed, got {fixed or 'none'}; "
@@ -147,13 +155,17 @@ def zones(
         shared: dict[str, Any] = {"forcing": forcing, "lattice": lattice, "within": within}
         shared |= {"progress": progress}
         shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
+        shared |= {"omega": omega} | held
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
     value = fixed_value(name, value)
+    held = {n: parameter(n, x, high=HEAVIEST, why="") for n, x in held.items()}
+    if past_folds and held:
+        raise BadInput("past_folds: lower breathers are drawn at omega = 1; leave one of both out")
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = drive = forcing_of(forcing)
     check_symmetric(drive)
     modulus = threshold_on(model["lattice"], threshold)
-    search = ZoneSearch(name, value, model, windows(within), modulus, past_folds)
+    search = ZoneSearch(name, value, model, windows(within), modulus, past_folds, held)
     with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:
         search.run(shown)
         if search.kept:

@@ -192,7 +192,7 @@ def in_chunks(
 @lru_cache(maxsize=64)
 def parameters_of(conditions: Conditions) -> Parameters:
     """Parameters of the kernels under these conditions, for a whole run."""
-    c = conditions
+    c = conditions.scaled
     lattice, mu = c.lattice, float(c.damping)
     motion, force = forced_motion(c.forcing, float(c.a), mu)
     bonds, norm = _couplings(lattice, float(c.gamma), float(c.spring), mu)

@@ -158,6 +158,7 @@ def localisation(
 
 def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothConditions) -> Localisation:
     """`localisation`, under conditions that have been checked."""
+    on = on.scaled
     x, y = u - forced(on, t, 0), v - forced(on, t, 1)
     table = stiffness_of(on.lattice)
     # what ties a site to the ground: its spring, and what its row of the stiffness has over but for
@@ -189,6 +190,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
 
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
+    on = on.scaled
     motion = driven_spectrum(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
     return on.a * motion.everywhere(np.asarray(t, dtype=float), order)
 

@@ -90,7 +90,8 @@ class States(Columns, HtmlRepr):
         if hasattr(self, "impacts"):
             rows.append(("impacts", len(self.impacts)))
         rows += [("until t =", self.end), ("then |u| <=", abs(self.final.u).max())]
-        numbers = ((name, getattr(on, name)) for name in (*NEEDED, "damping"))
+        names = (*NEEDED, "damping", *(["omega"] if on.omega != 1.0 else []))
+        numbers = ((name, getattr(on, name)) for name in names)
         return Sheet.of(rows + [(name, x) for name, x in numbers if not math.isnan(x)])
 
     def columns(self) -> dict[str, Array]:
@@ -260,6 +261,9 @@ def simulate(
     damping, spring : float
         Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
         3/damping at most.
+    omega : float
+        Frequency of the drive, ``F = a f(omega t)``, 1 unless given. Times are phases omega t,
+        velocities are in d omega, and so is the speed that `restitution` is asked for.
     forcing : Forcing or str, optional
         `Harmonic`, F = -a cos t, unless given.
     lattice : Ring or Lattice, optional

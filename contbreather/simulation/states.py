@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, TypedDict, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from contbreather.checks import brief, number, state_rows
 from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls, check_drive
 from contbreather.lattice.finite import PER_SITE, Finite, finite
 from contbreather.lattice.forcing import Drive, Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
@@ -82,6 +82,11 @@ class SmoothConditions:
     spring: float = 0.0
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Finite = field(kw_only=True)
+    omega: ClassVar[float] = 1.0  # their walls have a time of their own
+
+    @property
+    def scaled(self) -> SmoothConditions:
+        return self
 
     @property
     def k(self) -> float:
@@ -117,6 +122,7 @@ class LatticeParameters(TypedDict, total=False):
     gamma: float
     damping: float
     spring: float
+    omega: float
     forcing: Drive | None
     lattice: Finite | None
 
@@ -171,6 +177,8 @@ def conditions_of(
                 f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
             )
     else:
+        if numbers.pop("omega", 1.0) != 1.0:
+            raise BadInput("smooth walls have a time of their own: leave out omega, or m")
         if walls is not None:
             raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
         k, lam = numbers.pop("k", None), numbers.pop("lam", None)
@@ -228,6 +236,10 @@ def orbit_given(state: Any) -> GivenOrbit | None:
 
 def ranged(on: C) -> C:
     """Conditions, checked to have numbers that a simulation can have."""
+    if parameter("omega", on.omega) != 1.0:
+        check_drive(on.omega, on.gamma, on.spring, on.lattice)
+        ranged(on.scaled)
+        return on
     # a lattice may be at rest, or ring freely: without forcing, too
     ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
     if not isinstance(on.lattice, Ring):

@@ -175,9 +175,9 @@ def sweep(
     """
     steps = row("values", values, "the values of a sweep")
     check_kind(name, str, "the name of a parameter")
-    needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
+    needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k", "omega") else {}
     start, conditions = start_of(state, m, t0, **{**on, **needed})
-    names = tuple(conditions.params) + (() if m is None else ("k",))
+    names = (*conditions.params, "omega" if m is None else "k")
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
     t0 = time_of(t0)
@@ -187,7 +187,10 @@ def sweep(
     with Bar(progress, len(steps), "values") as bar:
         try:
             for value in steps.tolist():
-                run: Any = let_go(start, ranged(conditions.at({name: value})), **how)
+                there, before = ranged(conditions.at({name: value})), conditions.omega
+                start = State(start.u, start.v * (before / there.omega))  # in d omega
+                run: Any = let_go(start, there, **how)
+                conditions = there
                 # a Ctrl-C inside the run ends the sweep, too: its value is not complete
                 start, stop = run.final, completed(run).stop
                 if run.periods:  # else nothing was seen at this value

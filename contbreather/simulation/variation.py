@@ -139,7 +139,7 @@ def saltations(
     site, lattice = impacts["site"], conditions.lattice
     ratio, slope = conditions.law.along(impacts["before"], lattice.restitutions[site])
     b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
-    b += (1.0 - ratio) * conditions.at_sites("damping", site)
+    b += (1.0 - ratio) * conditions.scaled.at_sites("damping", site)
     rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
     period = np.concatenate([impacts["period"], rests["period"]])

@@ -116,6 +116,7 @@ class Chain(Table):
     threshold: float | None = None
     damping: Loss = NUMBERS["damping"].default
     spring: Loss | None = None
+    omega: Annotated[float, AfterValidator(_in_range)] = NUMBERS["omega"].default
     site: int = CHOICES["site"].default
     walls: list[str] = Field(default_factory=list)
 
@@ -125,8 +126,9 @@ class Chain(Table):
         verge = self.verge
         if not self.damping:
             check_threshold(verge)
-        infinite = self.place.sites is None  # zones alone, which say so, are not for its springs
-        model_of(**{n: v for n, v in self.on.items() if not (infinite and n == "spring")})
+        # zones alone, which say so, are not for springs of the infinite chain
+        out = {"omega", "spring"} if self.place.sites is None else {"omega"}
+        model_of(**{n: v for n, v in self.on.items() if n not in out})
         _ = self.drive
         return self
 
@@ -149,6 +151,7 @@ class Chain(Table):
         walls = walls_by(self.walls, self.place.sites)
         options = {"site": self.site or None, "damping": self.damping or None, "walls": walls}
         options["spring"] = self.spring  # one of 0 is a parameter, too
+        options["omega"] = self.omega if self.omega != 1.0 else None
         return {"lattice": self.place, **{n: v for n, v in options.items() if v is not None}}
 
 

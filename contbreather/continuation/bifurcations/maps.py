@@ -231,6 +231,8 @@ class MapCycleProblem(Problem):
 
     def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
         """Tie the parameters of the map: its cycles double as before."""
+        if type(self) is not MapCycleProblem:
+            raise BadInput(f"a {self.label} is no map of your own: its parameters cannot be tied")
         new, iterate = super().tied(functions, **values), self.residual
         slopes = iterate.derivative and new.ties.of(iterate.derivative)
         iterate = replace(iterate, map=new.ties.of(iterate.map), derivative=slopes)

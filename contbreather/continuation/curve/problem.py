@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial, wraps
+from operator import itemgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -289,8 +290,7 @@ class Problem(Structure):
         ----------
         functions : dict
             ``{name: function}`` of parameters of this problem; ``function(params)`` is its value at
-            parameters of the new one. Derivatives are by complex steps where they hold, differences
-            elsewhere, and by the chain rule from those of this problem.
+            those of the new one. Derivatives follow by the chain rule.
         **values
             Parameters of the new problem besides those of this one that are not tied. A name that
             is tied may be among them: it means the new one then, in functions, too.
@@ -298,13 +298,7 @@ class Problem(Structure):
         Returns
         -------
         TiedProblem
-            With the events and columns of this one, and those of `functions` that are no parameters
-            of it as further columns.
-
-        Raises
-        ------
-        BadInput
-            If a function is of no parameter, or asks for one that there is not.
+            With the events and columns of this one, and what is no parameter any more as a column.
 
         Examples
         --------
@@ -313,12 +307,11 @@ class Problem(Structure):
         >>> import math, numpy as np
         >>> circle = Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - p["r"]**2]),
         ...                  start={"x": 1.0}, params={"mu": 0.0, "r": 1.0})
-        >>> by_area = circle.tied({"r": lambda p: (p["area"] / math.pi) ** 0.5}, area=math.pi)
-        >>> solved, _ = by_area.at(area=4 * math.pi).solve()
-        >>> round(solved.start["x"], 12), list(by_area.params)
+        >>> by_area = circle.tied({"r": lambda p: (p["area"] / math.pi) ** 0.5}, area=4 * math.pi)
+        >>> round(by_area.solve()[0].start["x"], 12), list(by_area.params)
         (2.0, ['mu', 'area'])
         """
-        return TiedProblem.of(self, functions, values)
+        return TiedProblem.tie(self, functions, values)
 
     def check_names(self, names: Iterable[str]) -> None:
         for name in names:
@@ -411,28 +404,31 @@ def problem_in(owner: object) -> Problem:
 # --- parameters as functions of others ------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ties:
-    """Parameters of a problem as functions of others."""
+    """Parameters of a problem, each as a function of others."""
 
-    base: Problem
     functions: Mapping[str, Callable[[Params], Any]]
+    schemes: dict[tuple[str, ...], Scheme] = field(default_factory=dict)  # of their derivatives
+    curves: dict[tuple[str, ...], Curve] = field(default_factory=dict)  # of the problem itself
 
     def __call__(self, params: Params) -> dict[str, Any]:
-        """Those of the base problem; `Undefined` outside of its domain."""
-        base, tied = self.base, {name: value(params) for name, value in self.functions.items()}
-        for name in base.domain.keys() & tied.keys():
-            low, high = base.domain[name]
-            value = np.real(tied[name])
-            # an end that was calculated is met to rounding
-            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
-                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
-        return {
-            name: tied.get(name, params.get(name, value)) for name, value in base.params.items()
-        }
+        return {name: function(params) for name, function in self.functions.items()}
+
+    def slopes(self, params: Params, free: tuple[str, ...]) -> dict[str, Array]:
+        """Derivatives in free parameters, of those that change with any."""
+
+        def tied(z: Array) -> Array:
+            return np.array([*self({**params, **dict(zip(free, z, strict=True))}).values()])
+
+        place = np.array([params[name] for name in free])
+        if free and free not in self.schemes:
+            self.schemes[free] = choose(tied, place, np.ones(place.size))
+        rows: Any = self.schemes[free](tied, place) if free else []
+        return {n: row for n, row in zip(self.functions, rows, strict=bool(free)) if row.any()}
 
     def of(self, function: Callable[..., Any]) -> Callable[[Array, Params], Any]:
-        """A function of unknowns and the base's parameters as one of the new parameters."""
+        """A function of unknowns and parameters of the problem as one of the new parameters."""
         return partial(_through, self, function)
 
 
@@ -440,89 +436,63 @@ def _through(ties: Ties, function: Callable[..., Any], x: Array, params: Params)
     return function(x, ties(params))
 
 
-def _tie(function: Callable[[Params], Any], point: Any) -> float:
+def _of_point(function: Callable[[Params], Any], point: Any) -> float:
     return float(function(point.params))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TiedProblem(Problem):
-    """A problem whose parameters are functions of others, from `Problem.tied`.
+    """A problem whose parameters are functions of others, from `Problem.tied`: its derivatives are
+    those of the base in all its parameters that change, times those of the functions."""
 
-    Its derivatives are those of a curve of the base problem, in all parameters that change, times
-    those of the functions.
-    """
-
+    base: Problem = field(kw_only=True)
     ties: Ties = field(kw_only=True)
 
     @classmethod
-    def of(
+    def tie(
         cls, base: Problem, functions: Mapping[str, Any], values: Mapping[str, float], **more: Any
     ) -> Any:
         """Tie a problem; `more` are fields of a derived class."""
         if not isinstance(functions, Mapping) or not all(map(callable, functions.values())):
             raise BadInput(f"functions of parameters by name were expected, got {functions!r}")
-        for name in functions:
-            if name not in base.params:
-                raise BadInput(f"{name!r} is no parameter to tie; there are {list(base.params)}")
-        ties, old = Ties(base, functions), {**base.params, **values}
-        params = {n: value for n, value in old.items() if n not in functions or n in values}
-        gone = {n: partial(_tie, f) for n, f in functions.items() if n not in params}
-        jacobian = base.jacobian
-        fields: dict[str, Any] = {
-            "jacobian": ties.of(jacobian) if callable(jacobian) else jacobian,
-            "record": {**base.record, **gone},
-            "domain": {n: ends for n, ends in base.domain.items() if n not in functions},
-            "scales": {n: size for n, size in base.scales.items() if n not in functions},
-        }
-        shown = {"events": base.events, "label": base.label, **fields, **more}
-        problem = cls(ties.of(base.residual), base.start, params, ties=ties, **shown)
+        if unknown := [name for name in functions if name not in base.params]:
+            raise BadInput(f"{unknown[0]!r} is no parameter to tie; it has {list(base.params)}")
+        every = {**base.params, **values}
+        params = {n: value for n, value in every.items() if n not in functions or n in values}
+        ties = Ties({n: functions.get(n, itemgetter(n)) for n in base.params})
+        gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
+        own = {what: getattr(base, what) for what in ("events", "label")}
+        for what in ("domain", "scales"):
+            own[what] = {n: x for n, x in getattr(base, what).items() if n not in functions}
+        own |= {"record": {**base.record, **gone}, "base": base, "ties": ties, **more}
         try:
-            inner = ties(problem.params)
-        except KeyError as error:
-            problem.check_asked(error)
-            raise
-        except OUT_OF_DOMAIN as error:
-            raise BadInput(f"the functions have no value at {problem.params}: {error}") from error
+            inner = ties(params)
+        except (KeyError, *OUT_OF_DOMAIN) as error:
+            raise BadInput(f"the functions have no value at {params}: {error!r}") from error
         for name, value in inner.items():
             number(name, value, -math.inf, math.inf, "a number from its function")
-        return problem
-
-    @cached_property
-    def base(self) -> Problem:
-        """The problem that was tied, at this start."""
-        return self.ties.base.at(**self.start, **self.ties(self.params))
-
-    @cached_property
-    def _schemes(self) -> dict[tuple[str, ...], Scheme]:
-        return {}
-
-    @cached_property
-    def _curves(self) -> dict[tuple[str, ...], Curve]:
-        return {}
+        return cls(ties.of(base.residual), base.start, params, **own)
 
     def untied(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array, Array]:
-        """The curve of the base problem in all its parameters that change with free ones, the point
-        on it, and the derivatives of these parameters."""
-        functions, inner = self.ties.functions, self.ties(params)
+        """The curve of the base in all its parameters that change with free ones, the point on it,
+        and the derivatives of these parameters.
 
-        def tied(z: Array) -> Array:
-            there = {**params, **dict(zip(free, z, strict=True))}
-            return np.array([function(there) for function in functions.values()])
-
-        place = np.array([params[name] for name in free])
-        if free not in self._schemes:
-            sizes = np.array([float(self.scales.get(name, 1.0)) for name in free])
-            self._schemes[free] = choose(tied, place, sizes)
-        slopes = self._schemes[free](tied, place)
-        rows = {n: row for n, row in zip(functions, slopes, strict=True) if row.any()}
-        own = [name for name in free if name in inner and name not in functions]
-        rows |= {name: np.equal(free, name) * 1.0 for name in own}
-        curve, still = self._curves.get((*rows,)), inner.keys() - rows.keys()
+        `Undefined` outside of the domain of the base; not so where its equations are evaluated, for
+        differences look beyond the edges of a domain.
+        """
+        inner, base, curves = self.ties(params), self.base, self.ties.curves
+        for name in base.domain.keys() - self.domain.keys():
+            value, (low, high) = inner[name], base.domain[name]
+            # an end that was calculated is met to rounding
+            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
+                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
+        rows = self.ties.slopes(params, free)
+        names, still = (*rows,), inner.keys() - rows.keys()
+        curve = curves.get(names)
         if curve is None or any(curve.fixed[name] != inner[name] for name in still):
-            base = self.ties.base.at(**self.start, **inner)
-            curve = self._curves[(*rows,)] = Curve(base, (*rows,))
-        z = np.append(x, [inner[name] for name in rows])
-        return curve, z, np.array([*rows.values()]).reshape(-1, len(free))
+            curve = curves[names] = Curve(base.at(**self.start, **inner), names)
+        z = np.append(x, [inner[name] for name in names])
+        return curve, z, np.reshape([*rows.values()], (len(rows), len(free)))
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         curve, z, chain = self.untied(x, params, free)
@@ -533,32 +503,27 @@ class TiedProblem(Problem):
 
     @property
     def tested(self) -> bool:  # type: ignore[override]
-        # by differences, of the functions and of what the base has no derivatives for
-        return self.ties.base.tested or self.ties.base.jacobian is None
+        # what the base has no derivatives for is by differences anyhow
+        return self.base.tested or self.base.jacobian is None
 
     @property
     def interpret(self) -> Callable[[Any], Any] | None:  # type: ignore[override]
-        inner: Any = self.ties.base.interpret
-        return None if inner is None else lambda point: inner(self._beneath(point))
+        asked: Any = self.base.interpret
+        return None if asked is None else lambda point: asked(self._untied_point(point))
 
-    def _beneath(self, point: Any) -> Any:
+    def _untied_point(self, point: Any) -> Any:
         curve, z, _ = self.untied(point.x, point.params, point.curve.free)
         return replace(point, curve=curve, z=z, tangent=None)
 
-    @property
-    def internals(self) -> frozenset[str]:
-        return self.ties.base.internals
-
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
-        return self.ties.base.images(x, self.ties(params))
+        return self.base.images(x, self.ties(params))
 
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
-        return self.ties.base.modulo(x, self.ties(params))
+        return self.base.modulo(x, self.ties(params))
 
 
 def chained(slopes: Callable[..., Array]) -> Callable[..., Array]:
-    """Let derivatives of conditions by the names of parameters, ``(of, curve, z, extra)``, be those
-    along a curve of a tied problem, too."""
+    """Let derivatives by names of parameters, ``(of, curve, z, extra)``, suit tied problems."""
 
     @wraps(slopes)
     def along(of: Any, curve: Curve, z: Array, extra: Array) -> Array:

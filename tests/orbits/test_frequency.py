@@ -1,0 +1,355 @@
+"""The frequency of the drive: the motion of a scaled problem, and that of its own in true time."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.continuation.algebra.derivatives import differences
+from contbreather.continuation.curve.curve import Curve
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.orbit import orbit_at
+
+CHAIN = InfiniteChain()
+POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
+OPEN = cb.OpenChain(5)
+UNEVEN = np.array([1.0, 0.5, 2.0, 1.0, 1.5])
+FORCED = cb.Symbolic("-cos(t) - c3*cos(3*t)", c3=0.2)
+# numbers in units of the drive
+CASES = {
+    "chain": (cb.symmetric, {"a": 0.5, "gamma": 0.08, "k": 0.8}),
+    "chain with springs": (cb.symmetric, {"a": 0.5, "gamma": 0.05, "k": 0.7, "spring": 0.2}),
+    "lower root": (cb.symmetric, {"a": 0.3, "gamma": 0.1, "k": 0.6, "root": 2}),
+    "another forcing": (cb.symmetric, {"a": 0.5, "gamma": 0.06, "k": 0.8, "forcing": FORCED}),
+    "ring": (cb.symmetric, {"a": 0.6, "gamma": 0.09, "k": 0.8, "lattice": cb.Ring(8)}),
+    "damped": (
+        cb.symmetric,
+        {"a": 0.6, "gamma": 0.05, "k": 0.8, "lattice": OPEN, "damping": 0.03, "spring": 0.15,
+         "site": 1},
+    ),
+    "uneven": (
+        cb.symmetric,
+        {"a": 0.6, "gamma": 0.05, "k": 0.8, "lattice": OPEN, "damping": 0.03 * UNEVEN},
+    ),
+    "arm": (asymmetric, {"a": 0.82, "gamma": 0.04, "k": 0.8}),
+    "arm of a ring": (asymmetric, {"a": 0.82, "gamma": 0.04, "k": 0.8, "lattice": cb.Ring(9)}),
+    "two sites": (
+        lambda **on: cb.multibreather([0, 6], **on),
+        {"a": 0.5, "gamma": 0.03, "k": 0.8, "lattice": cb.Ring(12)},
+    ),
+}  # fmt: skip
+
+
+def driven(name, omega):
+    """An orbit at a frequency, and that of the scaled problem."""
+    make, on = CASES[name]
+    own = {n: on[n] * omega ** POWERS[n] if n in POWERS else on[n] for n in on}
+    return make(**own, omega=omega), make(**on)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("omega", [0.37, 1.9])
+def test_an_orbit_at_any_frequency_is_that_of_the_scaled_problem(name, omega):
+    orbit, scaled = driven(name, omega)
+    assert orbit.times == pytest.approx(scaled.times, abs=1e-12)
+    assert orbit.impulses == pytest.approx(scaled.impulses, abs=1e-12)
+    assert orbit.entries == pytest.approx(scaled.entries, rel=1e-11)
+    _, on = CASES[name]
+    for parameter, power in POWERS.items():
+        mean = np.mean(on.get(parameter, 0.0))
+        assert getattr(orbit, parameter) == pytest.approx(mean * omega**power, rel=1e-14)
+    assert orbit.omega == omega
+    if orbit.lattice.sites:
+        mine, other = (np.sort_complex(o.multipliers()) for o in (orbit, scaled))
+        assert abs(mine) == pytest.approx(abs(other), abs=1e-8)
+        assert orbit.state(t=0.3)[1] == pytest.approx(scaled.state(t=0.3)[1], abs=1e-12)
+    else:
+        assert orbit.stability().unstable == scaled.stability().unstable
+        assert orbit.velocity(1, 0.3) == pytest.approx(scaled.velocity(1, 0.3), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_its_equations_know_their_derivatives_in_the_frequency(name):
+    problem = driven(name, 1.3)[0].problem
+    names = [n for n in ("omega", "a", "gamma", "k", "damping", "c3") if n in problem.params]
+    for free in (*((n,) for n in names), ("omega", "a"), ("gamma", "omega")):
+        curve = Curve(problem, free)
+        z = curve.start + 1e-3 * (2.0 + np.cos(np.arange(curve.start.size)))
+        assert abs(curve.jacobian(z) - differences(curve.residual, z)).max() < 1e-8
+
+
+def test_the_state_comes_back_after_a_period_in_true_time():
+    """An integrator of u'' = ... - a cos(omega t), which knows nothing of phases."""
+    a, gamma, k, damping, spring, omega = 1.2, 0.14, 0.8, 0.05, 0.1, 1.3
+    on = {"a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "omega": omega}
+    orbit = cb.symmetric(**on, lattice=OPEN, site=2)
+    u, v = orbit.state()
+    n = OPEN.sites
+
+    def flow(t, y):
+        u, v = np.split(y, 2)
+        pull = gamma * OPEN.stiffness @ u + spring * u + damping * v
+        return np.r_[v, -a * np.cos(omega * t) - pull]
+
+    def contact(t, y):
+        return abs(y[2]) - 1.0
+
+    contact.terminal, contact.direction = True, 1
+    y, t, end, hits = np.r_[u, omega * v], 0.0, 2 * math.pi / omega, []
+    while t < end:
+        leg = solve_ivp(flow, (t, end), y, events=contact, method="DOP853", rtol=1e-12, atol=1e-13)
+        t, y = leg.t[-1], leg.y[:, -1].copy()
+        if leg.status == 1:
+            hits.append((omega * t, -(1 + k) * y[n + 2] / omega))
+            y[n + 2] *= -k
+    assert y == pytest.approx(np.r_[u, omega * v], abs=1e-10)
+    assert [hit.time % (2 * math.pi) for hit in orbit.hits][::-1] == pytest.approx(
+        [phase for phase, _ in hits], abs=1e-10
+    )
+    assert abs(hits[0][1]) == pytest.approx(2 * orbit.p, abs=1e-10)
+
+
+# --- along branches -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "kinds"),
+    [
+        ({"a": 0.9, "gamma": 0.05, "k": 0.8}, {"PF", "GR", "LP"}),
+        ({"a": 0.3, "gamma": 0.08, "k": 0.8}, {"NS", "LP"}),
+        ({"a": 0.9, "gamma": 0.05, "k": 0.8, "damping": 0.01, "lattice": cb.Ring(9)},
+         {"PF", "GR", "LP"}),
+        ({"a": 0.6, "gamma": 0.05, "k": 0.8, "spring": 0.2}, {"GR", "LP"}),
+    ],
+)  # fmt: skip
+def test_what_happens_along_the_frequency_happens_on_branches_in_a_of_scaled_problems(start, kinds):
+    branch = cb.trace(cb.symmetric(**start), "omega", within={"omega": (0.7, 5)})
+    found = [point for point in branch.special if point.kind in kinds]
+    assert {point.kind for point in found} == kinds
+    for point in found:
+        w = point["omega"]
+        scaled = {n: start[n] / w ** POWERS.get(n, 0) if n in POWERS else start[n] for n in start}
+        near = {"within": {"a": (0.9 * scaled["a"], 1.1 * scaled["a"])}, "inadmissible": True}
+        shift = {"LP": 1.05, "GR": 0.97}.get(point.kind, 1.02)
+        breather = cb.symmetric(**{**scaled, "a": shift * scaled["a"]})
+        same = cb.trace(breather, "a", events=breather.problem.events, **near)
+        places = [other["a"] for other in same.special if other.kind == point.kind]
+        assert min(abs(np.array(places) / scaled["a"] - 1), default=1) < 1e-9
+
+
+def test_the_pitchfork_in_omega_and_a_is_the_closed_form():
+    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8), "omega", within={"omega": (0.8, 2)})
+    line = cb.boundary(branch.first("PF"), ("omega", "a"), within={"omega": (0.7, 2), "a": (0, 5)})
+    assert len(line) > 20
+    for w, a, p in zip(line["omega"], line["a"], line["p"], strict=True):
+        chi, sigma = (CHAIN.mean(0.05 / w**2, name) for name in ("chi", "sigma"))
+        assert p == pytest.approx(1 / (chi - 2 * sigma), abs=1e-11)
+        assert a == pytest.approx(w * w * p * math.hypot(1 / 9, 2 * sigma), abs=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["LP", "PF", "NS", "GR"])
+@pytest.mark.parametrize("on", [{}, {"damping": 0.02, "lattice": cb.Ring(7), "spring": 0.05}])
+def test_a_boundary_in_the_frequency_is_that_in_the_plane_of_a_and_gamma(kind, on):
+    """Along (omega, a) at one gamma both scaled parameters move: each place of the curve is on that
+    kind's curve of the scaled problem, for there its defining system holds."""
+    if kind == "NS" and on:
+        pytest.skip("no pair passes the threshold of a damped ring here")
+    start = {"LP": (0.9, 0.05), "PF": (0.9, 0.05), "NS": (0.3, 0.08), "GR": (0.9, 0.05)}[kind]
+    first = cb.trace(cb.symmetric(*start, 0.8, **on), "omega", within={"omega": (0.7, 6)})
+    line = cb.boundary(
+        first.first(kind), ("omega", "a"), within={"omega": (0.7, 6), "a": (0.01, 9)},
+        steps=cb.Steps(most=12),
+    )  # fmt: skip
+    assert len(line) > 8
+    for point in line[:: len(line) // 5]:
+        orbit = point.solution
+        map = orbit.map
+        if kind in ("LP", "PF"):
+            assert abs(map.crosses(-1.0 if kind == "LP" else 1.0)) < 1e-6
+        elif kind == "GR":
+            assert abs(orbit.admissibility().margin) < 1e-9
+        else:
+            assert abs(map.on_circle(point["nu"], 1.0)) < 1e-7
+    w = line["omega"]
+    assert np.ptp(w) > 0.1
+
+
+def test_arms_in_the_frequency_are_those_of_the_closed_form():
+    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8), "omega", within={"omega": (0.8, 2)})
+    up, down = cb.switch(branch.first("PF"), within={"omega": (0.8, 2)})
+    assert up.first("GR")["omega"] == pytest.approx(down.first("GR")["omega"], abs=1e-9)
+    w = up[-1]["omega"]
+    arm = asymmetric(0.9 / w**2, 0.05 / w**2, 0.8, arm=1, inadmissible=True)
+    assert up[-1]["p"] == pytest.approx(arm.p, abs=1e-9)
+    assert up[-1].solution.omega == w
+    back = cb.trace(up[-1], "omega", within={"omega": (0.8, 2)})
+    assert back.first("PF")["omega"] == pytest.approx(branch.first("PF")["omega"], abs=1e-9)
+
+
+def test_beyond_grazing_in_the_frequency_the_same_orbits_live():
+    ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
+    end = cb.trace(ring, "omega", towards="down", within={"omega": (0.5, 1)}).first("GR")
+    beyond = cb.switch(end, within={"omega": (0.9, 1.1)}, steps=cb.Steps(most=5))[0]
+    assert beyond[0]["beyond"] == "fold"
+    assert beyond[1].solution.omega == beyond[1]["omega"]
+    assert beyond[1].solution.section.describe().count("1+")
+
+
+def test_other_parameters_join_and_a_point_at_frequency_one_is_one_like_any_other():
+    orbit = cb.symmetric(0.6, 0.05, 0.8, omega=1.2)
+    branch = cb.trace(orbit, "spring", within={"spring": (0, 0.2)})
+    w2 = 1.2**2
+    wanted = cb.symmetric(0.6 / w2, 0.05 / w2, 0.8, spring=0.2 / w2)
+    assert branch[-1]["p"] == pytest.approx(wanted.p, abs=1e-10)
+    both = orbit_at(cb.symmetric(0.6, 0.05, 0.8).problem.having("omega", "spring"))
+    assert (both.omega, both.spring, "omega" in both.conditions.params) == (1.0, 0.0, False)
+
+
+@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
+def test_files_hold_branches_and_boundaries_in_the_frequency(tmp_path, lattice):
+    more = {} if lattice is None else {"damping": 0.01, "lattice": lattice}
+    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8, **more), "omega", within={"omega": (0.9, 1.2)})
+    within, steps = {"omega": (0.9, 1.2)}, cb.Steps(most=4)
+    line = cb.boundary(branch.first("PF"), ("omega", "a"), within=within, steps=steps)
+    cb.save(tmp_path / "run.nc", branch=branch, line=line)
+    again = cb.load(tmp_path / "run.nc")
+    assert again["branch"][-1].solution.a == pytest.approx(0.9, rel=1e-14)
+    assert again["branch"][-1].solution.omega == branch[-1]["omega"]
+    more_of_it = cb.extend(again["branch"], within={"omega": (0.9, 1.4)})
+    assert more_of_it["omega"].max() == pytest.approx(1.4)
+    assert again["line"]["a"] == pytest.approx(line["a"], abs=0)
+    other = cb.boundary(again["branch"].first("PF"), ("omega", "a"), towards="up", steps=steps)
+    assert other["a"][0] == pytest.approx(branch.first("PF")["a"])
+
+
+def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
+    on = Conditions(0.5, 0.08, 0.8)
+    assert "omega" not in on.params
+    assert "omega" not in cb.symmetric(0.5, 0.08, 0.8).table().__str__()
+    assert Conditions(0.5, 0.08, 0.8, omega=2.0).scaled == Conditions(0.125, 0.02, 0.8)
+
+
+@pytest.mark.parametrize(
+    ("on", "sentence"),
+    [
+        (
+            {"omega": 0.3},
+            "omega = 0.3: harmonic 1 of the drive, 0.3, is in the band .* 0 to 0.4",
+        ),
+        ({"omega": 0.11, "spring": 0.1}, r"harmonic 3 of the drive, 0.33, is in the band .* 0.316"),
+        ({"omega": 0.3, "spring": 0.2}, "the drive is below the band of the lattice, 0.447214 to"),
+        ({"omega": 0.3, "lattice": cb.Ring(9)}, "harmonic 1 of the drive"),
+        ({"omega": 0}, "the frequency of the forcing must be a number with 0 < omega <= 1e4"),
+        ({"omega": "fast"}, "omega = 'fast': the frequency of the forcing"),
+        ({"omega": math.inf}, "omega = inf"),
+        ({"omega": 2.0, "k": 1.5}, "k = 1.5: .* These numbers are in units of omega = 2"),
+    ],
+)
+def test_frequencies_that_cannot_be_are_refused(on, sentence):
+    with pytest.raises(BadInput, match=sentence):
+        cb.symmetric(**{"a": 0.5, "gamma": 0.04, "k": 0.8, **on})
+
+
+def test_below_the_fold_the_sentence_names_the_units():
+    with pytest.raises(NoSolution, match=r"below the fold.* in units of omega = 2"):
+        cb.symmetric(0.1, 0.04, 0.8, omega=2.0)
+
+
+def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
+    branch = cb.trace(
+        cb.symmetric(0.3, 0.1, 0.8), "omega", towards="down", within={"omega": (0.2, 1)},
+        events=(), inadmissible=True,
+    )  # fmt: skip
+    assert branch["omega"][-1] == pytest.approx(math.sqrt(0.1 / 0.2499), abs=1e-6)
+    assert "gamma" in branch.reason
+
+
+# --- runs, zones, commands ------------------------------------------------------------------------
+
+
+def test_a_run_at_any_frequency_is_that_of_the_scaled_lattice():
+    lattice, rng = cb.Ring(7), np.random.default_rng(3)
+    state = rng.uniform(-0.8, 0.8, 7), rng.uniform(-1, 1, 7)
+    w, shared = 1.7, {"lattice": lattice, "k": 0.7, "periods": 6, "t0": 0.4}
+    run = cb.simulate(state, a=1.1, gamma=0.3, damping=0.02, spring=0.4, omega=w, **shared)
+    scaled = cb.simulate(
+        state, a=1.1 / w**2, gamma=0.3 / w**2, damping=0.02 / w, spring=0.4 / w**2, **shared
+    )
+    assert len(run.impacts) == len(scaled.impacts) > 10
+    assert run.final.u == pytest.approx(scaled.final.u, abs=1e-9)
+    assert (run.conditions.omega, run.conditions.gamma) == (w, 0.3)
+    assert "omega" in str(run.table())
+
+
+def test_a_periodic_motion_at_any_frequency_has_the_multipliers_of_the_orbit():
+    orbit = cb.symmetric(0.8, 0.07, 0.8, damping=0.05, omega=1.2, lattice=cb.Ring(4))
+    motion = cb.simulation.periodic(orbit)
+    assert motion.largest == pytest.approx(abs(orbit.multipliers()).max(), abs=1e-9)
+
+
+def test_a_sweep_of_the_frequency_keeps_the_velocities_of_the_sites():
+    on = {"a": 0.0, "gamma": 0.0, "k": 1.0, "periods": 3}
+    sweep = cb.simulation.sweep(([0.1], [0.3]), "omega", [1.0, 2.0, 4.0], **on)
+    assert abs(sweep.final.v) == pytest.approx(0.3 / 4.0)  # in d omega
+
+
+def test_smooth_walls_have_no_frequency():
+    with pytest.raises(BadInput, match="smooth walls have a time of their own"):
+        cb.simulation.simulate_smooth(
+            ([0.0], [0.0]), a=0.5, gamma=0.0, k=0.8, m=6, omega=1.1, periods=1
+        )
+
+
+def test_zones_in_omega_and_a_are_those_in_gamma_and_a_in_other_coordinates(tmp_path):
+    plane = cb.zones(k=0.8, gamma=0.05, within={"omega": (0.55, 1.2)})
+    assert (plane.pair, dict(plane.held)) == (("omega", "a"), {"gamma": 0.05})
+    scaled = cb.zones(k=0.8, within={"gamma": (0.05 / 1.2**2, 0.05 / 0.55**2)})
+    mine = {p.kind: (0.05 / p["omega"] ** 2, p["a"] / p["omega"] ** 2) for p in plane.special}
+    theirs = {p.kind: (p["gamma"], p["a"]) for p in scaled.special}
+    assert len(mine) == 3
+    assert {frozenset(kind.split("-")) for kind in mine} == {
+        frozenset(k.split("-")) for k in theirs
+    }
+    for kind, place in mine.items():
+        other = theirs.get(kind) or theirs["-".join(reversed(kind.split("-")))]
+        assert place == pytest.approx(other, abs=1e-9)
+    # between the fold and the pitchfork there is a stable breather, below the fold none
+    assert (plane.unstable(1.0, 0.4), plane.unstable(1.0, 0.01)) == (0, None)
+    assert plane.unstable(0.4, 0.4) is None  # a harmonic in the band
+    cb.save(tmp_path / "zones.nc", plane)
+    again = cb.load(tmp_path / "zones.nc")
+    assert again.held == plane.held
+    assert again.unstable(1.0, 0.4) == 0
+    assert len(again.curves["GR"][0]) == len(plane.curves["GR"][0])
+
+
+def test_zones_at_another_frequency_are_scaled_ones():
+    plane = cb.zones(k=0.8, omega=1.5, within={"gamma": (0.1, 0.2)})
+    scaled = cb.zones(k=0.8, within={"gamma": (0.1 / 2.25, 0.2 / 2.25)})
+    (mine,), (other,) = plane.special, scaled.special
+    assert (mine["gamma"] / 2.25, mine["a"] / 2.25) == pytest.approx((other["gamma"], other["a"]))
+    with pytest.raises(BadInput, match="past_folds: lower breathers are drawn at omega = 1"):
+        cb.zones(k=0.8, omega=1.5, past_folds=True)
+    with pytest.raises(BadInput, match="exactly one of k, gamma and a"):
+        cb.zones(k=0.8, gamma=0.1, omega=1.5)
+
+
+def test_the_command_line_and_studies_have_the_frequency(capsys):
+    from contbreather.cli import main
+    from contbreather.studies.schema import Chain
+
+    point = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8"]
+    assert main([*point, "--omega", "1.1", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["omega"], said["p"]) == (1.1, cb.symmetric(0.5, 0.04, 0.8, omega=1.1).p)
+    assert main([*point, "--omega", "0.3"]) == 2
+    assert "harmonic 1 of the drive" in capsys.readouterr().err
+    assert Chain(omega=1.1).on["omega"] == 1.1
