@@ -9,21 +9,29 @@ with Omega the inverse of J in ``f = J grad H``; pairs of equal signature pass t
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 
 import numpy as np
 
 from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
+from ..continuation.algebra.sparse import is_sparse
 from ..continuation.bifurcations.equilibria import fold
-from ..continuation.bifurcations.multiplier_events import singular_with, unresolved
+from ..continuation.bifurcations.multiplier_events import (
+    bordered,
+    singular_with,
+    slope_of_bordered,
+    unresolved,
+)
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems.defining_systems import rank_locus
 from .cycle_problem import Cycle, equations_of
 from .multipliers import around
 
+_LOST = 1e-9  # relative singular value of a matrix that has lost rank
+_OFF, _BY_SIDE = 1e-6, 1e-2  # of the angle of a meeting: where both multipliers are, and neither
 _NEAR = 1e-6  # how far off its place the index of a located event may be
 _UNKNOWN = "unknown: the field is no constant matrix times the gradient of what is conserved"
 
@@ -62,7 +70,13 @@ def _energy_over_period(point: Point) -> float:
         return math.nan
     longer = np.zeros(layout.size)
     longer[layout.lambdas[0]] = 1.0  # the equation T = period
-    change = solved(base.curve.in_unknowns(base.z), longer, "a fold in the period")
+    matrix = base.curve.in_unknowns(base.z)
+    if is_sparse(matrix):
+        change = solved(matrix, longer, "a fold in the period")
+    else:  # where branches cross the shortest change is well defined; at a fold there is none
+        change = np.linalg.lstsq(matrix, longer, rcond=_LOST)[0]
+        if abs(matrix @ change - longer).max() > math.sqrt(_LOST):
+            return math.inf
     return float(change[layout.levels[0]])
 
 
@@ -123,16 +137,22 @@ def _apart(point: Point) -> float:
     return float((-1) ** left.size * squares.min()) if squares.size else math.nan
 
 
-def _examine_collision(point: Point) -> Examined:
-    orbit = point.base_point.solution
-    indices = orbit.indices
+def _nearest(point: Point) -> tuple[float, float]:
+    """The distance of the nearest two indices, and where they are, on the circle."""
+    indices = point.base_point.solution.indices
     i, j = np.triu_indices(indices.size, 1)
     closest = int(abs(indices[i] - indices[j]).argmin())
     middle = 0.5 * (indices[i] + indices[j])[closest].real
-    if abs(indices[i] - indices[j])[closest] > math.sqrt(_NEAR) or abs(middle) > 1:
+    return float(abs(indices[i] - indices[j])[closest]), max(-1.0, min(middle, 1.0))
+
+
+def _examine_collision(point: Point) -> Examined:
+    distance, middle = _nearest(point)
+    if distance > math.sqrt(_NEAR) or abs(middle) == 1:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
     angle = math.acos(middle)
-    return unresolved(point) or {"angle": angle, "signatures": _signatures_at(orbit, angle)}
+    signs = _signatures_at(point.base_point.solution, angle)
+    return unresolved(point) or {"angle": angle, "signatures": signs}
 
 
 def _signatures_at(orbit: Cycle, angle: float) -> str:
@@ -150,8 +170,33 @@ def _signatures_at(orbit: Cycle, angle: float) -> str:
     return " ".join("+" if sign > 0 else "-" for sign in signs[::-1])
 
 
-def _met(curve: Curve, z: Array, extra: Array) -> Array:
-    return np.array([_apart(Point(curve, z.copy()))])
+@dataclass(frozen=True)
+class _Meeting:
+    """Equations for two multipliers that meet: both are at one angle, but for a little.
+
+    On the circle ``det(M - exp(i angle))`` is real but for a factor that does not vanish, and so is
+    the number that stands for it here: its `phase` is that beside the meeting. Next to where it
+    has a double zero in the angle it has two of them, 2e-6 apart.
+    """
+
+    phase: complex
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        one, other = (self.phase * bordered(curve, z, extra + off)[0] for off in (_OFF, -_OFF))
+        return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        one, other = (
+            self.phase * slope_of_bordered(curve, z, extra + off) for off in (_OFF, -_OFF)
+        )
+        return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
+
+
+def _meeting(point: Point) -> DefiningSystem:
+    angle, base = math.acos(_nearest(point)[1]), point.base_point
+    g = bordered(base.curve, base.z, np.array([angle + _BY_SIDE]))[0]
+    meeting = _Meeting(abs(g) / g)
+    return DefiningSystem({"angle": angle}, meeting.conditions, meeting.derivative)
 
 
 def conservative_events(branch_point: Event) -> tuple[Event, ...]:
@@ -166,5 +211,5 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
         "PD", partial(_beside, -1.0), count=partial(_beyond, -1.0), locus=partial(_pair_at, -1.0),
         examine=partial(_examine_place, -1.0),
     )  # fmt: skip
-    kc = Event("KC", _apart, locus=Always(DefiningSystem({}, _met)), examine=_examine_collision)
+    kc = Event("KC", _apart, locus=_meeting, examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

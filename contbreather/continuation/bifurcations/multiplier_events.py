@@ -164,7 +164,7 @@ def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Arra
     return weak
 
 
-def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     """A number g that vanishes where the problem closed with exp(i angle) is singular, and vectors
     v and w with ``g' = -w* B' v``."""
 
@@ -191,24 +191,29 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
     """Re g and Im g, which vanishes wherever the angle is 0 or pi, over about sin(angle): there a
     fold or a doubling has Re g = 0."""
-    g = _bordered(curve, z, extra)[0]
+    g = bordered(curve, z, extra)[0]
     return np.array([g.real, g.imag / math.hypot(math.sin(extra[0]), _FLAT)])
 
 
 def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
-    g, v, w = _bordered(curve, z, extra)
+    g, slope, angle = bordered(curve, z, extra)[0], slope_of_bordered(curve, z, extra), extra[0]
+    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
+    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
+    return np.array([slope.real, below / sine])
+
+
+def slope_of_bordered(curve: Curve, z: Array, extra: Array) -> NDArray[np.complex128]:
+    """The derivative of that number in all unknowns and the angle."""
+    _, v, w = bordered(curve, z, extra)
     units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
     left, right = w.conj() / units, v * units
     real, imaginary = (
         along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
     )
-    slope = -real - 1j * imaginary
     # affine in mu: the derivative of the closing is the difference of any two
     in_mu = closed(curve, matrix, 1.0) - closed(curve, matrix, 0.0)
-    slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
-    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
-    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
-    return np.array([slope.real, below / sine])
+    turned = -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v))
+    return np.append(-real - 1j * imaginary, turned)
 
 
 def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
