@@ -23,6 +23,7 @@ const TOPICS = {
   "your-own-problem": "equations problem own hopf fold events tolerance step size jacobian equilibrium sparse no convergence",
   "maps": "map maps henon fixed point",
   "cycles": "limit cycle periodic orbit vector field ode forced hybrid sliding filippov mesh collocation",
+  "conservative": "conservative conserved energy hamiltonian backbone family nonlinear normal mode nnm krein integral momentum",
   "extending": "event forcing extend",
   "theory": "theory formula equation units parameters model",
   "comparison": "compare comparison speed fast",

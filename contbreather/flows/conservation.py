@@ -95,12 +95,8 @@ class Conservation:
         of canonical variables, in any order. None of others."""
         n = len(states)
         # off the orbit, which may lie in a subspace: scattered by a tenth of its size
-        scattered = np.sin(np.arange(1.0, 4 * n * n + 1)).reshape(n, -1)
-        x = (
-            np.resize(states, (4 * n, n)).T
-            if states.shape[1] == 1
-            else np.take(states, np.arange(4 * n) * states.shape[1] // (4 * n), axis=1)
-        )
+        x = states[:, np.arange(4 * n) * states.shape[1] // (4 * n)]
+        scattered = np.sin(np.arange(1.0, x.size + 1) ** 2).reshape(x.shape)
         x = x + 6 * offset(states)[:, None] * scattered
         (gradient, *_), field = self.gradients(x, p), values(f, 0.0, x, p)
         J = np.linalg.lstsq(gradient, field.T)[0].T
@@ -168,4 +164,5 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
         first = left.pop(0)
         left.pop(int(np.argmin([abs(first * other - 1) for other in left])))
         found.append((first + 1 / first) / 2)
-    return np.array(found, dtype=complex)
+    indices = np.array(found, dtype=complex)
+    return np.where(abs(indices.imag) > _LEAVES, indices, indices.real)

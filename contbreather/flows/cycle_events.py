@@ -26,6 +26,7 @@ from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, crossing_event
 from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .collocation import TrajectorySegment
+from .conservative_events import conservative_events
 from .cycle_problem import SHORTEST, Cycle, equations_of
 from .equations import FlowEquations
 from .flow import Clock, Filippov, slid_along
@@ -111,10 +112,7 @@ def _examine_fold(point: Point) -> Examined:
     if reason := unresolved(point) or _PLAIN.examine(point):
         return reason
     # where a branch is steep, as at a canard, rounding turns its parameter back, too
-    kept, off = equations_of(point.base_point).conservation, point.base_point.solution.others - 1
-    if kept:
-        return ""
-    off = abs(off).min(initial=math.inf)
+    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
     if not off < 0.1:  # 1e-5 where the parameter turns by 1e-13
         return f"no multiplier is 1: the nearest is {off:.2g} off"
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
@@ -360,7 +358,8 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
 def events_of_cycle(equations: FlowEquations, system: Filippov | None = None) -> tuple[Event, ...]:
     """List the events of a cycle of these flows, perhaps those of a Filippov system."""
     flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
-    events = [lp, _BRANCH_POINT, pd, ns]
+    of_pairs = conservative_events(_BRANCH_POINT) if equations.conservation else ()
+    events = [*(of_pairs or (lp, _BRANCH_POINT, pd, ns))]
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import contbreather as cb
 from contbreather.flows import cycle_of
+
+from .test_cycle import variational
 
 
 def duffing(t, x, p):
@@ -100,6 +104,173 @@ def test_a_straight_orbit_of_an_isotropic_oscillator_is_isolated_among_its_rotat
     assert abs(branch["spin"]).max() < 1e-12
     np.testing.assert_allclose(branch["max(y)"] / branch["max(x)"], 4 / 3, rtol=1e-9)
     np.testing.assert_allclose(branch[-1].solution.multipliers, np.ones(4), atol=1e-9)
+
+
+# --- multipliers, and events --------------------------------------------------------------------
+
+
+def henon_heiles(t, z, p):
+    """In a magnetic field e, which does no work."""
+    x, y, u, v = z
+    return [u, v, -x - 2 * x * y + p["e"] * v, -y - x**2 + y**2 - p["e"] * u]
+
+
+def of_henon_heiles(z, p):
+    x, y, u, v = z
+    return (u**2 + v**2 + x**2 + y**2) / 2 + x**2 * y - y**3 / 3
+
+
+def along_the_axis(**how):
+    start = {"x": 0.0, "y": 0.3, "u": 0.0, "v": 0.0}
+    return cb.cycle(henon_heiles, start, {"e": 0.0}, conserves=of_henon_heiles, **how)
+
+
+def index_of_axis(energy):
+    """Half the trace of Hill's equation beside the orbit x = 0, by DOP853."""
+
+    def f(t, z):
+        y, v, *beside = z
+        return [v, -y + y**2, *beside[2:], *(-(1 + 2 * y) * np.array(beside[:2]))]
+
+    z = [0.0, np.sqrt(2 * energy), 1.0, 0.0, 0.0, 1.0]
+    for direction in (-1.0, 1.0):  # y falls through 0, and rises again
+
+        def back(t, z):
+            return z[0]
+
+        back.terminal, back.direction = True, direction
+        z = solve_ivp(f, (0, 99), z, "DOP853", events=back, rtol=1e-13, atol=1e-15).y[:, -1]
+    return (z[2] + z[5]) / 2
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return cb.trace(along_the_axis(), "energy", within={"energy": (0.02, 0.1666)})
+
+
+def test_multipliers_are_pairs_and_two_are_1(axis: cb.Branch) -> None:
+    for point in axis[::4]:
+        orbit = point.solution
+        assert np.prod(orbit.others) == pytest.approx(1, abs=1e-10)
+        wanted = variational(henon_heiles, orbit, 4)
+        assert np.sort(abs(wanted - 1))[:2].max() < 1e-3  # a double value, to its root
+        assert sum(orbit.multipliers) == pytest.approx(sum(wanted), abs=1e-8)
+        assert abs(np.sort(abs(orbit.multipliers - 1))[:2]).max() < 1e-9
+        index = index_of_axis(point["energy"])
+        assert orbit.indices[0] == pytest.approx(index, abs=1e-8)
+        assert orbit.unstable == (abs(index) > 1)
+
+
+def test_the_axis_of_henon_heiles_bifurcates_where_hills_equation_says(axis: cb.Branch) -> None:
+    """And where M. Brack says (Found. Phys. 31, 209, 2001): 6 E = 0.969309, 0.986709, 0.999188."""
+    kinds = [point.kind for point in axis.special]
+    assert kinds == ["EP", "PD", "PD", "BP", "BP", "PD", "PD", "BP", "EP"]
+    assert not axis.doubtful
+    for point in axis.special[1:-1]:
+        place, energy = -1.0 if point.kind == "PD" else 1.0, point["energy"]
+        beside = 1e-4 * (1 / 6 - energy)
+        own = brentq(lambda e, place=place: index_of_axis(e) - place,
+                     energy - beside, energy + beside, xtol=1e-15)  # fmt: skip
+        assert energy == pytest.approx(own, abs=1e-10)
+    crossings = [6 * point["energy"] for point in axis.special if point.kind == "BP"]
+    np.testing.assert_allclose(crossings, [0.969309, 0.986709, 0.999188], atol=6e-7)
+
+
+def test_other_families_leave_at_pd_and_at_bp(axis: cb.Branch) -> None:
+    (double,) = cb.switch(axis.first("PD"), within={"energy": (0.1, 0.15)})
+    loops = cb.switch(axis.first("BP"), within={"energy": (0.1, 0.164)})
+    assert double[0]["period"] == pytest.approx(2 * axis.first("PD")["period"], abs=1e-8)
+    assert len(loops) == 2
+    for arm in (double, *loops):
+        orbit = arm[-1].solution
+        start = orbit.states(orbit.times[0])
+        assert np.ptp(orbit.states(np.linspace(0, orbit.period, 50))[0]) > 0.01  # off the axis
+        for part in (0.5, 1.0):
+            span = (0, part * orbit.period)
+            end = solve_ivp(lambda t, z: henon_heiles(t, z, {"e": 0.0}), span, start, "DOP853",
+                            rtol=1e-13, atol=1e-14).y[:, -1]  # fmt: skip
+            assert (abs(end - start).max() < 1e-9) == (part == 1.0)
+        assert orbit.unstable == 0  # both are born stable, and on one side only
+        assert not (np.diff(arm["energy"]) <= 0).any()
+    window = {"period": (1.5 * double[0]["period"] / 2, 3 * double[0]["period"])}
+    walk = cb.trace(along_the_axis(), "period", within={"period": (6.4, 8.0)})
+    (again,) = cb.switch(walk.first("PD"), within=window, steps=cb.Steps(most=3))
+    assert again[0]["period"] == pytest.approx(double[0]["period"], abs=1e-8)
+
+
+def test_a_fold_in_the_energy_is_found_on_a_family_in_the_period_too() -> None:
+    """A magnetic field parts the branches that time reversal held together; the fold between them
+    has one curve, whether the energy is given or the period."""
+    axis = cb.trace(along_the_axis(), "energy", within={"energy": (0.03, 0.163)})
+    (loop, _) = cb.switch(axis.first("BP"), within={"energy": (0.1, 0.164)})
+    both = cb.trace(loop[-1], "e", within={"e": (-0.002, 0.002)})
+    walks = [cb.trace(both[i], "energy", within={"energy": (0.161, 0.1645)}) for i in (0, -1)]
+    ((in_energy, aside),) = [
+        (walk, both[i])
+        for walk, i in zip(walks, (0, -1), strict=True)
+        if any(point.kind == "LP" for point in walk.special)
+    ]
+    in_period = cb.trace(aside, "period", within={"period": (9.56, 9.9)})
+    fold, turn = in_energy.first("LP"), in_period.first("LP")
+    assert "said" not in fold.detail
+    assert turn.detail["said"] == "a fold in the energy, not in the period"
+    assert turn["energy"] == pytest.approx(fold["energy"], abs=1e-11)
+    assert len({*in_period["unstable"]}) == 2
+    window = tuple(sorted((0.5 * aside["e"], 1.5 * aside["e"])))
+    ends = [
+        cb.boundary(point, pair, within={"e": window}, events=())[0]
+        for point, pair in ((fold, ("e", "energy")), (turn, ("e", "period")))
+    ]
+    assert ends[0]["energy"] == pytest.approx(ends[1]["energy"], abs=1e-9)
+    assert ends[0]["period"] == pytest.approx(ends[1]["period"], abs=1e-7)
+
+
+def modes(sign: float, **params: float) -> cb.Problem:
+    """A Duffing oscillator, and beside it two oscillators of which one has an energy below zero:
+    those hang together by e."""
+    first, second = 1.7, {"w": 1.5, "e": 0.1} | params
+
+    def f(t, x, p):
+        q, a, b, r, s, u = x
+        return [r, first * s, -sign * p["w"] * u, -q - q**3,
+                -first * a - p["e"] * b, sign * p["w"] * b - p["e"] * a]  # fmt: skip
+
+    def energy(x, p):
+        q, a, b, r, s, u = x
+        own = r**2 / 2 + q**2 / 2 + q**4 / 4 + p["e"] * a * b
+        return own + first * (a**2 + s**2) / 2 - sign * p["w"] * (b**2 + u**2) / 2
+
+    start = {"q": 1.0, "a": 0.0, "b": 0.0, "r": 0.0, "s": 0.0, "u": 0.0}
+    return cb.cycle(f, start, second, conserves=energy, fixed="energy")
+
+
+def test_pairs_of_opposite_signature_collide_where_the_closed_form_says() -> None:
+    """|w1^2 - w^2| = 2 e sqrt(w1 w), where both frequencies are one; and its curve in w and e."""
+    branch = cb.trace(modes(1.0), "w", within={"w": (1.5, 1.9)})
+    assert [point.kind for point in branch.special] == ["EP", "KC", "KC", "EP"]
+    assert not branch.doubtful
+
+    def off(w, e):
+        return abs(1.7**2 - w**2) - 2 * e * np.sqrt(1.7 * w)
+
+    for point in branch.special[1:-1]:
+        assert abs(off(point["w"], 0.1)) < 1e-10
+        assert point.detail["signatures"] == "+ -"
+        middle = np.sqrt((1.7**2 + point["w"] ** 2) / 2) * point["period"]
+        assert np.cos(point.detail["angle"]) == pytest.approx(np.cos(middle), abs=1e-8)
+    for point in branch:
+        if abs(off(point["w"], 0.1)) > 1e-6:
+            assert point["unstable"] == 2 * (off(point["w"], 0.1) < 0)
+    line = cb.boundary(branch.first("KC"), ("e", "w"), within={"e": (0.05, 0.15)})
+    assert line["e"].min() == 0.05
+    assert abs(off(line["w"], line["e"])).max() < 1e-10
+
+
+@pytest.mark.parametrize(("sign", "e"), [(-1.0, 0.1), (1.0, 0.0)])
+def test_pairs_of_equal_signature_and_those_that_do_not_hang_together_pass(sign, e) -> None:
+    branch = cb.trace(modes(sign, e=e), "w", within={"w": (1.5, 1.9)})
+    assert not branch["unstable"].any()
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
 
 
 # --- refusals -----------------------------------------------------------------------------------

@@ -30,7 +30,9 @@ from ..systems.spectrum import Multipliers, Values
 from .stability_border import Border
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
-_BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
+_BESIDE = (
+    1e-12  # how far off its value a multiplier is taken to be where the cycle is singular with it
+)
 _ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
 _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 
@@ -138,31 +140,31 @@ def _examine_rotation(circle: Border, point: Point) -> Examined:
 # --- as equations -----------------------------------------------------------------------------
 
 
-def _flipped(curve: Curve, z: Array) -> tuple[float, Array, Array]:
-    """The least singular value of the problem closed with -1, and its vectors; of a small one times
+def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of the problem closed with mu, and its vectors; of a small one times
     the next, for where both vanish two curves cross. On a mesh all are small."""
 
     def make(z: Array) -> tuple[float, Array, Array]:
         matrix, units = curve.jacobian(z), _units(curve)
-        B = closed(curve, matrix, -1.0)
+        B = closed(curve, matrix, mu)
         if not is_large(B):
             weak = least_singular(B)
             value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
             weight = min(1.0, weak.second)
             return weight * value, weight * left / units, right * units
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (Factors(closed(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        factors = (Factors(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
         value, left, right = by_inverses(regular, B.shape[0], refined=False)
         return value, left / units, right * units
 
-    weak: tuple[float, Array, Array] = curve.cached("flip", z, make)
+    weak: tuple[float, Array, Array] = curve.cached(f"singular with {mu}", z, make)
     return weak
 
 
-def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     """A number g that vanishes where the problem closed with exp(i angle) is singular, and vectors
     v and w with ``g' = -w* B' v``."""
 
@@ -189,24 +191,29 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
     """Re g and Im g, which vanishes wherever the angle is 0 or pi, over about sin(angle): there a
     fold or a doubling has Re g = 0."""
-    g = _bordered(curve, z, extra)[0]
+    g = bordered(curve, z, extra)[0]
     return np.array([g.real, g.imag / math.hypot(math.sin(extra[0]), _FLAT)])
 
 
 def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
-    g, v, w = _bordered(curve, z, extra)
+    g, slope, angle = bordered(curve, z, extra)[0], slope_of_bordered(curve, z, extra), extra[0]
+    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
+    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
+    return np.array([slope.real, below / sine])
+
+
+def slope_of_bordered(curve: Curve, z: Array, extra: Array) -> NDArray[np.complex128]:
+    """The derivative of that number in all unknowns and the angle."""
+    _, v, w = bordered(curve, z, extra)
     units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
     left, right = w.conj() / units, v * units
     real, imaginary = (
         along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
     )
-    slope = -real - 1j * imaginary
     # affine in mu: the derivative of the closing is the difference of any two
     in_mu = closed(curve, matrix, 1.0) - closed(curve, matrix, 0.0)
-    slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
-    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
-    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
-    return np.array([slope.real, below / sine])
+    turned = -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v))
+    return np.append(-real - 1j * imaginary, turned)
 
 
 def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
@@ -216,7 +223,9 @@ def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
 
 def _flip_locus(circle: Border, point: Point) -> DefiningSystem:
     ends = (circle.degenerate("GPD", "PD", (-1.0, 1.0), "the coefficient c =", normal_forms.flip),)
-    return replace(rank_locus(_flipped), events=ends, meets=circle.meetings("PD"))
+    return replace(
+        rank_locus(partial(singular_with, -1.0)), events=ends, meets=circle.meetings("PD")
+    )
 
 
 def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:

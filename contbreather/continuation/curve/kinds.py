@@ -51,6 +51,10 @@ LOOKS = {
         "Neimark\N{EN DASH}Sacker", "o", "blue", starts=_BOUNDARY,
         nothing_leaves="a torus does, which no fixed number of equations describes",
     ),
+    "KC": Look(
+        "Krein collision", "8", "blue", starts=_BOUNDARY,
+        nothing_leaves="two pairs of multipliers leave the circle there, and no other orbits",
+    ),
     "GR": Look("grazing", "X", line="dashed", starts=_BOTH),
     "HB": Look(
         "Hopf point", "*", starts=_BOUNDARY, constructor="cb.hopf()",
