@@ -38,7 +38,7 @@ def rebound(t: Any, x: Any, p: Any) -> list[Any]:
 
 
 HITS = cb.Flow(field, until=to_the_wall, reset=rebound)
-FREE = cb.Flow(field, walls=(to_the_wall,))
+FREE = cb.Flow(field, walls=(HITS,))
 
 
 def turn(p: Any) -> Any:
@@ -73,6 +73,9 @@ def branches() -> tuple[cb.Branch, cb.Branch, cb.Branch]:
     print(f"the impact vanishes at   w = {vanishing:.9f}")
     assert abs(grazing - touching()) < 1e-8
     assert abs(vanishing - touching()) < 1e-8
+    (gone,) = cb.switch(hitting.first("VI"), within=WINDOW, progress=False)
+    (begun,) = cb.switch(free.first("GR"), within=WINDOW, progress=False)
+    print(f"beyond, from either side: {gone[0]['beyond']}, {begun[0]['beyond']}")
     doubling = hitting.first("PD")
     mu = doubling.solution.multipliers
     print(f"period doubling at w = {doubling['w']:.9f}, multipliers {np.round(mu.real, 9)}")

@@ -21,21 +21,26 @@ from ..one_thread import one_thread
 from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import ASIDE, Conservation, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
-from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
+from .cycle_problem import (
+    RETURNS,
+    UNRESOLVED,
+    Cycle,
+    CycleProblem,
+    cycle_of,
+    once,
+    problem_of,
+)
 from .equations import FlowEquations
 from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, value_at
 from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 from .multipliers import around
 
-_RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
-_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
-_LOOKS = 4  # into each interval for that
 _UNFORCED = "where nothing depends on the time its period is unknown: leave period= out"
 
 
@@ -342,11 +347,11 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
 def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Motion]]:
     """Return the last pieces of a simulation after which it repeats itself."""
     t, state, first = begin
-    ran = run(x0=state, events=2 * _RETURNS, t0=t, first=first)
+    ran = run(x0=state, events=2 * RETURNS, t0=t, first=first)
     last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
     returns = []
-    for back in range(1, _RETURNS + 1):
+    for back in range(1, RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
         if (event.number, event.after.shape) != (last.number, last.after.shape):
@@ -473,7 +478,7 @@ def _closed(
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
             _refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
-        equations = _once(equations, equations.flights(solved.x, params), params)
+        equations = once(equations, equations.flights(solved.x, params), params)
         equations = replace(equations, start=_adapted(equations.start))
     closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
@@ -481,47 +486,6 @@ def _closed(
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     return closed
-
-
-def _once(
-    equations: FlowEquations, flights: Sequence[TrajectorySegment], p: Params
-) -> FlowEquations:
-    """Begin at this orbit, a single time around where it goes around several times."""
-    repeats = (m for m in range(_RETURNS, 1, -1) if _repeats(equations, m, flights, p))
-    rounds = next(repeats, 1)
-    if not equations.smooth:
-        flights = flights[: len(flights) // rounds]
-    elif rounds > 1:
-        knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
-        part = whole.on(knots / rounds)
-        flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
-    return replace(
-        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
-        turns=equations.turns // rounds, sizes=sizes_of(flights),
-    )  # fmt: skip
-
-
-def _repeats(
-    equations: FlowEquations, rounds: int, flights: Sequence[TrajectorySegment], p: Params
-) -> bool:
-    """Compare the orbit at all times and a part of its period later."""
-    flows, (part, rest) = equations.flows, divmod(len(flights), rounds)
-    if equations.turns % rounds and not equations.autonomous:
-        return False
-    if equations.smooth:
-        (flight,), reset = flights, flows[0].reset
-        s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
-        later = flight.at(s + 1 / rounds)
-        if reset is not None:
-            later = values(reset, flight.start + flight.duration * s, later, p)
-        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
-    pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
-    return not rest and all(
-        (flow.f, flow.reset) == (successor.f, successor.reset)
-        and now.states.shape == then.states.shape
-        and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
-        for flow, successor, now, then, size in pairs
-    )
 
 
 def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquations, Problem]:

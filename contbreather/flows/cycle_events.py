@@ -140,13 +140,14 @@ _BRANCH_POINT = replace(
 
 
 class Margin(NamedTuple):
-    """Distance of an orbit from one end of its branch, the equations of the end, a sentence, and
-    the flow that begins another one there or is none, -1 where none is known to."""
+    """Distance of an orbit from one end of its branch, the equations of the end, a sentence, the
+    flow that comes to it, and which of its guards does."""
 
     value: float
     system: Callable[[], DefiningSystem]
     said: str
-    flow: int = -1
+    flow: int
+    guard: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +165,8 @@ class _Nearest:
 
     def examine(self, point: Point) -> Examined:
         least = self._least(point)
-        return {"said": least.said} | ({"flow": least.flow} if least.flow >= 0 else {})
+        guard = {"guard": least.guard} if least.guard else {}
+        return {"said": least.said, "flow": least.flow, **guard}
 
     def _least(self, point: Point) -> Margin:
         return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)
@@ -248,7 +250,8 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             ends = name == "until"
             height = partial(_height, wall, flight, orbit.params)
             # without a reset it begins where another ended: the walls of sliding are zero there
-            walled = flow.until is None or flows[i - 1].reset is not None
+            before = flows[i - 1]
+            walled = flow.until is None or (before.reset is not None and wall != before.until)
             begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
             places = [s[v.argmax()]]  # where no place is low this one is far from it
             for j in _lows(v, s, begins, ends):
@@ -304,11 +307,10 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
         flow = orbit.equations.flows[touch.flow]
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
         system = partial(reached(None, slice(2)).system, touch=touch.place)
-        beyond = touch.flow if touch.guard == "until" else -1
         if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-            system, beyond = partial(reached(touch.place, slice(1)).system), -1
+            system = partial(reached(touch.place, slice(1)).system)
         said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
-        yield Margin(touch.clearance, system, said, beyond)
+        yield Margin(touch.clearance, system, said, touch.flow, touch.guard)
 
 
 def _rates(orbit: Cycle) -> Iterator[Margin]:
@@ -318,7 +320,7 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
         assert flow.until is not None
         system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system  # no change
         said = f"flow {i} only just reaches its end at t = {flight.last:.6g}"
-        yield Margin(rate, system, said)
+        yield Margin(rate, system, said, i)
 
 
 def _arrivals(system: Filippov, orbit: Cycle) -> Iterator[Margin]:
@@ -334,7 +336,7 @@ def _arrivals(system: Filippov, orbit: Cycle) -> Iterator[Margin]:
         points_at_it = float(values(field, flight.last, flight.end[:, None], orbit.params)[0, 0])
         reached = _Reached(orbit.equations, i, field, 1.0, slice(1)).system
         said = f"flow {i} ends at the edge of sliding at t = {flight.last:.6g}"
-        yield Margin(points_at_it if slides else -points_at_it, reached, said)
+        yield Margin(points_at_it if slides else -points_at_it, reached, said, i)
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:
@@ -342,6 +344,8 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond."""
     flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
+    if all(flow.reset or not flow.until for flow in flows):
+        return
     rates = paces(orbit.equations, orbit.x, orbit.params)
     for i, flight in enumerate(orbit.flights):
         before = (i - 1) % len(flows)
@@ -364,11 +368,8 @@ def events_of_cycle(equations: FlowEquations, system: Filippov | None = None) ->
         events.append(_SHRUNK)
     if equations.autonomous:
         events.append(HOMOCLINIC)
-    if any(flow.until for flow in flows):
-        events.append(_event("VI", _rates))
-    if any(flow.guards for flow in flows):
-        events.append(_event("GR", _clearances))
-    if any(flow.until and not flow.reset for flow in flows):
+    if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
+        events += [_event("VI", _rates), _event("GR", _clearances)]
         events.append(_event("SL" if system else "GR", _shares))
     if system:
         events.append(_event("SL", partial(_arrivals, system)))

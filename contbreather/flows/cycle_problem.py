@@ -28,13 +28,16 @@ from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
 from .conservation import indices_of, off_circle, refuse_drift
 from .equations import FlowEquations
-from .flow import refuse_false_period
+from .flow import Flow, Wall, refuse_false_period
 from .functions import Function, Params, values
 from .integrate import bottom
-from .multipliers import closing_matrix, of_cycle
+from .multipliers import closing_matrix, of_cycle, paces
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
+RETURNS = 24  # so many flows back is looked for a return
+_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
+_LOOKS = 4  # into each interval for that
 SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
@@ -101,15 +104,11 @@ class Cycle(HtmlRepr):
         """The states at a time or at times, shape (n,) or (n, len(t)); just after a reset at the
         time of one. Times are taken modulo the period."""
         t = np.asarray(t, dtype=float)
-        times = self.times
-        inside = times[0] + np.mod(np.atleast_1d(t) - times[0], self.period)
-        number = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(self.flights) - 1)
+        start = self.flights[0].start
+        inside = start + np.mod(np.atleast_1d(t) - start, self.period)
         if len({flight.dimension for flight in self.flights}) > 1:
             raise BadInput("the flows have different states: look at them one by one in `flights`")
-        states = np.empty((self.flights[0].dimension, inside.size))
-        for i, flight in enumerate(self.flights):
-            mine = number == i
-            states[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
+        states = _states(self.flights, inside)
         return states[:, 0] if t.ndim == 0 else states
 
     @cached_property
@@ -203,6 +202,16 @@ class Cycle(HtmlRepr):
 
     def __repr__(self) -> str:
         return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
+
+
+def _states(flights: Sequence[TrajectorySegment], t: Array) -> Array:
+    """Evaluate flights that follow each other, where they do, as the later one."""
+    begins, states = [f.start for f in flights], np.empty((flights[0].dimension, t.size))
+    number = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
+    for i, flight in enumerate(flights):
+        mine = number == i
+        states[:, mine] = flight.at((t[mine] - flight.start) / flight.duration)
+    return states
 
 
 def _top(flight: TrajectorySegment, i: int, sign: float) -> float:
@@ -362,7 +371,7 @@ class CycleProblem(Problem):
         return replace(problem, start=start)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return {"PD": _doubled, "GR": _beyond}.get(kind)
+        return {"PD": _doubled, "GR": _beyond, "VI": _beyond}.get(kind)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -403,13 +412,55 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         # mirror that ends the half takes it back to its beginning
         back = partial(_earlier, equations.period, equations.turns)
         (flow,) = flows
-        walls = tuple(partial(back, wall) for wall in flow.walls)
+        walls = tuple(partial(back, wall) for wall in flow.guards.values())
         reset = flow.reset and partial(back, flow.reset)
         after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
     return replace(
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,
     )  # fmt: skip
+
+
+def once(
+    equations: FlowEquations, flights: Sequence[TrajectorySegment], p: Params
+) -> FlowEquations:
+    """Begin at this orbit, a single time around where it goes around several times."""
+    repeats = (m for m in range(RETURNS, 1, -1) if _repeats(equations, m, flights, p))
+    rounds = next(repeats, 1)
+    if not equations.smooth:
+        flights = flights[: len(flights) // rounds]
+    elif rounds > 1:
+        knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
+        part = whole.on(knots / rounds)
+        flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
+    return replace(
+        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
+        turns=equations.turns // rounds, sizes=sizes_of(flights),
+    )  # fmt: skip
+
+
+def _repeats(
+    equations: FlowEquations, rounds: int, flights: Sequence[TrajectorySegment], p: Params
+) -> bool:
+    """Compare the orbit at all times and a part of its period later."""
+    flows, (part, rest) = equations.flows, divmod(len(flights), rounds)
+    if equations.turns % rounds and not equations.autonomous:
+        return False
+    if equations.smooth:
+        (flight,), reset = flights, flows[0].reset
+        s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
+        later = flight.at(s + 1 / rounds)
+        if reset is not None:
+            later = values(reset, flight.start + flight.duration * s, later, p)
+        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
+    pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
+    return not rest and all(
+        (flow.f, flow.reset) == (successor.f, successor.reset)
+        and now.dimension == then.dimension
+        and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
+        <= _REPEATS * size.max()
+        for flow, successor, now, then, size in pairs
+    )
 
 
 def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:
@@ -451,11 +502,14 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def _lasts(i: int, short: float, curve: Curve, z: Array) -> Array:
-    return z[curve.problem.residual.layout.lengths[[i]]] - short
+def _contacts(i: int, short: float, curve: Curve, z: Array) -> Array:
+    """Measure a contact beyond none: its duration, or the velocity of an impact."""
+    equations, x = curve.problem.residual, z[: curve.size]
+    lasts = z[equations.layout.lengths[i]] - short
+    return np.array([lasts if short else paces(equations, x, curve.params(z))[i][0]])
 
 
-def _height(wall: Function, i: int, part: float, curve: Curve, z: Array) -> Array:
+def _height(wall: Any, i: int, part: float, curve: Curve, z: Array) -> Array:
     """Evaluate a wall at a part of a flow."""
     p = curve.params(z)
     t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
@@ -463,60 +517,114 @@ def _height(wall: Function, i: int, part: float, curve: Curve, z: Array) -> Arra
 
 
 def _beyond(point: Point) -> SwitchingProblem:
-    """Make the cycle of the flows that follow at GR: one contact more where a condition is touched,
-    one less where it has shrunk to nothing.
+    """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
+    touched, one less where it has shrunk to nothing or an impact has lost its velocity.
 
     The parameter moves by the square of how long a contact lasts, so that one which counts as none
-    is there to begin with.
+    is there to begin with; it moves in proportion to the velocity of an impact, which may be 0.
     """
-    equations, orbit, p = equations_of(point), point.solution, point.params
-    more, flow = "touch" in point.detail, point.detail.get("flow", -1)
-    begins = flow if more else (flow - 1) % len(orbit.flights)  # the flow that touches
-    order = [*range(begins, len(orbit.flights)), *range(begins)]
+    equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
+    more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
+    begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
+    order = [(begins + i) % count for i in range(count)]
     flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
-    first, contact, last = (flows * 2)[:3]
-    back = (first.f, first.until) == (last.f, last.until)
-    if flow < 0 or first.reset or contact.reset or not back:
-        raise Undefined(
-            "which flows follow there is known where a flow touches the condition that ends it, "
-            "without a reset, and the flow after it leads back to it"
-        )
-    start, short, lasts = flights[0].start, SHORTEST * orbit.period, orbit.durations[order]
+    start = flights[0].start
+    flights = [replace(f, start=start + (f.start - start) % orbit.period) for f in flights]
+    hit, walls = _hit(point, flows, flights[0])
+    short = SHORTEST * orbit.period if hit[1:] else 0.0
     if more:
-        touch = start + point.detail["touch"] * lasts[0]
-        cuts, own = [start, touch - short / 2, touch + short / 2, flights[0].last], 1
-        parts = [first, contact, first]
-        margins = (
-            partial(_height, first.until, flow, point.detail["touch"]),
-            partial(_lasts, 1, short),
-        )
+        touch = start + detail["touch"] * flights[0].duration
+        parts, pieces = _added(hit, walls, flows, flights, touch, short)
     else:
-        cuts, own = [start, start + min(lasts[:3].sum(), orbit.period)], 3
-        parts = [last if flows[2:] else replace(last, until=None, walls=(*last.walls, last.until))]
-        middle = (lasts[0] + lasts[1] / 2) / (cuts[1] - cuts[0])
-        margins = partial(_lasts, flow, short), partial(_height, first.until, 0, middle)
-    scheme, parts = flights[0].scheme, [*parts, *flows[own:]]
-    pieces = [fitted(scheme, a, b - a, orbit.states) for a, b in pairwise(cuts)] + [
-        replace(flight, start=start + (flight.start - start) % orbit.period)
-        for flight in flights[own:]
-    ]
-    equations = replace(
-        equations, start=tuple(pieces), sizes=sizes_of(pieces),
-        flows=tuple(part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)),
-    )  # fmt: skip
-    problem: Problem = problem_of(equations, p, point.curve.problem.events, "cycle")
+        touch = flights[0].last + (flights[1].duration / 2 if short else 0.0)
+        parts, pieces = _removed(hit, flows, flights)
+    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
+    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    made = made if more else once(made, pieces, p)
+    problem: Problem = problem_of(made, p, point.curve.problem.events, "cycle")
     curve = Curve(problem, point.curve.free)
     along = np.zeros(curve.start.size)
-    along[equations.layout.lengths[1] if more else -1] = 1.0
+    along[made.layout.lengths[1] if more and short else -1] = 1.0
     solution = newton(curve, curve.start, along)
     if not solution.converged:
         raise Undefined(
             f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
         )
-    (free,), (here, there) = curve.free, margins
+    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
+    height = partial(_height, hit[0].until, flow if more else 0, part)
+    contacts = partial(_contacts, len(hit) - 1 if more else flow, short)
+    here, there = (height, contacts) if more else (contacts, height)
     return _Beyond(
-        Point(curve, solution.z).problem, free, point=point, here=here, there=there, along=along
-    )
+        Point(curve, solution.z).problem, point.curve.free[0], point=point, here=here, there=there,
+        along=along,
+    )  # fmt: skip
+
+
+def _hit(
+    point: Point, flows: Sequence[Flow], flight: TrajectorySegment
+) -> tuple[tuple[Flow, ...], list[Wall]]:
+    """Return the flows of a contact, the first of which ends at the wall, and all walls there.
+
+    Raises `Undefined` where an orbit beyond is not made of them.
+    """
+    first, detail = flows[0], point.detail
+    own = (first,) if first.reset else (first, (*flows, first)[1])
+    walls = [*([own] if first.until else []), *first.walls]
+    hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
+    following = (list(flows) * 3)[len(hit)] if hit is own else first
+    part, reason = detail.get("touch", 1.0), ""
+    if "guard" in detail and "touch" not in detail:
+        reason = "it is touched where a flow begins or ends: there these follow in another order"
+    elif callable(hit):
+        reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
+    elif first.until is None and first.reset:
+        reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
+    elif hit[0].f is not following.f or (point.kind == "VI" and hit[1:]):
+        reason = "a flow with the same f has to lead on, after a reset or one flow in between"
+    elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
+        reason = "a reset moves the state even where nothing is hit: orbits do not go over"
+    if reason:
+        raise Undefined(f"which flows follow there is not known; {reason}")
+    return hit, walls
+
+
+def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
+    """Tell whether the resets of a contact that only just takes place leave the state."""
+    after = x
+    for reset in filter(None, (flow.reset for flow in hit)):
+        after = values(reset, t, after, point.params)
+    return after.shape == x.shape and bool(abs(after - x).max() <= 1e-6 * abs(x).max())
+
+
+def _added(
+    hit: Sequence[Flow], walls: Sequence[Wall], flows: Sequence[Flow],
+    flights: Sequence[TrajectorySegment], touch: float, short: float,
+) -> tuple[list[Flow], list[TrajectorySegment]]:  # fmt: skip
+    """Cut the first flow in two at a contact."""
+    (whole, *rest), parts = flights, [hit[0].walled(walls), *hit[1:]]
+    joints = [touch - short / 2, touch + short / 2] if short else [touch]
+    if flows[0].until is None:  # what comes after the contact goes on into what is before it
+        before = replace(whole, start=whole.start - whole.duration)
+        return parts, _refitted([before, whole], [joints[-1] - whole.duration, *joints])
+    return [*parts, *flows], [*_refitted([whole], [whole.start, *joints, whole.last]), *rest]
+
+
+def _removed(
+    hit: tuple[Flow, ...], flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
+) -> tuple[list[Flow], list[TrajectorySegment]]:
+    """Join the flows before and after a contact, which may be one."""
+    first, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
+    passed = flights[: len(hit) + 1]
+    joined = _refitted(passed, [passed[0].start, passed[-1].last])
+    return [first.walled([hit]), *rest], [*joined, *flights[len(hit) + 1 :]]
+
+
+def _refitted(
+    flights: Sequence[TrajectorySegment], cuts: Sequence[float]
+) -> list[TrajectorySegment]:
+    """Fit flights that follow each other anew, between these times."""
+    states = partial(_states, flights)
+    return [fitted(flights[0].scheme, a, b - a, states) for a, b in pairwise(cuts)]
 
 
 def problem_of(

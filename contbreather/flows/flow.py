@@ -4,7 +4,7 @@ with sliding between them; and the refusal of a period that their functions do n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -34,6 +34,9 @@ from .functions import (
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 _PLUS, _MINUS, _TO_PLUS, _TO_MINUS = range(4)
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
+
+
+Wall = Function | tuple["Flow", ...]  # a function, or the flows of an orbit that meets it
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +87,10 @@ class Flow:
     at : float or callable, optional
         A part of the period of the forcing, or ``at(p)``, in place of `until`: the flow ends
         whenever a clock that strikes once a period does so. 0 is the time 0, and each period later.
-    walls : tuple of callable, optional
-        Further functions that must stay positive inside, as `until` does.
+    walls : tuple of callable or Flow, optional
+        Further functions that must stay positive inside, as `until` does. In place of one the flow
+        that ends at it, by `until` with a `reset`, or a list of two, there and back as at a
+        compliant stop: so `switch` knows how an orbit goes on that touches it.
     mass : array_like, shape (n, n), optional
         Constant mass matrix M of ``M dx/dt = f(t, x, p)``; it must be regular.
 
@@ -104,16 +109,17 @@ class Flow:
     f: Function
     until: Function | None = None
     reset: Function | None = None
-    walls: tuple[Function, ...] = ()
+    walls: Any = ()  # then a tuple of Wall
     mass: Any = None
     at: float | Callable[[Params], Any] | None = None
 
     def __post_init__(self) -> None:
         keep = partial(object.__setattr__, self)
-        walls = (self.walls,) if callable(self.walls) else self.walls
+        alone = callable(self.walls) or isinstance(self.walls, Flow)
+        walls = (self.walls,) if alone else self.walls
         if not isinstance(walls, tuple | list):
-            raise BadInput(f"walls must be a tuple of functions, got {brief(walls)}")
-        keep("walls", tuple(map(undecorated, walls)))
+            raise BadInput(f"walls must be a tuple of functions or flows, got {brief(walls)}")
+        keep("walls", tuple(map(_wall, walls)))
         if self.at is not None:
             if self.until is not None:
                 raise BadInput("a flow ends by `until`, or `at` a part of the period: not by both")
@@ -131,13 +137,18 @@ class Flow:
     @property
     def guards(self) -> dict[str, Function]:
         """Conditions that must stay positive inside, by name."""
-        walls = {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+        walls = {f"walls[{i}]": _guard(wall) for i, wall in enumerate(self.walls)}
         return ({"until": self.until} if self.until else {}) | walls
 
     @property
     def functions(self) -> dict[str, Function]:
         """Field, guards and reset, by name."""
         return {"f": self.f, **self.guards} | ({"reset": self.reset} if self.reset else {})
+
+    def walled(self, walls: Iterable[Wall]) -> Flow:
+        """Add walls, but for those it has."""
+        had = [*self.guards.values()]
+        return replace(self, walls=(*self.walls, *(w for w in walls if _guard(w) not in had)))
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
         """Give its clock the period of which it strikes a part."""
@@ -168,6 +179,23 @@ class Flow:
             check_function(name, guard, (), float(t), x, p)
         if self.reset is not None:
             check_function("reset", self.reset, None, float(t), x, p)
+
+
+def _wall(wall: Any) -> Wall:
+    """Make a tuple of the flows of an orbit that meets a wall; of a function nothing is known."""
+    flows = tuple(wall) if isinstance(wall, tuple | list) else (wall,)
+    if not flows or not all(isinstance(flow, Flow) for flow in flows):
+        return undecorated(wall)
+    if len(flows) != (1 if flows[0].reset else 2) or not all(flow.until for flow in flows):
+        raise BadInput(
+            "a wall is met by a flow with `until` and `reset`, or by two with `until` alone: up to "
+            f"it and behind it; got {brief(wall)}"
+        )
+    return flows
+
+
+def _guard(wall: Wall) -> Any:
+    return wall[0].until if isinstance(wall, tuple) else wall
 
 
 def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:

@@ -160,5 +160,5 @@ def test_a_wall_leads_to_no_flow() -> None:
         wall, {"x": 0.0, "v": 0.0}, {"w": 2.0}, period=lambda p: TAU / p["w"], settle=200
     )
     branch = cb.trace(orbit, "w", within={"w": (0.5, 2.5)}, towards="down")
-    with pytest.raises(cb.BadInput, match="which flows follow there is known where"):
+    with pytest.raises(cb.BadInput, match="give the wall as the flow that ends there"):
         cb.switch(branch.first("GR"))

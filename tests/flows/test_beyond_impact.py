@@ -1,0 +1,207 @@
+"""Cycles beyond GR and VI at rigid walls: one impact more, one impact less."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import contbreather as cb
+
+TAU = 2 * np.pi
+ON = {"c": 0.1, "k": 0.6, "w": 3.0, "s": 0.2}
+
+
+def field(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], -p["c"] * x[1] - x[0] + np.cos(p["w"] * t)]
+
+
+def rebound(t: Any, x: Any, p: Any) -> Any:
+    return [x[0], -p["k"] * x[1]]
+
+
+def right(t: Any, x: Any, p: Any) -> Any:
+    return p["s"] - x[0]
+
+
+def left(t: Any, x: Any, p: Any) -> Any:
+    return p["s"] + 0.05 + x[0]
+
+
+def period(p: Any) -> Any:
+    return TAU / p["w"]
+
+
+HIT = cb.Flow(field, until=right, reset=rebound)
+
+
+def amplitude(c: float, w: float) -> float:
+    return 1 / abs(1 - w * w + 1j * c * w)
+
+
+def without_impacts(walls: Any, **on: float) -> cb.Problem:
+    p = {**ON, **on}
+    x = 1 / (1 - p["w"] ** 2 + 1j * p["c"] * p["w"])
+    start = {"x": x.real, "v": -p["w"] * x.imag}
+    return cb.cycle(cb.Flow(field, walls=walls), start, p, period=period)
+
+
+def impulses(c: float, k: float, w: float, s: float) -> np.ndarray:
+    """Those of all orbits of one impact a period: the forced motion less J times the response g to
+    an impulse each period, so that ``s + J g`` and ``J (g' - k/(1 + k))`` at the impact are its
+    displacement and velocity, of which the amplitude is known."""
+    g, slope = np.linalg.solve(np.eye(2) - expm(np.array([[0, 1], [-1, -c]]) * TAU / w), [0, 1])
+    square = g**2 + ((slope - k / (1 + k)) / w) ** 2
+    return np.roots([square, 2 * s * g, s**2 - amplitude(c, w) ** 2])
+
+
+def misses(orbit: cb.flows.Cycle, walls: Any = (right,)) -> float:
+    """How far off each flow arrives, by Dormand and Prince and the first wall that is met."""
+    p, worst = orbit.params, 0.0
+    for i, flight in enumerate(orbit.flights):
+        watched = [lambda t, x, w=w: w(t, x, p) for w in walls]
+        for wall in watched:
+            wall.terminal, wall.direction = True, -1.0  # type: ignore[attr-defined]
+        run = solve_ivp(
+            lambda t, x: field(t, x, p), (flight.start, flight.last + 1), flight.states[0],
+            "DOP853", events=watched, rtol=1e-12, atol=1e-13, max_step=0.01,
+        )  # fmt: skip
+        after = orbit.flights[i - len(orbit.flights) + 1].states[0]
+        off = [*(rebound(0, run.y[:, -1], p) - after), run.t[-1] - flight.last]
+        worst = max(worst, *map(abs, off))
+    return worst
+
+
+def hard(branch: cb.Branch) -> list[cb.flows.Cycle]:
+    """Orbits whose impacts are hard enough for the integrator of the test to see them."""
+    orbits = [point.solution for point in branch]
+    return [o for o in orbits if min(flight.end[1] ** 2 for flight in o.flights) > 1e-3]
+
+
+@pytest.mark.parametrize(("w", "beyond"), [(3.0, "persists"), (1.5, "fold")])
+def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> None:
+    reach = amplitude(ON["c"], w)
+    start, within = without_impacts(HIT, w=w, s=1.2 * reach), {"s": (0.3 * reach, 1.5 * reach)}
+    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
+    assert grazing["s"] == pytest.approx(reach, rel=1e-9)
+    (arm,) = cb.switch(grazing, within=within)
+    assert (arm[0]["beyond"], arm[0].parent) == (beyond, grazing)
+    assert arm[0]["s"] == pytest.approx(reach, rel=1e-9)
+    # how many there are with the wall nearer, and farther: the arm and, in a fold, one beyond it
+    counts = []
+    for side in (0.99, 1.01):
+        J = impulses(0.1, 0.6, w, side * reach)
+        counts.append(int(sum((abs(J.imag) < 1e-12) & (J.real > 0))))
+    assert counts == ([1, 0] if beyond == "persists" else [1, 2])
+    for point in arm:
+        (speed,) = (flight.end[1] for flight in point.solution.flights)
+        known = impulses(0.1, 0.6, w, point["s"]) / 1.6
+        assert abs(known - speed).min() < 1e-9
+    assert max(map(misses, hard(arm)[::4])) < 1e-9
+
+
+@pytest.mark.parametrize("w", [3.0, 1.5])
+def test_the_way_back_leads_to_the_same_orbits_without_an_impact(w: float) -> None:
+    reach = amplitude(ON["c"], w)
+    start, within = without_impacts(HIT, w=w, s=1.2 * reach), {"s": (0.3 * reach, 1.5 * reach)}
+    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
+    (arm,) = cb.switch(grazing, within=within)
+    there = cb.trace(arm[3].problem, "s", within=within, towards="both")
+    gone = there.first("VI")
+    assert gone["s"] == pytest.approx(grazing["s"], rel=1e-9)
+    (back,) = cb.switch(gone, within=within)
+    assert back[0]["beyond"] == arm[0]["beyond"]
+    assert back[0]["s"] == pytest.approx(grazing["s"], rel=1e-9)
+    assert back[-1]["s"] == 1.5 * reach
+    assert back[-1].solution.equations.flows == start.residual.flows
+    assert back[-1]["max(x)"] == pytest.approx(reach, rel=1e-9)
+
+
+def ends(branch: cb.Branch) -> Iterator[cb.Point]:
+    kinds = ("GR", "VI")
+    return (point for point in branch.special if point.kind in kinds and not point.parent)
+
+
+def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
+    on, within = {"c": 0.04, "k": 0.8, "w": 2.2, "s": 0.1}, {"w": (0.55, 2.2)}
+    mesh = cb.Collocation(intervals=14)
+    start = {"x": -0.2, "v": 0.0}
+    orbit = cb.cycle([HIT], start, on, period=period, settle=60, collocation=mesh)
+    branch = cb.trace(orbit, "w", within=within)
+    for count in (2, 3):
+        grazing = branch.first("GR")
+        (branch,) = cb.switch(grazing, within=within)
+        assert {len(point.solution.flights) for point in branch} == {count}
+        assert max(map(misses, hard(branch)[::8])) < 1e-9
+        near = {"w": (grazing["w"] - 0.05, grazing["w"] + 0.05)}
+        there = cb.trace(branch[2].problem, "w", within=near, towards="both")
+        gone = next(end for end in ends(there) if end.kind == "VI")
+        assert gone["w"] == pytest.approx(grazing["w"], rel=1e-9)
+        (back,) = cb.switch(gone, within=near)
+        assert len(back[0].solution.flights) == count - 1
+
+
+def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
+    on, within = {"c": 0.04, "k": 0.5, "w": 2.2, "s": 0.3}, {"w": (2.1, 2.3)}
+    orbit = cb.cycle([HIT], {"x": -0.2, "v": 0.0}, on, period=period, settle=60)
+    (arm,) = cb.switch(cb.trace(orbit, "w", within=within).first("GR"), within=within)
+    gone = arm.first("VI")
+    (back,) = cb.switch(gone, within=within)
+    long, short = gone.solution, back[0].solution
+    assert (len(long.flights), len(short.flights)) == (5, 2)
+    assert long.period == pytest.approx(2 * short.period)
+    assert back[0]["w"] == pytest.approx(gone["w"], rel=1e-9)
+    assert max(map(misses, hard(back)[::8])) < 1e-9
+
+
+def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
+    walls = HIT, cb.Flow(field, until=left, reset=rebound)
+    branch = cb.trace(without_impacts(walls, s=0.3, w=5.0), "w", within={"w": (1.2, 6)})
+    met = []
+    for _ in range(2):
+        (branch,) = cb.switch(branch.first("GR"), within={"w": (1.2, 6)})
+        met.append({flow.until for flow in branch[-1].solution.equations.flows})
+        assert max(misses(orbit, (right, left)) for orbit in hard(branch)[::4]) < 1e-9
+    assert met == [{right}, {right, left}]
+
+
+def test_a_compliant_stop_is_a_wall_of_two_flows() -> None:
+    def pressed(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], field(t, x, p)[1] - 20 * (x[0] - p["s"])]
+
+    stop = [cb.Flow(field, until=right), cb.Flow(pressed, until=lambda t, x, p: x[0] - p["s"])]
+    start = without_impacts([stop], s=0.2, w=3.0)
+    within = {"s": (0.05, 0.3)}
+    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
+    (arm,) = cb.switch(grazing, within=within)
+    assert arm[0]["s"] == pytest.approx(amplitude(0.1, 3.0), rel=1e-9)
+    assert arm[3].solution.equations.flows == tuple(stop)
+    gone = cb.trace(arm[3].problem, "s", within=within, towards="both").first("GR")
+    (back,) = cb.switch(gone, within=within)
+    assert back[0]["s"] == pytest.approx(grazing["s"], rel=1e-9)
+    assert back[-1].solution.equations.flows == start.residual.flows
+
+
+def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None:
+    within = {"s": (0.05, 0.3)}
+
+    def refused(start: cb.Problem, why: str) -> None:
+        grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
+        with pytest.raises(cb.BadInput, match=why):
+            cb.switch(grazing, within=within)
+
+    rubs = cb.Flow(field, until=right, reset=lambda t, x, p: [x[0] - 0.1, -p["k"] * x[1]])
+    refused(without_impacts(rubs), "a reset moves the state even where nothing is hit")
+    other = cb.Flow(lambda t, x, p: field(t, x, p), until=right, reset=rebound)
+    refused(without_impacts(other), "a flow with the same f has to lead on")
+    mirror = cb.Flow(field, walls=(HIT,), reset=lambda t, x, p: [-x[0], -x[1]])
+    start = {"x": -0.123, "v": 0.0}
+    half = cb.cycle(mirror, start, ON, period=lambda p: np.pi / p["w"], settle=100)
+    refused(half, "half of a symmetric orbit")
+    for flows in ((cb.Flow(field, until=right),), (HIT, HIT), (cb.Flow(field),) * 2):
+        with pytest.raises(cb.BadInput, match="a wall is met by a flow with `until` and `reset`"):
+            cb.Flow(field, walls=[flows])
