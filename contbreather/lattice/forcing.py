@@ -223,6 +223,12 @@ def even_harmonics(forcing: Forcing) -> tuple[int, ...]:
     return tuple(sorted({m for m, A, B in (*forcing.harmonics, *slopes) if not m % 2 and (A or B)}))
 
 
+def mean_of(forcing: Forcing, by: str = "") -> float:
+    """Mean of F at unit amplitude, or its derivative in a parameter."""
+    rows = forcing.slope_harmonics(by) if by else forcing.harmonics
+    return sum(A for m, A, _ in rows if m == 0)
+
+
 def check_symmetric(forcing: Forcing) -> None:
     """`BadInput` for even harmonics or a mean, under which no orbit is its own mirror image."""
     even = even_harmonics(forcing)

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
-from contbreather.lattice.forcing import Forcing, Harmonics, even_harmonics
+from contbreather.lattice.forcing import Forcing, Harmonics, even_harmonics, mean_of
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
@@ -389,9 +389,8 @@ class ModalResponse(Response):
         if 0 not in even_harmonics(self.drive):
             return super().still(by)
         own = by in self.drive.params
-        rows = self.drive.slope_harmonics(by) if own else self.drive.harmonics
-        mean, held = sum(A for m, A, _ in rows if m == 0), (self.gamma, self.spring)
-        rest, pull = lifted(self.lattice, self.hit, *held, "" if own else by)
+        mean, held = mean_of(self.drive, by if own else ""), (self.gamma, self.spring)
+        rest, pull = mean_displacement(self.lattice, self.hit, *held, "" if own else by)
         return mean * rest, mean * pull
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
@@ -513,7 +512,7 @@ def _driven(of: ModalResponse, by: str) -> Any:
 
 
 @lru_cache(maxsize=64)
-def lifted(
+def mean_displacement(
     lattice: Any, hit: Sites, gamma: float, spring: float, by: str = ""
 ) -> tuple[FloatArray, FloatArray]:
     """A lattice at rest under its drive at 1, sites that are hit held at 0: displacements of all,
@@ -530,6 +529,8 @@ def lifted(
         try:
             if rest.size:
                 out[rest] = splu(matrix[rest][:, rest]).solve(force[rest])
+            if abs(out).max() * abs(matrix).max() > 1e12 * abs(force).max():
+                raise RuntimeError  # singular but for rounding
         except RuntimeError:
             raise BadInput(
                 f"the drive has a mean, and nothing holds sites of the {lattice.describe()} "
@@ -538,7 +539,7 @@ def lifted(
             ) from None
         return out
 
-    force: FloatArray = lattice.masses * lattice.drive
+    force: Any = lattice.masses * lattice.drive
     still = moved(force)
     if by:  # K u = F: K du = -dK u
         force = -({"gamma": bonds, "spring": held}[by] @ still) if by in HELD[:2] else 0.0 * force

@@ -90,7 +90,7 @@ class OrbitEquations:
     @cached_property
     def offsets(self) -> int:
         """Number of offsets: half a symmetric orbit has none."""
-        return len(self.section.offset_names())
+        return 0 if self.section.symmetric else len(self.section.hit)
 
     @cached_property
     def size(self) -> int:
@@ -108,7 +108,7 @@ class OrbitEquations:
         values: dict[str, Any] = {f"t{i}": t for i, t in enumerate(times.tolist(), 1)}
         values |= {f"J{i}": J for i, J in enumerate(impulses.tolist(), 1)}
         names = self.section.offset_names(self.forcing.params)
-        values |= dict(zip(names, offsets.tolist(), strict=True))
+        values |= dict(zip(names, offsets.tolist(), strict=False))
         return values | ({"modes": amplitudes} if amplitudes.size else {})
 
     @cached_property

@@ -20,7 +20,7 @@ from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.forcing import check_symmetric, even_harmonics
-from contbreather.lattice.response import lifted
+from contbreather.lattice.response import mean_displacement
 
 Sequenced = tuple[tuple[int, int], ...]
 
@@ -147,12 +147,12 @@ class Section:
     def offset_names(self, taken: Collection[str] = ()) -> tuple[str, ...]:
         """Names of the offsets of its sites, c or c1, c2, ...; others where parameters have some of
         these, as those of a Fourier sum do."""
-        count = 0 if self.symmetric else len(self.hit)
         for stem in ("c", "offset"):
-            names = (stem,) if self.local else tuple(f"{stem}{i}" for i in range(1, count + 1))
+            each = (f"{stem}{i}" for i in range(1, len(self.hit) + 1))
+            names = (stem,) if self.local else tuple(each)
             if not {*names} & {*taken}:
                 break
-        return names[:count]
+        return names
 
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""
@@ -285,7 +285,7 @@ def check_possible(section: Section, on: Conditions) -> None:
         check_gamma(on.gamma)  # says why
     check_both_walls(section, on)
     if 0 in even_harmonics(on.forcing):
-        lifted(on.lattice, section.hit, on.gamma, on.spring)  # or a sentence
+        mean_displacement(on.lattice, section.hit, on.gamma, on.spring)  # or a sentence
 
 
 def check_both_walls(section: Section, on: Conditions) -> None:

@@ -16,6 +16,7 @@ at which perturbations grow that are carried along, and orthonormalised once in 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Unpack
@@ -29,7 +30,9 @@ from contbreather.checks import numbers, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
+from contbreather.lattice.forcing import mean_of
 from contbreather.lattice.modal_flow import driven_spectrum
+from contbreather.lattice.response import mean_displacement
 from contbreather.one_thread import one_thread
 from contbreather.simulation.states import (
     PERIOD,
@@ -192,7 +195,11 @@ def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
     on = on.scaled
     motion = driven_spectrum(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
-    return on.a * motion.everywhere(np.asarray(t, dtype=float), order)
+    path = on.a * motion.everywhere(np.asarray(t, dtype=float), order)
+    if mean := on.a * mean_of(on.forcing) * (order == 0):
+        with suppress(BadInput):  # a lattice that nothing holds drifts
+            path = path + mean * mean_displacement(on.lattice, (), on.gamma, on.spring)[0]
+    return path
 
 
 # --- rotation numbers -----------------------------------------------------------------------------

@@ -27,7 +27,7 @@ from contbreather.continuation.curve.point import Event, Point, UnstableDimensio
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.forcing import even_harmonics
+from contbreather.lattice.forcing import check_symmetric, even_harmonics
 from contbreather.one_thread import one_thread
 from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
@@ -286,10 +286,12 @@ def closing(
     time_of(t0)
     if flag("symmetric", symmetric) and count != 1:
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
+    if symmetric:
+        check_symmetric(on.forcing)
     if symmetric and not _mirrored(on):
         raise BadInput(
-            "the walls, or the forcing, are not symmetric, so no motion is its own mirror image "
-            "half a period later; look for the whole period, symmetric=False."
+            "the walls are not symmetric, so no motion is its own mirror image half a period "
+            "later; look for the whole period, symmetric=False."
         )
     step = PoincareMap(on, t0, symmetric)
     names, slopes = {"u": start.u, "v": start.v}, step.derivative

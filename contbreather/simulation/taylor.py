@@ -247,18 +247,15 @@ def expand_any(
         pull, drag = -h * h / (j * (j - 1)), -mu * h / j
         before, now, new = rows[j - 2], rows[j - 1], rows[j]
         # F = a (g'' + mu g') and a g, as much as one power of each adds to v
-        push, still = column[j] - drag * column[j - 1], pull * column[j - 2]
+        lift = 0.5 * h * h * mean if j == 2 else 0.0  # which v feels whole, not its excess alone
+        push, still = column[j] - drag * column[j - 1] + lift, pull * column[j - 2]
         for n in range(v.size):
             if at_rest[n] != 0:
                 new[n] = -column[j]
                 continue
             pulled = pull * (stiff[n] * before[n] - near(bonds, before, n)) + drag * now[n]
             braked = slow[n] * (now[n] + column[j - 1]) * (-h / j)
-            new[n] = pulled + (extra[n] * push + ground[n] * still + braked)
-        if j == 2 and mean != 0.0:
-            for n in range(v.size):
-                if at_rest[n] == 0:
-                    new[n] += 0.5 * h * h * (1.0 + extra[n]) * mean
+            new[n] = pulled + (extra[n] * push + ground[n] * still + braked + lift)
 
 
 def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:

@@ -208,6 +208,9 @@ def test_a_parameter_of_a_forcing_keeps_its_name_where_a_column_has_it() -> None
         def at(self, /, **params: float) -> Pushed:
             return self
 
+        def slope_harmonics(self, name: str) -> tuple[()]:
+            return ()
+
     branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8, forcing=Pushed()), "a", within={"a": (0.5, 0.6)})
     assert {*branch["c"]} == {0.25}
     assert {*branch["asymmetry"]} == {0.0}

@@ -21,7 +21,7 @@ from contbreather.lattice.finite import stiffness_of
 from contbreather.orbits.constructors import asymmetric, symmetric_roots
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
-from contbreather.simulation import periodic, simulate, simulate_smooth
+from contbreather.simulation import localisation, periodic, simulate, simulate_smooth
 
 ON = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 UNEVEN = cb.Lattice(
@@ -376,8 +376,7 @@ def _half(**more: Any) -> Any:
         (lambda: _half(symmetric=True), NEEDS),
         (lambda: cb.symmetric(**ON, forcing="-cos(t) + cos(2*t)"), "has the even harmonic 2: "),
         (lambda: cb.symmetric(**ON, forcing=lambda t: 1.0 - math.cos(t)), "has a mean: without"),
-        (lambda: periodic(([0.0], [0.0]), **ON, forcing=LOPSIDED, symmetric=True),
-         "the walls, or the forcing, are not symmetric"),
+        (lambda: periodic(([0.0], [0.0]), **ON, forcing=LOPSIDED, symmetric=True), NEEDS),
         (lambda: cb.multibreather([0], **ON, forcing=LOPSIDED, lattice=cb.Ring(4)),
          "has a mean, and nothing holds sites of the ring of 4 against it .* springs"),
         (lambda: orbit("ring", 1).on(cb.InfiniteChain()),
@@ -393,3 +392,10 @@ def test_half_a_period_is_refused_at_a_breather_that_its_parameter_could_break()
     """c2 = 0 on the way: a branch in it would leave the symmetry without a word."""
     with pytest.raises(BadInput, match="has the even harmonic 2: "):
         cb.symmetric(**ON, forcing=Fourier(cos={1: -1.0, 2: 0.0}))
+
+
+def test_what_follows_the_drive_with_its_offset_has_no_energy_of_its_own() -> None:
+    """Displacements count from the static one where springs hold it."""
+    u = np.full(4, 0.5 * (0.3 / 0.4 - 1.0 / (0.4 - 1.0)))  # a (F0/s + F1/(s - 1))
+    on = {"a": 0.5, "gamma": 0.05, "forcing": Fourier(cos={0: 0.3, 1: -1.0})}
+    assert abs(localisation(u, np.zeros(4), spring=0.4, **on).energy).max() < 1e-30
