@@ -351,14 +351,9 @@ class Fourier(Periodic):
 
     @classmethod
     def fit(
-        cls,
-        t: ArrayLike,
-        F: ArrayLike,
-        harmonics: int = 5,
-        frequency: float | None = None,
-        *,
+        cls, t: ArrayLike, F: ArrayLike, harmonics: int = 5, frequency: float | None = None, *,
         symmetric: bool = True,
-    ) -> Fourier:
+    ) -> Fourier:  # fmt: skip
         """Fit harmonics to noisy samples of F, by least squares.
 
         Mean and even harmonics are fitted along, so that they do not pass for odd ones where
@@ -430,17 +425,18 @@ class Fourier(Periodic):
                 "same place of the period; take fewer harmonics, or sample between."
             )
         cos, sin = found[: highest + 1], np.append(0.0, found[highest + 1 :])
-        some = slice(1, None, 2) if flag("symmetric", symmetric) else slice(None)
+        odd = flag("symmetric", symmetric)
+        some = slice(1, None, 2) if odd else slice(None)
         kept = waves.real[:, some] @ cos[some] + waves.imag[:, some] @ sin[some]
         left, explained = float(np.std(F - kept)), float(np.std(kept))
         left = math.hypot(left, float(np.mean(F - kept)))
         if not left < explained:
             lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "
             raise BadInput(
-                f"{'odd ' * symmetric}harmonics up to {highest} leave {left:.3g} of the force, "
+                f"{'odd ' * odd}harmonics up to {highest} leave {left:.3g} of the force, "
                 f"explaining {explained:.3g} (rms; its mean is {cos[0]:.3g}): either it is not "
                 f"periodic with {2.0 * math.pi / rate:.6g}, then give `frequency=`, or "
-                f"{lopsided * symmetric}needs more harmonics."
+                f"{lopsided * odd}needs more harmonics."
             )
         orders = range(highest + 1)[some]
         drive = cls({m: cos[m] for m in orders}, {m: sin[m] for m in orders if m})

@@ -380,13 +380,26 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to the drive
 
+    @cached_property
+    def has_mean(self) -> bool:
+        """Whether its drive has a mean, be it 0 just now."""
+        return 0 in even_harmonics(self.drive)
+
     def driven(self, by: str = "") -> Any:
         """The forced motion of all sites at unit amplitude, or its derivative; by a mean that of
         sites which are not hit, the others held at 0."""
-        return _driven(self, by)
+        from contbreather.lattice.modal_flow import driven_spectrum  # a breather needs none
+
+        held = self.gamma, self.spring, self.damping
+        waves = driven_spectrum(self.lattice, self.drive, *held, by)
+        if not self.has_mean:
+            return waves
+        still = self.still(by)[0]
+        table = np.broadcast_to(waves.table, (still.size, waves.m.size))
+        return type(waves)(np.append(waves.m, 0.0), np.column_stack([table, still]))
 
     def still(self, by: str = "") -> tuple[FloatArray, FloatArray]:
-        if 0 not in even_harmonics(self.drive):
+        if not self.has_mean:
             return super().still(by)
         own = by in self.drive.params
         mean, held = mean_of(self.drive, by if own else ""), (self.gamma, self.spring)
@@ -494,21 +507,6 @@ def _as_table(
     parts = np.ascontiguousarray(grown.real), np.ascontiguousarray(grown.imag)
     unbounded = np.full(level.size, math.inf)
     return Responses(which, table, rates, *parts, unbounded, float(of.turns), of.sign < 0)
-
-
-@lru_cache(maxsize=64)
-def _driven(of: ModalResponse, by: str) -> Any:
-    from contbreather.lattice.modal_flow import (  # a breather needs none
-        DrivenSpectrum,
-        driven_spectrum,
-    )
-
-    waves = driven_spectrum(of.lattice, of.drive, of.gamma, of.spring, of.damping, by)
-    if 0 not in even_harmonics(of.drive):
-        return waves
-    still = of.still(by)[0]
-    table = np.broadcast_to(waves.table, (still.size, waves.m.size))
-    return DrivenSpectrum(np.append(waves.m, 0.0), np.column_stack([table, still]))
 
 
 @lru_cache(maxsize=64)

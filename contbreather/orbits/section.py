@@ -147,12 +147,9 @@ class Section:
     def offset_names(self, taken: Collection[str] = ()) -> tuple[str, ...]:
         """Names of the offsets of its sites, c or c1, c2, ...; others where parameters have some of
         these, as those of a Fourier sum do."""
-        for stem in ("c", "offset"):
-            each = (f"{stem}{i}" for i in range(1, len(self.hit) + 1))
-            names = (stem,) if self.local else tuple(each)
-            if not {*names} & {*taken}:
-                break
-        return names
+        names = ["c"] if self.local else [f"c{i + 1}" for i in range(len(self.hit))]
+        stem = "c" if {*names}.isdisjoint(taken) else "offset"
+        return tuple(stem + name[1:] for name in names)
 
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""

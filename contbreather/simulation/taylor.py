@@ -2,8 +2,7 @@
 
 ``v = u - a g(t)`` takes out one forced motion for all sites (``g'' + mu g' = F/a``), and leaves
 ``v'' + mu v' + K v = (d - 1) F - K 1 a g``, where K holds couplings and springs per unit mass and d
-is the pattern of the drive: on a ring without springs nothing is left on the right. A mean of F
-is not taken out. Over a step h
+is the pattern of the drive: on a ring without springs nothing is left on the right. Over a step h
 the Taylor series in s/h is summed to the last bit: the terms of a mode fall like ``(w h)^j/j!``,
 whatever the number of sites. That is the exact propagator of the modes (18) written site by site,
 where it is sparse: N operations instead of N^2 or N log N, and at once a formula for every time
@@ -61,7 +60,7 @@ class Parameters(NamedTuple):
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
-    mean: float  # of F(t)
+    mean: float  # of F(t), which no g follows: v does
     motion: Harmonics  # a g(t), g'' + mu g' = F/a less its mean
     force: Harmonics  # F(t)
 

@@ -21,6 +21,7 @@ from contbreather.lattice.finite import stiffness_of
 from contbreather.orbits.constructors import asymmetric, symmetric_roots
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
+from contbreather.orbits.symmetries import simpler_than
 from contbreather.simulation import localisation, periodic, simulate, simulate_smooth
 
 ON = {"a": 0.5, "gamma": 0.03, "k": 0.8}
@@ -245,9 +246,11 @@ def test_a_small_even_harmonic_breaks_a_pitchfork_into_a_fold_and_nothing() -> N
 
 
 def test_where_the_harmonic_is_zero_the_whole_period_has_a_branch_point_there() -> None:
-    """It leads to both arms: no symmetry is used, and none is named."""
+    """It leads to both arms: no symmetry is used, and none is named, from an arm neither."""
     whole = cb.symmetric(0.75, 0.04, 0.8, lattice=cb.Ring(6))
     start = cb.shooting(whole, symmetric=False, forcing=Fourier(cos={1: -1.0, 2: 0.0}))
+    assert simpler_than(orbit_at(start)) is None
+    assert "BP" in {point.kind for point in _branch(1, 0.0).special}
     branch = cb.trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
     crossing = branch.first("BP")
     assert crossing["a"] == pytest.approx(0.7776324456, abs=1e-9)
@@ -255,6 +258,17 @@ def test_where_the_harmonic_is_zero_the_whole_period_has_a_branch_point_there() 
     ends = sorted(arm[-1]["asymmetry"] for arm in arms)
     assert ends[1] == pytest.approx(-ends[0], abs=1e-9)
     assert ends[1] > 0.1
+
+
+def test_a_curve_of_grazing_passes_equal_flights() -> None:
+    """Which are nothing special where the second half is no mirror image of the first: there both
+    maxima touch, not quite at equal flights."""
+    odd = cb.symmetric(0.4, 0.1, 0.4, lattice=cb.Ring(6), damping=0.01)
+    start = cb.shooting(odd, symmetric=False, forcing=Fourier({1: -1.0, 2: -0.02}, {4: 0.01}))
+    branch = cb.trace(start, "a", within={"a": (0.3, 1.0)}, towards="up", events=[cb.grazing()])
+    line = cb.boundary(branch.first("GR"), ("c2", "a"), within={"c2": (-0.1, 0.1), "a": (0.2, 1.2)})
+    assert [point.kind for point in line.special] == ["EP", "GR-GR"]
+    assert line[-1].solution.asymmetry < -1e-3
 
 
 # --- branches -------------------------------------------------------------------------------------
@@ -334,10 +348,12 @@ def test_an_offset_alone_brings_a_site_back_to_its_one_wall() -> None:
     assert -0.1 * math.sin(found.times[0]) == pytest.approx(-found.impulses[0] / 18.0, abs=1e-12)
 
 
-def test_the_infinite_chain_has_orbits_of_even_harmonics() -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_infinite_chain_has_orbits_of_even_harmonics(sign: int) -> None:
     """As a long ring has, next to which its sites are; its far field has two walls."""
-    drive = Fourier(cos={1: -1.0, 2: 0.1}, sin={2: 0.05})
-    ring = orbit_at(cb.shooting(cb.symmetric(**ON), sites=40, symmetric=False, forcing=drive))
+    drive = Fourier(cos={1: -sign, 2: 0.1 * sign}, sin={2: 0.05 * sign})
+    odd = cb.symmetric(**ON, forcing=Fourier(cos={1: -sign}), lattice=cb.Ring(40))
+    ring = orbit_at(cb.shooting(odd, symmetric=False, forcing=drive))
     on = replace(ring.conditions, lattice=cb.InfiniteChain())
     chain = orbit_of(on, ring.section, ring.times, ring.impulses, ring.offsets).solved()
     np.testing.assert_allclose(chain.times, ring.times, rtol=0, atol=1e-9)
@@ -346,6 +362,9 @@ def test_the_infinite_chain_has_orbits_of_even_harmonics() -> None:
     assert chain.displacement(60, chain.admissibility().places["far"][1]) == pytest.approx(
         far[abs(far).argmax()], abs=1e-3
     )
+    branches = [cb.trace(start, "a", within={"a": (0.5, 0.6)}) for start in (chain, ring)]
+    np.testing.assert_allclose(branches[0][-1]["t2"], branches[1][-1]["t2"], rtol=0, atol=1e-9)
+    assert branches[0][-1].solution.residual < 1e-11
 
 
 # --- refusals -------------------------------------------------------------------------------------
