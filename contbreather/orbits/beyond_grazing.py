@@ -55,6 +55,11 @@ class GrazingSwitch(SwitchingProblem):
         ahead, inside = self._grown(curve, curve.start, tangent), here.direction
         if min(ahead) * max(ahead) <= 0.0:
             sites = sorted({contact.site for contact in self.contacts})
+            if here.solution.section.repeats and len(sites) == 1:
+                raise BadInput(
+                    f"site {sites[0]} chatters: it comes back to its wall more and more often, "
+                    "which no list of impacts has; `simulate` goes on"
+                )
             raise BadInput(
                 f"sites {sites} touch their walls at once, and impulses of some of them would have "
                 "to pull where those of others push: no orbit has all these impacts"

@@ -67,6 +67,7 @@ class ZoneSearch:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
+    beyond: bool = False
     kept: Checkpoint | None = None
 
     def __post_init__(self) -> None:
@@ -85,7 +86,7 @@ class ZoneSearch:
         beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach
         return Zones(
             (self.name, self.value), self.pair, curves, self.threshold, self.past_folds,
-            interrupted, reach if beyond else None,
+            interrupted, reach if beyond else None, self.beyond,
         )  # fmt: skip
 
     def so_far(self) -> Zones | None:
