@@ -6,7 +6,7 @@ Where a neighbour touches its wall a breather ends, at GR, and another orbit beg
 neighbour hits as well. Of the symmetric breather both live on one side, a nonsmooth fold; the arms
 of its pitchfork persist, with one impact more at either wall. One diagram follows all these roads,
 and in the impulse of the new impact it is seen why nobody sees the fold in an experiment: a
-multiplier comes from infinity.
+multiplier comes from infinity. A zone diagram says what is in its region beyond GR.
 """
 
 from __future__ import annotations
@@ -46,12 +46,14 @@ def jump(axes: object) -> None:
 
 
 def main(folder: Path = Path()) -> list[Path]:
-    """Draw the picture into a folder."""
+    """Draw the pictures into a folder."""
+    plane = cb.zones(k=0.8, beyond=True)
+    zones = cb.save_figure(cb.plotting.plot_zones(plane), folder / "zones-beyond.png")
     with style():
         figure, (left, right) = new_figure(2)
         roads(left)
         jump(right)
-        return [save_figure(figure, folder / "beyond.png")]
+        return [save_figure(figure, folder / "beyond.png"), zones]
 
 
 if __name__ == "__main__":

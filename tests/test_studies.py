@@ -491,6 +491,7 @@ window = [0.3, 0.6]
 [zones.plane]
 k = 0.8
 within = {gamma = [0.0, 0.02]}
+beyond = true
 """
 
 
@@ -531,6 +532,7 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
     plane = cb.zones(k=0.8, **ring, threshold=1.01, within={"gamma": (0.0, 0.02)})
     tables = [one.to_csv(tmp_path / "z.csv").read_text() for one in (results["plane"], plane)]
     assert tables[0] == tables[1]
+    assert (results["plane"].beyond, plane.beyond) == (True, False)
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

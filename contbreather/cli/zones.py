@@ -32,6 +32,7 @@ def zones(
     k: tuple[float, ...] = (),
     gamma: tuple[float, ...] = (),
     a: tuple[float, ...] = (),
+    beyond: bool = False,
     plane: ZoneOptions = ZoneOptions(),
     into: SavedOutput = SavedOutput(),
 ) -> None:
@@ -48,6 +49,9 @@ def zones(
         Coupling: diagrams in (k, a) instead.
     a
         Amplitude: diagrams in (k, gamma) instead.
+    beyond
+        Say of the regions beyond GR which orbit is there: with other sites that impact, or more
+        impacts of the same.
     """
     typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
     if into == SavedOutput():
@@ -55,7 +59,7 @@ def zones(
     into.check(plane.read)
     options = {("ks" if name == "k" else name): values for name, values in typed.items()}
     options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
-    diagrams, cut = until_interrupted(_computed, options, into.save)
+    diagrams, cut = until_interrupted(_computed, options, beyond, into.save)
     if not any(map(any, diagrams)):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
@@ -75,7 +79,7 @@ def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
     )
 
 
-def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
+def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbits.Zones, ...]:
     """Draw all diagrams, over the cores where that pays."""
     from contbreather.continuation.walk.checkpoint import checkpoint
     from contbreather.workers import Failed
@@ -85,7 +89,7 @@ def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]
         for result in cb.zones_many(**options):
             if isinstance(result, Failed):
                 raise result.error
-            done.append(result)
+            done.append(replace(result, beyond=beyond))
             if file:
                 file.look(True, lambda: tuple(done))
         if file:
@@ -106,6 +110,7 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
             "verdict": region.verdict,
             "unstable": region.counts,
             "lower": region.lower,
+            "beyond": region.beyond,
             "outline": region.outline,
         }
         for region in diagram.regions
@@ -128,7 +133,8 @@ def zones_lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
         cut = "; interrupted, curves may be missing" if plane.interrupted else ""
         yield f"Points on the curves at {plane.fixed[0]} = {plane.fixed[1]:g}: {sizes}{cut}."
         for told in plane.sentences():
-            yield f"{told}." if "damping" in plane.model else f"{told}; --past-folds draws them."
+            drawn = plane.beyond or "damping" in plane.model
+            yield f"{told}." if drawn else f"{told}; --past-folds draws them."
 
 
 # --- many diagrams --------------------------------------------------------------------------------

@@ -180,7 +180,11 @@ class Session:
         params |= [state.fixed]
         values: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
         values |= {name: params[name] for name in NEEDED}
-        self.choose(self._breather(**values))
+        chosen = self._breather(**values)
+        self.choose(chosen)
+        plane = self._planes.get(self._wanted)
+        if plane and (words := plane.beyond_grazing(*(params[name] for name in plane.pair))):
+            self.tell(f"{chosen.title}; beyond GR {words}")
 
     def _zones_of(self, lattice: str = "", root: int | None = None, **typed: Any) -> str:
         """Code of what zones are wanted of: what is set, but on the infinite chain, where they have

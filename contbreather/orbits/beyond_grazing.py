@@ -55,6 +55,11 @@ class GrazingSwitch(SwitchingProblem):
         ahead, inside = self._grown(curve, curve.start, tangent), here.direction
         if min(ahead) * max(ahead) <= 0.0:
             sites = sorted({contact.site for contact in self.contacts})
+            if here.solution.section.repeats and len(sites) == 1:
+                raise BadInput(
+                    f"site {sites[0]} chatters: it comes back to its wall more and more often, "
+                    "which no list of impacts has; `simulate` goes on"
+                )
             raise BadInput(
                 f"sites {sites} touch their walls at once, and impulses of some of them would have "
                 "to pull where those of others push: no orbit has all these impacts"
@@ -127,8 +132,15 @@ def multiplier_at_grazing(curve: Curve, z: FloatArray, way: FloatArray) -> float
     maps = [orbit.representation.map_at(on, orbit.times, entries + j * grow) for j in range(p + 1)]
     if on.lattice.sites is None:  # no wave comes round within a section
         maps = [map.on_ring(RINGS[0] * orbit.section.turns) for map in maps]
-    leading = np.diff(np.stack([map.matrix for map in maps]), n=p, axis=0)[0] / math.factorial(p)
-    return float(abs(np.linalg.eigvals(leading)).max() ** (1.0 / p))
+
+    def leading(x: FloatArray) -> FloatArray:
+        columns = np.stack([map.applied(x) for map in maps])
+        return np.asarray(np.diff(columns, n=p, axis=0)[0] / math.factorial(p))
+
+    # it leads to no more directions than there are impacts at once: nobody needs a matrix
+    at_sites = np.stack([blow.shape for blow in maps[0].blows], axis=1)
+    q, _ = np.linalg.qr(leading(np.kron(np.eye(2), at_sites)))
+    return float(abs(np.linalg.eigvals(q.T @ leading(q))).max() ** (1.0 / p))
 
 
 def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:

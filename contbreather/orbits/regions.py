@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
 Count = Callable[[float, float], int | None]
 Lower = Callable[[float, float], float | None]
+Beyond = Callable[[float, float], str]
 
 # In units of the box, each of whose sides counts as 1:
 NEAR = 3e-3  # the end of a curve that comes so close to another one lies on it
@@ -49,6 +51,9 @@ class Region:
     lower : tuple of (float or None)
         Of a diagram of upper breathers, at the same places: p of a lower one that is admissible
         where no upper one is.
+    beyond : tuple of str
+        Where it was asked for, at the same places: which orbit is there in place of a breather that
+        grazes, and whether it is stable; empty elsewhere.
     """
 
     outline: Array
@@ -58,6 +63,7 @@ class Region:
     room: float
     counts: tuple[int | None, ...]
     lower: tuple[float | None, ...] = ()
+    beyond: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -71,6 +77,17 @@ class Region:
             return f"{'stable' if self.verdict == 'S' else 'unstable'} breathers"
         if any(count is not None for count in self.counts):
             return "no verdict, the places that were asked disagree"
+        return "; ".join([self._lower(), *map("beyond GR {}".format, self.instead())])
+
+    def instead(self) -> list[str]:
+        """Sentences of `beyond`, each with the share of places it is about."""
+        found, size = Counter(filter(None, self.beyond)), len(self.beyond)
+        return [
+            words + f" at {count} of {size} places" * (count < size)
+            for words, count in found.most_common()
+        ]
+
+    def _lower(self) -> str:
         if not self.lower:
             return "no breather"
         there = [p for p in self.lower if p is not None]
@@ -86,11 +103,15 @@ class Region:
 
 
 def regions(
-    lines: Iterable[Array], box: Box, count: Count, lower: Lower | None = None
+    lines: Iterable[Array],
+    box: Box,
+    count: Count,
+    lower: Lower | None = None,
+    beyond: Beyond | None = None,
 ) -> tuple[Region, ...]:
     """Pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
 
-    Where nothing is counted `lower` is asked, if given, what else there is.
+    Where nothing is counted `lower` and `beyond` are asked, if given, what else there is.
 
     Examples
     --------
@@ -105,7 +126,7 @@ def regions(
     low, high = corners.T
     size = np.where(high > low, high - low, 1.0)
     return tuple(
-        _region(piece, low, size, count, lower)
+        _region(piece, low, size, count, lower, beyond)
         for piece in _pieces([(line - low) / size for line in lines])
     )
 
@@ -133,21 +154,26 @@ def _bridges(paths: Sequence[Any]) -> Iterator[Any]:
                 yield bridge
 
 
-def _region(piece: Any, low: Array, size: Array, count: Count, lower: Lower | None) -> Region:
+def _region(
+    piece: Any, low: Array, size: Array, count: Count, lower: Lower | None, beyond: Beyond | None
+) -> Region:
     import shapely
 
     radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
     places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
     counts = tuple(count(x, y) for x, y in places.tolist())
+    pairs = [*zip(places.tolist(), counts, strict=True)]
     momenta: tuple[float | None, ...] = ()
     if lower is not None:
-        pairs = zip(places.tolist(), counts, strict=True)
         momenta = tuple(lower(x, y) if unstable is None else None for (x, y), unstable in pairs)
+    others: tuple[str, ...] = ()
+    if beyond is not None:
+        others = tuple(beyond(x, y) if unstable is None else "" for (x, y), unstable in pairs)
     outline, *holes = (
         low + size * np.array(ring.coords) for ring in (piece.exterior, *piece.interiors)
     )
     x, y = places[0].tolist()
-    return Region(outline, tuple(holes), x, y, float(radius.length), counts, momenta)
+    return Region(outline, tuple(holes), x, y, float(radius.length), counts, momenta, others)
 
 
 def _spread(piece: Any, centre: Array, room: float) -> Array:

@@ -22,6 +22,7 @@ from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
+from contbreather.orbits.zone_beyond import beyond_grazing
 from contbreather.parameters import NEEDED, window_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.serialise import serialised
@@ -57,6 +58,8 @@ class Zones(Columns, HtmlRepr):
         Whether it was cut short: curves may be missing, and the last one may end early.
     ceiling : float or None
         With lower breathers: the amplitude at which their impacts vanish, a max|f| = 1, p -> 0.
+    beyond : bool
+        Whether regions say which orbits are there beyond GR.
     """
 
     fixed: tuple[str, float]
@@ -67,6 +70,7 @@ class Zones(Columns, HtmlRepr):
     interrupted: bool = False
     ceiling: float | None = None
     held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
+    beyond: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
         for kind in KINDS:
@@ -135,7 +139,8 @@ class Zones(Columns, HtmlRepr):
         lower = None if self.past_folds else self.lower
         # one that was cut short at its first point spans nothing
         cut = lines and all(low < high for low, high in box)
-        return regions(lines, box, self.unstable, lower) if cut else ()
+        beyond = self.beyond_grazing if self.beyond else None
+        return regions(lines, box, self.unstable, lower, beyond) if cut else ()
 
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
         """Range of the curves in both parameters, and on to a window where breathers go on."""
@@ -182,13 +187,26 @@ class Zones(Columns, HtmlRepr):
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """Admissible breathers at a place of the plane, of both families, by falling p."""
-        values = {**self.held, self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
-        return admissible_roots(values, **self.model)
+        return admissible_roots(self._at(x, y), **self.model)
+
+    def _at(self, x: float, y: float) -> dict[str, float]:
+        return {**self.held, self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
+
+    def beyond_grazing(self, x: float, y: float) -> str:
+        """Which orbit is at a place of the plane in place of a breather that grazes at a smaller
+        amplitude, and whether it is stable, as ``"3 sites impact: unstable"``: `switch` leads
+        there. Empty where no breather grazes below."""
+        breathers = (b for b in _roots(self._at(x, y), **self.model) if not _keeps_off(b))
+        own = (b for b in breathers if b.representation.family in self.families)
+        return next((beyond_grazing(b, self.threshold) for b in own), "")
 
     def sentences(self) -> Iterator[str]:
-        """A sentence on each region without upper breathers in which there are lower ones."""
+        """A sentence on each region without upper breathers in which there are lower ones, or
+        others beyond GR."""
+        if self.beyond and not self.curves["GR"]:
+            yield "No curve of GR is there, beyond which other orbits could be"
         for region in self.regions:
-            if any(region.lower):
+            if any(region.lower) or any(region.beyond):
                 place = f"({', '.join(self.pair)}) = ({region.x:.4g}, {region.y:.4g})"
                 yield f"Around {place} {region.describe()}"
 
@@ -234,11 +252,19 @@ class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
 def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     """Roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""
+    return tuple(filter(_keeps_off, _roots(at, **model)))
+
+
+def _keeps_off(breather: Orbit) -> bool:
+    return bool(least_margin(breather.motion) > 0.0)
+
+
+def _roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
+    """Roots of (11), admissible or not."""
     try:  # below the fold (14) no impulse solves (11)
-        roots = symmetric_roots(**{**at, **model})
+        return tuple(symmetric_roots(**{**at, **model}))
     except (NoSolution, Resonance):
         return ()
-    return tuple(breather for breather in roots if least_margin(breather.motion) > 0.0)
 
 
 def phases_on(curve: Branch) -> Array:
@@ -249,7 +275,9 @@ def phases_on(curve: Branch) -> Array:
 # --- in files -----------------------------------------------------------------------------------
 
 
-PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling", "held")
+PLAIN = (
+    "fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling", "held", "beyond",
+)  # fmt: skip
 
 
 def _to_dict(zones: Zones) -> dict[str, Any]:
@@ -274,6 +302,7 @@ def _from_dict(
     groups: dict[str, Branch] | None = None,
     ceiling: float | None = None,  # older files have none
     held: dict[str, float] | None = None,
+    beyond: bool = False,
 ) -> Zones:
     plane = {fixed[0], *pair, *(held or {})} - ({"omega"} if held else set())
     if plane != {*NEEDED} or {*curves} != {*KINDS}:
@@ -284,12 +313,6 @@ def _from_dict(
     }
     name, value = fixed
     return Zones(
-        (name, value),
-        (pair[0], pair[1]),
-        by_kind,
-        threshold,
-        past_folds,
-        interrupted,
-        ceiling,
-        held or {},
-    )
+        (name, value), (pair[0], pair[1]), by_kind, threshold, past_folds, interrupted, ceiling,
+        held or {}, beyond,
+    )  # fmt: skip

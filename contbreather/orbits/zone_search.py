@@ -69,6 +69,7 @@ class ZoneSearch:
     threshold: float
     past_folds: bool
     held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
+    beyond: bool = False
     kept: Checkpoint | None = None
 
     def __post_init__(self) -> None:
@@ -92,7 +93,7 @@ class ZoneSearch:
         beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach
         return Zones(
             (self.name, self.value), self.pair, curves, self.threshold, self.past_folds,
-            interrupted, reach if beyond else None, self.held,
+            interrupted, reach if beyond else None, self.held, self.beyond,
         )  # fmt: skip
 
     def so_far(self) -> Zones | None:

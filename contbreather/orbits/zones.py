@@ -36,6 +36,7 @@ class ZoneArguments(TypedDict, total=False):
     progress: bool | Counter | None
     threshold: float | None
     past_folds: bool
+    beyond: bool
     save: Save
     site: int
     damping: float
@@ -76,6 +77,7 @@ def zones(
     progress: bool | Counter | None = None,
     threshold: float | None = None,
     past_folds: bool = False,
+    beyond: bool = False,
     save: Save = None,
     site: int = 0,
     damping: float = 0.0,
@@ -109,6 +111,9 @@ def zones(
         ones with the smaller p. Unless asked for it is of the upper ones, whatever the forcing: the
         lower ones are unstable throughout, and the fold ends the zone. But they may exist where no
         upper one does, at most up to a max|f| = 1 where their impacts vanish, p -> 0.
+    beyond : bool, optional
+        Whether regions beyond GR say which orbit is there: at some places of each the one is
+        followed that `switch` leads to, with other sites that impact, or more impacts of the same.
     save : str or Path, optional
         As for `trace`.
     site, damping, spring, walls
@@ -156,7 +161,8 @@ def zones(
         shared |= {"progress": progress}
         shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
         shared |= {"omega": omega} | held
-        return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
+        return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds,
+                         beyond=beyond)  # fmt: skip
     value = fixed_value(name, value)
     held = {n: parameter(n, x, high=HEAVIEST, why="") for n, x in held.items()}
     if past_folds and held:
@@ -165,7 +171,9 @@ def zones(
     model["forcing"] = drive = forcing_of(forcing)
     check_symmetric(drive)
     modulus = threshold_on(model["lattice"], threshold)
-    search = ZoneSearch(name, value, model, windows(within), modulus, past_folds, held)
+    search = ZoneSearch(
+        name, value, model, windows(within), modulus, past_folds, held, flag("beyond", beyond)
+    )
     with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:
         search.run(shown)
         if search.kept:

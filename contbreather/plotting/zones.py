@@ -202,6 +202,7 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
 
     for region in regions:
         if not region.verdict:
+            _name_beyond(ax, region)
             continue
         rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
         shape = Path.make_compound_path(*rings)
@@ -211,6 +212,15 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
                 region.x, region.y, region.verdict, ha="center", va="center", color=BLACK,
                 fontsize=canvas.type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
             )  # fmt: skip
+
+
+def _name_beyond(ax: Axes, region: Region) -> None:
+    """Write into a white region which orbit is there, where it is one and there is room."""
+    if len({*region.beyond}) == 1 and region.room > LETTERS[0][1]:
+        ax.text(
+            region.x, region.y, region.beyond[0].replace(": ", ":\n"), ha="center", va="center",
+            color=BLACK, fontsize=canvas.type_size(ax, "x-small"), zorder=2, clip_on=True,
+        )  # fmt: skip
 
 
 # --- words --------------------------------------------------------------------------------------

@@ -219,6 +219,7 @@ class ZonesTask(GridTask):
     kind: ClassVar[str] = "zones"
     within: dict[str, Window] = Field(default_factory=dict)
     past_folds: bool = False
+    beyond: bool = False
 
     @model_validator(mode="after")
     def one_fixed(self) -> ZonesTask:

@@ -109,7 +109,7 @@ class Task:
         words += f" at {', '.join(map(_setting, fixed.items()))}" if fixed else ""
         words += f" in ({', '.join(table.pair)})" if "pair" in said else ""
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
-        options = [(name, said.get(name)) for name in ("root", "largest", "past_folds")]
+        options = [(name, said.get(name)) for name in ("root", "largest", "past_folds", "beyond")]
         return ", ".join([words, *ranges, *(_setting(option) for option in options if option[1])])
 
     def file(self, folder: Path) -> Path:
@@ -242,7 +242,12 @@ def computed(task: Task, folder: Path) -> Any:
     drive = chain.drive.at(**{name: values.pop(name) for name in table.over})
     on: dict[str, Any] = {**values, **chain.on, "forcing": drive}
     if isinstance(table, ZonesTask):
-        on |= {"past_folds": table.past_folds, "threshold": chain.threshold, "within": within}
+        on |= {
+            "past_folds": table.past_folds,
+            "beyond": table.beyond,
+            "threshold": chain.threshold,
+            "within": within,
+        }
         return zones(**on, progress=False)
     free, span = table.free, table.window or window_of(table.free)
     near = (values[free], values[free]) if free in values else span

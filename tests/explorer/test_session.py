@@ -294,6 +294,16 @@ def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(diagram: Any) -> N
     assert view.regions.data["xs"] == []
 
 
+def test_a_place_beyond_grazing_says_what_is_there() -> None:
+    explorer = Explorer()
+    explorer.look_at(0.8)
+    assert explorer.wait(HUNG)
+    explorer.choose_at(a=0.95, gamma=0.08)
+    assert explorer.message.endswith("; beyond GR 3 sites impact: unstable")
+    explorer.choose_at(a=0.5, gamma=0.08)
+    assert explorer.message == ""
+
+
 def test_what_cannot_be_is_refused_with_a_sentence() -> None:
     explorer = Explorer()
     with pytest.raises(BadInput, match="choose a breather first"):
