@@ -152,7 +152,7 @@ def cycle(
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
-        events = events_of_cycle(equations, flows if isinstance(flows, Filippov) else None)
+        events = events_of_cycle(equations)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     return _closed(equations, problem_at, params, size)
 

@@ -27,7 +27,7 @@ from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
 from .equations import FlowEquations
-from .flow import Flow, Wall, refuse_false_period
+from .flow import Flow, Wall, between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle, paces
@@ -312,7 +312,8 @@ class CycleProblem(Problem):
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return {"PD": _doubled, "GR": _beyond, "VI": _beyond}.get(kind)
+        beyond = dict.fromkeys(("GR", "VI", "SL"), _beyond)
+        return {"PD": _doubled, **beyond}.get(kind)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -441,18 +442,19 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def _contacts(i: int, short: float, curve: Curve, z: Array) -> Array:
+def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
     """Measure a contact beyond none: its duration, or the velocity of an impact."""
     equations, x = curve.problem.residual, z[: curve.size]
-    lasts = z[equations.layout.lengths[i]] - short
-    return np.array([lasts if short else paces(equations, x, curve.params(z))[i][0]])
+    if short is None:
+        return np.array([paces(equations, x, curve.params(z))[i][0]])
+    return z[equations.layout.lengths[[i]]] - short
 
 
-def _height(wall: Any, i: int, part: float, curve: Curve, z: Array) -> Array:
+def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float = 1.0) -> Array:
     """Evaluate a wall at a part of a flow."""
     p = curve.params(z)
     t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
-    return values(wall, t, state[:, None], p)[:, 0]
+    return sign * values(wall, t, state[:, None], p)[:, 0]
 
 
 def _beyond(point: Point) -> SwitchingProblem:
@@ -464,6 +466,10 @@ def _beyond(point: Point) -> SwitchingProblem:
     """
     equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
     more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
+    before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
+    shrunk = "guard" not in detail and between(before, after) == met
+    if shrunk or detail.get("guard") == "sliding":
+        return _at_edge(point)
     begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
     order = [(begins + i) % count for i in range(count)]
     flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
@@ -480,23 +486,74 @@ def _beyond(point: Point) -> SwitchingProblem:
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
     made = made if more else once(made, pieces, p)
-    problem: Problem = problem_of(made, p, point.curve.problem.events, "cycle")
+    height = partial(_height, hit[0].until, flow if more else 0)
+    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
+    contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
+    margins = partial(height, part), contacts
+    row = made.layout.lengths[1] if more and short else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _switching(
+    point: Point, made: FlowEquations, row: int, margins: Sequence[Margin]
+) -> SwitchingProblem:
+    """Solve for the cycle beyond with one of its unknowns, or the parameter, as it is there."""
+    problem: Problem = problem_of(made, point.params, point.curve.problem.events, "cycle")
     curve = Curve(problem, point.curve.free)
-    along = np.zeros(curve.start.size)
-    along[made.layout.lengths[1] if more and short else -1] = 1.0
+    along = np.eye(curve.start.size)[row]
     solution = newton(curve, curve.start, along)
     if not solution.converged:
         raise Undefined(
             f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
         )
-    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    height = partial(_height, hit[0].until, flow if more else 0, part)
-    contacts = partial(_contacts, len(hit) - 1 if more else flow, short)
-    here, there = (height, contacts) if more else (contacts, height)
-    return _Beyond(
-        Point(curve, solution.z).problem, point.curve.free[0], point=point, here=here, there=there,
-        along=along,
-    )  # fmt: skip
+    start, (free,), (here, there) = Point(curve, solution.z).problem, curve.free, margins
+    return _Beyond(start, free, point=point, here=here, there=there, along=along)
+
+
+def _at_edge(point: Point) -> SwitchingProblem:
+    """Make the cycle with the flow that comes to be at the edge of sliding, or without it; with all
+    of them where an orbit is symmetric.
+
+    Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
+    """
+    equations, orbit, i = equations_of(point), point.solution, point.detail["flow"]
+    more, flows, p = "guard" in point.detail, equations.flows, point.params
+    arriving, nexts = flows[i if more else i - 1], [*flows[1:], flows[0]]
+    system, extra = system_of(arriving), between(arriving, nexts[i]) if more else flows[i]
+    assert system
+    assert extra
+    short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
+    least, sign = (0.0, -1.0) if slid_along(extra) else (short, 1.0)
+    parts: list[Flow] = []
+    pieces: list[TrajectorySegment] = []
+    beside = 0  # of the flow that comes to be, or else of that which arrives there
+    for j, (flow, flight, after) in enumerate(zip(flows, orbit.flights, nexts, strict=True)):
+        if not more and flight.duration < 2 * short and between(flows[j - 1], after) == flow:
+            beside = len(parts) - 1 if j == i else beside
+            continue
+        parts.append(flow)
+        pieces.append(flight)
+        if not more or not (new := between(flow, after)):
+            continue
+        x = flight.end[:, None]
+        off = values(system.facing(flow), flight.last, x, p)[0, 0]
+        if j == i or abs(off) < 1e-6 * rates[j][0]:
+            beside = len(parts) if j == i else beside
+            parts.append(new)
+            pieces.append(fitted(flight.scheme, flight.last, least, partial(_resting, x)))
+    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    edge = partial(_height, system.facing(arriving), sign=sign)
+    row = made.layout.lengths[beside] if more and least else -1
+    margins = (
+        (partial(edge, i, 1.0), partial(_contacts, beside, least))
+        if more
+        else (partial(_contacts, i, least), partial(edge, beside, 1.0))
+    )
+    return _switching(point, made, row, margins)
+
+
+def _resting(x: Array, t: Array) -> Array:
+    return x + 0 * t
 
 
 def _hit(
@@ -509,8 +566,10 @@ def _hit(
     first, detail = flows[0], point.detail
     own = (first,) if first.reset else (first, (*flows, first)[1])
     walls = [*([own] if first.until else []), *first.walls]
+    if system := system_of(first):
+        walls = system.touching(first)
     hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
-    following = (list(flows) * 3)[len(hit)] if hit is own else first
+    following = (list(flows) * 3)[len(hit)] if hit is own or "touch" not in detail else first
     part, reason = detail.get("touch", 1.0), ""
     if "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
