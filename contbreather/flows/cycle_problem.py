@@ -467,8 +467,8 @@ def _beyond(point: Point) -> SwitchingProblem:
     equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
     more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
     before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
-    shrunk = "guard" not in detail and between(before, after) == met
-    if shrunk or detail.get("guard") == "sliding":
+    guard = detail.get("guard", "sliding" if between(before, after) == met else "")
+    if point.kind == "SL" and guard == "sliding":
         return _at_edge(point)
     begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
     order = [(begins + i) % count for i in range(count)]
@@ -516,44 +516,37 @@ def _at_edge(point: Point) -> SwitchingProblem:
 
     Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
     """
-    equations, orbit, i = equations_of(point), point.solution, point.detail["flow"]
-    more, flows, p = "guard" in point.detail, equations.flows, point.params
-    arriving, nexts = flows[i if more else i - 1], [*flows[1:], flows[0]]
-    system, extra = system_of(arriving), between(arriving, nexts[i]) if more else flows[i]
-    assert system
-    assert extra
+    equations, orbit, i, p = (
+        equations_of(point), point.solution, point.detail["flow"], point.params
+    )  # fmt: skip
+    more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
     short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
-    least, sign = (0.0, -1.0) if slid_along(extra) else (short, 1.0)
+    arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
+    system, comes = system_of(flows[arrives]), between(flows[i], follows[i]) or flows[i]
+    assert system
+    least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
     parts: list[Flow] = []
     pieces: list[TrajectorySegment] = []
-    beside = 0  # of the flow that comes to be, or else of that which arrives there
-    for j, (flow, flight, after) in enumerate(zip(flows, orbit.flights, nexts, strict=True)):
+    for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
+        if j == i:
+            place = len(parts) + 1 if more else len(parts) - 1  # of what comes, or else arrives
         if not more and flight.duration < 2 * short and between(flows[j - 1], after) == flow:
-            beside = len(parts) - 1 if j == i else beside
             continue
         parts.append(flow)
         pieces.append(flight)
-        if not more or not (new := between(flow, after)):
-            continue
-        x = flight.end[:, None]
-        off = values(system.facing(flow), flight.last, x, p)[0, 0]
-        if j == i or abs(off) < 1e-6 * rates[j][0]:
-            beside = len(parts) if j == i else beside
-            parts.append(new)
-            pieces.append(fitted(flight.scheme, flight.last, least, partial(_resting, x)))
+        if more and (new := between(flow, after)):
+            edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
+            if abs(edge) < 1e-6 * rates[j][0]:
+                parts.append(new)
+                pieces += _refitted([flight], [flight.last, flight.last + least])
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
-    edge = partial(_height, system.facing(arriving), sign=sign)
-    row = made.layout.lengths[beside] if more and least else -1
+    lasts = partial(_contacts, place if more else i, least)
     margins = (
-        (partial(edge, i, 1.0), partial(_contacts, beside, least))
-        if more
-        else (partial(_contacts, i, least), partial(edge, beside, 1.0))
+        partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign),
+        lasts,
     )
-    return _switching(point, made, row, margins)
-
-
-def _resting(x: Array, t: Array) -> Array:
-    return x + 0 * t
+    row = made.layout.lengths[place] if more and least else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
 
 
 def _hit(
@@ -564,20 +557,24 @@ def _hit(
     Raises `Undefined` where an orbit beyond is not made of them.
     """
     first, detail = flows[0], point.detail
-    own = (first,) if first.reset else (first, (*flows, first)[1])
+    contact, system, slides = (*flows, first)[1], system_of(first), slid_along(first)
+    if system and not slides:
+        contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
+    own = (first,) if first.reset else (first, contact)
     walls = [*([own] if first.until else []), *first.walls]
-    if system := system_of(first):
-        walls = system.touching(first)
     hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
-    following = (list(flows) * 3)[len(hit)] if hit is own or "touch" not in detail else first
     part, reason = detail.get("touch", 1.0), ""
+    joins = hit is own and not (system and "touch" in detail)
+    following = (list(flows) * 3)[len(hit)] if joins else first
     if "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
+    elif slides and "touch" in detail:
+        reason = "it leaves the surface for so short a time at first that nothing tells how long"
     elif callable(hit):
         reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
     elif first.until is None and first.reset:
         reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
-    elif hit[0].f is not following.f or (point.kind == "VI" and hit[1:]):
+    elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
         reason = "a flow with the same f has to lead on, after a reset or one flow in between"
     elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
         reason = "a reset moves the state even where nothing is hit: orbits do not go over"
@@ -621,8 +618,8 @@ def _refitted(
     flights: Sequence[TrajectorySegment], cuts: Sequence[float]
 ) -> list[TrajectorySegment]:
     """Fit flights that follow each other anew, between these times."""
-    states = partial(_states, flights)
-    return [fitted(flights[0].scheme, a, b - a, states) for a, b in pairwise(cuts)]
+    scheme, states, size = flights[0].scheme, partial(_states, flights), sizes_of(flights)[0]
+    return [fitted(scheme, a, b - a, states).adapted(size) for a, b in pairwise(cuts)]
 
 
 def problem_of(

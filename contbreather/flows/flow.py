@@ -320,14 +320,6 @@ class Filippov:
         """How fast the field of the other side points at the surface: not, where it is crossed."""
         return (self.to_minus if flow == self.plus else self.to_plus).until
 
-    def touching(self, flow: Flow) -> list[Wall]:
-        """The flows that follow where one touches each of its guards: into sliding and back, or off
-        the surface and back to it."""
-        plus, minus, to_plus, to_minus = self.flows
-        leaves: list[Wall] = [(to_plus, plus), (to_minus, minus)]
-        slides: list[Wall] = [(plus, to_plus), (minus, to_minus)]
-        return {plus: slides[:1], minus: slides[1:], to_plus: leaves, to_minus: leaves[::-1]}[flow]
-
     # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
 
     def begin(self, t: float, x: Array, p: Params) -> int:

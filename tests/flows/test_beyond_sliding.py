@@ -157,3 +157,25 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
     (back,) = cb.switch(lost, within=within)
     assert (lost.kind, back[0]["a"]) == ("SL", pytest.approx(known, rel=1e-9))
     assert back[-1].solution.equations.flows == start.residual.flows
+
+
+def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
+    def field(sign: int) -> Any:
+        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
+
+    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
+    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
+    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
+    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
+        cb.switch(touched)
+
+
+def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
+    def field(sign: int) -> Any:
+        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
+
+    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
+    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
+    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
+    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
+        cb.switch(touched)

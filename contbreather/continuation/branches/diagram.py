@@ -258,7 +258,7 @@ def diagram(
         Number of branches after which no others are followed.
     beyond : bool, optional
         Whether to switch where branches end, too, and other orbits set out: at GR those with an
-        impact more, at VI those with one less.
+        impact more, at VI those with one less, at SL those that slide, or do not.
     progress, save : optional
         As for `trace`.
 
