@@ -171,7 +171,7 @@ def cycle(
     if kept:
         equations, params = _conserving(equations, quantities, kept, params)
     if events is None:
-        events = events_of_cycle(equations, flows if isinstance(flows, Filippov) else None)
+        events = events_of_cycle(equations)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     closed = _closed(equations, problem_at, params, size)
     if wanted is not None:

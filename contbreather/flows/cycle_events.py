@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_problem import SHORTEST, Cycle, equations_of
 from .equations import FlowEquations
-from .flow import Clock, Filippov, slid_along
+from .flow import Clock, between, slid_along, system_of
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
@@ -240,7 +241,7 @@ class Touch(NamedTuple):
 def touches(orbit: Cycle) -> Iterator[Touch]:
     """Find where an orbit comes closest to each wall of its flows, at the ends of these, too, and
     to the condition that ends one before it does."""
-    flows = orbit.equations.flows
+    flows, short = orbit.equations.flows, SHORTEST * orbit.period
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         s, states = flight.sampled(8)  # into each interval for a wall that is touched
         for name, wall in flow.guards.items():
@@ -253,10 +254,14 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             before = flows[i - 1]
             walled = flow.until is None or (before.reset is not None and wall != before.until)
             begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
-            places = [s[v.argmax()]]  # where no place is low this one is far from it
-            for j in _lows(v, s, begins, ends):
+            # where no place is low this one is far from it, but in sliding that vanishes
+            vanishes = ends and slid_along(flow)
+            places = [] if vanishes else [s[v.argmax()]]
+            for j in [] if vanishes and flight.duration < short else _lows(v, s, begins, ends):
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])
+            if not places:
+                continue
             off = height(np.array(places))
             at = float(places[int(off.argmin())])
             yield Touch(float(off.min()), i, at, flight.start + flight.duration * at, name)
@@ -323,44 +328,53 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
         yield Margin(rate, system, said, i)
 
 
-def _arrivals(system: Filippov, orbit: Cycle) -> Iterator[Margin]:
+def _arrivals(orbit: Cycle) -> Iterator[Margin]:
     """Measure the field of the other side where an orbit comes to the surface: it points away from
     it where the orbit crosses, and at it where it slides."""
-    numbers = [system.flows.index(flow) for flow in orbit.equations.flows]
-    fields = [system.to_minus.until, system.to_plus.until]
-    for i, flight in enumerate(orbit.flights):
-        if numbers[i] >= len(fields):
+    flows, flights = orbit.equations.flows, orbit.flights
+    for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
+        system, following = system_of(flow), (i + 1) % len(flows)
+        if system is None or slid_along(flow):
             continue  # it leaves the surface there
-        field, slides = fields[numbers[i]], numbers[(i + 1) % len(numbers)] >= len(fields)
-        assert field is not None
-        points_at_it = float(values(field, flight.last, flight.end[:, None], orbit.params)[0, 0])
+        field = system.facing(flow)
+        value = float(values(field, flight.last, flight.end[:, None], orbit.params)[0, 0])
+        if not slid_along(flows[following]):
+            value = -value
+        elif flows[following].until == field:  # zero with the time it slides, too: that is another
+            lasts = flights[following].duration
+            value = value / lasts if lasts > SHORTEST * orbit.period else math.inf
         reached = _Reached(orbit.equations, i, field, 1.0, slice(1)).system
         said = f"flow {i} ends at the edge of sliding at t = {flight.last:.6g}"
-        yield Margin(points_at_it if slides else -points_at_it, reached, said, i)
+        yield Margin(value, reached, said, i, "sliding")
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:
     """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
-    being, as short as the root of how far the parameter is beyond."""
+    being, as short as the root of how far the parameter is beyond. And of those that do at an edge
+    of sliding, as short as that."""
     flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
     if all(flow.reset or not flow.until for flow in flows):
         return
     rates = paces(orbit.equations, orbit.x, orbit.params)
-    for i, flight in enumerate(orbit.flights):
-        before = (i - 1) % len(flows)
+    for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
+        before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
+        edge = between(flows[before], after) == flow
         # of its largest rate less than this: all but touched
-        if flows[before].until and not flows[before].reset and rates[before][1] < 1e-2:
-            shrunk = Lasting(lengths, np.eye(len(flows))[i] - SHORTEST, 0.0).system
-            said = f"flow {i} shrinks to nothing, it begins at a tangency"
-            yield Margin(flight.duration / orbit.period - SHORTEST, shrunk, said, i)
+        tangent = flows[before].until and not flows[before].reset and rates[before][1] < 1e-2
+        if tangent or edge:
+            least = 0.0 if edge and slid_along(flow) else SHORTEST
+            shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system
+            where = "at the edge of sliding" if edge else "at a tangency"
+            said = f"flow {i} shrinks to nothing, it begins {where}"
+            yield Margin(flight.duration / orbit.period - least, shrunk, said, i)
 
 
 # --- all of them --------------------------------------------------------------------------------
 
 
-def events_of_cycle(equations: FlowEquations, system: Filippov | None = None) -> tuple[Event, ...]:
-    """List the events of a cycle of these flows, perhaps those of a Filippov system."""
+def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
+    """List the events of a cycle of these flows, and of those that follow where it meets walls."""
     flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
     of_pairs = conservative_events(_BRANCH_POINT) if equations.conservation else ()
     events = [*(of_pairs or (lp, _BRANCH_POINT, pd, ns))]
@@ -370,7 +384,8 @@ def events_of_cycle(equations: FlowEquations, system: Filippov | None = None) ->
         events.append(HOMOCLINIC)
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
         events += [_event("VI", _rates), _event("GR", _clearances)]
-        events.append(_event("SL" if system else "GR", _shares))
-    if system:
-        events.append(_event("SL", partial(_arrivals, system)))
+        met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))
+        slides = any(map(system_of, met))
+        events.append(_event("SL" if slides else "GR", _shares))
+        events += [_event("SL", _arrivals)] if slides else []
     return tuple(events)

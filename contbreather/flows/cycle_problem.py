@@ -28,7 +28,7 @@ from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
 from .conservation import indices_of, off_circle, refuse_drift
 from .equations import FlowEquations
-from .flow import Flow, Wall, refuse_false_period
+from .flow import Flow, Wall, between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle, paces
@@ -371,7 +371,8 @@ class CycleProblem(Problem):
         return replace(problem, start=start)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return {"PD": _doubled, "GR": _beyond, "VI": _beyond}.get(kind)
+        beyond = dict.fromkeys(("GR", "VI", "SL"), _beyond)
+        return {"PD": _doubled, **beyond}.get(kind)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -502,18 +503,19 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def _contacts(i: int, short: float, curve: Curve, z: Array) -> Array:
+def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
     """Measure a contact beyond none: its duration, or the velocity of an impact."""
     equations, x = curve.problem.residual, z[: curve.size]
-    lasts = z[equations.layout.lengths[i]] - short
-    return np.array([lasts if short else paces(equations, x, curve.params(z))[i][0]])
+    if short is None:
+        return np.array([paces(equations, x, curve.params(z))[i][0]])
+    return z[equations.layout.lengths[[i]]] - short
 
 
-def _height(wall: Any, i: int, part: float, curve: Curve, z: Array) -> Array:
+def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float = 1.0) -> Array:
     """Evaluate a wall at a part of a flow."""
     p = curve.params(z)
     t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
-    return values(wall, t, state[:, None], p)[:, 0]
+    return sign * values(wall, t, state[:, None], p)[:, 0]
 
 
 def _beyond(point: Point) -> SwitchingProblem:
@@ -525,6 +527,10 @@ def _beyond(point: Point) -> SwitchingProblem:
     """
     equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
     more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
+    before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
+    guard = detail.get("guard", "sliding" if between(before, after) == met else "")
+    if point.kind == "SL" and guard == "sliding":
+        return _at_edge(point)
     begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
     order = [(begins + i) % count for i in range(count)]
     flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
@@ -541,23 +547,67 @@ def _beyond(point: Point) -> SwitchingProblem:
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
     made = made if more else once(made, pieces, p)
-    problem: Problem = problem_of(made, p, point.curve.problem.events, "cycle")
+    height = partial(_height, hit[0].until, flow if more else 0)
+    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
+    contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
+    margins = partial(height, part), contacts
+    row = made.layout.lengths[1] if more and short else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _switching(
+    point: Point, made: FlowEquations, row: int, margins: Sequence[Margin]
+) -> SwitchingProblem:
+    """Solve for the cycle beyond with one of its unknowns, or the parameter, as it is there."""
+    problem: Problem = problem_of(made, point.params, point.curve.problem.events, "cycle")
     curve = Curve(problem, point.curve.free)
-    along = np.zeros(curve.start.size)
-    along[made.layout.lengths[1] if more and short else -1] = 1.0
+    along = np.eye(curve.start.size)[row]
     solution = newton(curve, curve.start, along)
     if not solution.converged:
         raise Undefined(
             f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
         )
-    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    height = partial(_height, hit[0].until, flow if more else 0, part)
-    contacts = partial(_contacts, len(hit) - 1 if more else flow, short)
-    here, there = (height, contacts) if more else (contacts, height)
-    return _Beyond(
-        Point(curve, solution.z).problem, point.curve.free[0], point=point, here=here, there=there,
-        along=along,
+    start, (free,), (here, there) = Point(curve, solution.z).problem, curve.free, margins
+    return _Beyond(start, free, point=point, here=here, there=there, along=along)
+
+
+def _at_edge(point: Point) -> SwitchingProblem:
+    """Make the cycle with the flow that comes to be at the edge of sliding, or without it; with all
+    of them where an orbit is symmetric.
+
+    Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
+    """
+    equations, orbit, i, p = (
+        equations_of(point), point.solution, point.detail["flow"], point.params
     )  # fmt: skip
+    more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
+    short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
+    arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
+    system, comes = system_of(flows[arrives]), between(flows[i], follows[i]) or flows[i]
+    assert system
+    least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
+    parts: list[Flow] = []
+    pieces: list[TrajectorySegment] = []
+    for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
+        if j == i:
+            place = len(parts) + 1 if more else len(parts) - 1  # of what comes, or else arrives
+        if not more and flight.duration < 2 * short and between(flows[j - 1], after) == flow:
+            continue
+        parts.append(flow)
+        pieces.append(flight)
+        if more and (new := between(flow, after)):
+            edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
+            if abs(edge) < 1e-6 * rates[j][0]:
+                parts.append(new)
+                pieces += _refitted([flight], [flight.last, flight.last + least])
+    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    lasts = partial(_contacts, place if more else i, least)
+    margins = (
+        partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign),
+        lasts,
+    )
+    row = made.layout.lengths[place] if more and least else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
 
 
 def _hit(
@@ -568,18 +618,24 @@ def _hit(
     Raises `Undefined` where an orbit beyond is not made of them.
     """
     first, detail = flows[0], point.detail
-    own = (first,) if first.reset else (first, (*flows, first)[1])
+    contact, system, slides = (*flows, first)[1], system_of(first), slid_along(first)
+    if system and not slides:
+        contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
+    own = (first,) if first.reset else (first, contact)
     walls = [*([own] if first.until else []), *first.walls]
     hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
-    following = (list(flows) * 3)[len(hit)] if hit is own else first
     part, reason = detail.get("touch", 1.0), ""
+    joins = hit is own and not (system and "touch" in detail)
+    following = (list(flows) * 3)[len(hit)] if joins else first
     if "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
+    elif slides and "touch" in detail:
+        reason = "it leaves the surface for so short a time at first that nothing tells how long"
     elif callable(hit):
         reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
     elif first.until is None and first.reset:
         reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
-    elif hit[0].f is not following.f or (point.kind == "VI" and hit[1:]):
+    elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
         reason = "a flow with the same f has to lead on, after a reset or one flow in between"
     elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
         reason = "a reset moves the state even where nothing is hit: orbits do not go over"
@@ -623,8 +679,8 @@ def _refitted(
     flights: Sequence[TrajectorySegment], cuts: Sequence[float]
 ) -> list[TrajectorySegment]:
     """Fit flights that follow each other anew, between these times."""
-    states = partial(_states, flights)
-    return [fitted(flights[0].scheme, a, b - a, states) for a, b in pairwise(cuts)]
+    scheme, states, size = flights[0].scheme, partial(_states, flights), sizes_of(flights)[0]
+    return [fitted(scheme, a, b - a, states).adapted(size) for a, b in pairwise(cuts)]
 
 
 def problem_of(

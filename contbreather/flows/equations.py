@@ -28,7 +28,7 @@ from .collocation import (
     flown,
 )
 from .conservation import Conservation
-from .flow import Flow
+from .flow import Flow, slid_along
 from .functions import Params, slopes, values
 
 Places = NDArray[np.intp]
@@ -249,6 +249,10 @@ class FlowEquations:
         return slopes.beside(nearest.flights[i], flight, moved), slopes.inverse
 
     @cached_property
+    def _whole(self) -> float:
+        return sum(flight.duration for flight in self.start)
+
+    @cached_property
     def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
         return SolvedPlace(np.concatenate(x), {}, self.start)
@@ -256,7 +260,8 @@ class FlowEquations:
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
         duration = float(x[self.layout.lengths[i]])
-        if not duration > 0:
+        # sliding that begins at its edge has none: a little beyond it goes backwards
+        if not duration > (-1e-6 * self._whole if slid_along(self.flows[i]) else 0.0):
             raise Undefined("a flow ends where it began: its duration goes to zero")
         states = x[self.layout.nodes[i]]
         flight = replace(self.start[i], knots=knots, start=t, duration=duration, states=states)

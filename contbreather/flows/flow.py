@@ -274,7 +274,7 @@ class Filippov:
         """`plus`, `minus`, `to_plus` and `to_minus`."""
         leaves = {sign: partial(self._inwards, sign) for sign in (1, -1)}
         return (
-            Flow(self.f_plus, until=self.h),
+            Flow(self.f_plus, until=self._above),
             Flow(self.f_minus, until=self._below),
             Flow(self.sliding, until=leaves[1], walls=(leaves[-1],)),
             Flow(self.sliding, until=leaves[-1], walls=(leaves[1],)),
@@ -294,6 +294,9 @@ class Filippov:
     def _fields(self, t: Any, x: NDArray[Any], p: Params) -> tuple[NDArray[Any], NDArray[Any]]:
         return rows_of(self.f_plus(t, x, p), x), rows_of(self.f_minus(t, x, p), x)
 
+    def _above(self, t: Any, x: NDArray[Any], p: Params) -> Any:
+        return self.h(t, x, p)
+
     def _below(self, t: Any, x: NDArray[Any], p: Params) -> Any:
         return -self.h(t, x, p)
 
@@ -312,6 +315,10 @@ class Filippov:
             ahead = self.h(t + k * step, x + k * step * field, p)
             total = total + weight * (ahead - self.h(t - k * step, x - k * step * field, p))
         return total / step
+
+    def facing(self, flow: Flow) -> Any:
+        """How fast the field of the other side points at the surface: not, where it is crossed."""
+        return (self.to_minus if flow == self.plus else self.to_plus).until
 
     # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
 
@@ -355,10 +362,27 @@ class Filippov:
         return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2
 
 
+def system_of(flow: Flow) -> Filippov | None:
+    """The Filippov system that a flow is one of, if it is."""
+    ends: Any = getattr(flow.until, "func", flow.until)
+    system = getattr(ends, "__self__", None)
+    return system if isinstance(system, Filippov) and flow in system.flows else None
+
+
 def slid_along(flow: Flow) -> Filippov | None:
     """The system along whose surface a flow slides; None of any other flow."""
-    f: Any = flow.f
-    return f.__self__ if getattr(f, "__func__", None) is Filippov.sliding else None
+    system = system_of(flow)
+    return system if system and flow.f == system.sliding else None
+
+
+def between(before: Flow, after: Flow) -> Flow | None:
+    """The flow that comes to be between two of a Filippov system at the edge of sliding: along the
+    surface where it was crossed, on the other side where it was slid along."""
+    if not (system := system_of(before)) or slid_along(before) or after not in system.flows:
+        return None
+    other = 1 - system.flows.index(before)
+    slides = after == system.flows[other]
+    return system.flows[other + 2 * slides] if slides or slid_along(after) else None
 
 
 # --- whether functions of the time have the period: else the orbits would be false ----------------

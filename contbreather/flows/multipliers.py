@@ -240,11 +240,11 @@ def _pace(equations: FlowEquations, place: SolvedPlace, i: int) -> tuple[Array, 
 def paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, tuple[float, float]]:
     """Evaluate by flow how fast its condition falls where it ends it, zero where it grazes; and
     that relative to how fast it may change along its flow."""
-    place, rates = equations.linearised(x, p), {}
+    place, ways, rates = equations.linearised(x, p), equations.velocities(x, p), {}
     for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
         if piece.condition is not None:
             gate, waits = np.split(abs(piece.condition[0]), [flight.dimension])
-            fastest = abs(flight.slopes / flight.lengths[:, None, None]).max(axis=(0, 1))
+            fastest = abs(ways[i]).max(axis=0)
             rate = _pace(equations, place, i)[1]
             rates[i] = -rate, abs(rate) / (gate @ fastest + waits[0])
     return rates

@@ -1,0 +1,181 @@
+"""Cycles beyond SL and GR of Filippov systems: into sliding and out of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+
+from .test_filippov import MASS, pushed
+from .zoo import STICK_SLIP
+
+TAU = 2 * np.pi
+ONSET = np.sqrt(1 + np.pi**2 / 4)  # where a pushed mass begins to stick: Den Hartog
+BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
+
+
+def names(orbit: cb.flows.Cycle, system: cb.Filippov) -> list[str]:
+    every = ["above", "below", "sticks up", "sticks down"]
+    return ordered([every[system.flows.index(flow)] for flow in orbit.equations.flows])
+
+
+def ordered(flows: list[str]) -> list[str]:
+    """From the one below on."""
+    first = flows.index("below")
+    return flows[first:] + flows[:first]
+
+
+def follow(orbit: cb.flows.Cycle, system: cb.Filippov, V: float) -> tuple[float, list[str]]:
+    """How far off itself an orbit is a period after the middle of its longest flow, and its flows,
+    by Dormand and Prince; the surface is where the last state is V."""
+    p, longest = orbit.params, int(orbit.durations.argmax())
+    t = start = orbit.times[longest] + 0.5 * orbit.durations[longest]
+    x, end, seen = orbit.states(start), start + orbit.period, []
+
+    def rise(side: int, t: float, x: Any) -> float:
+        f = system.f_plus if side > 0 else system.f_minus
+        return float(np.ravel(f(t, x, p))[-1])
+
+    side = int(np.sign(x[-1] - V))
+    while True:
+        if side:
+            seen.append("above" if side > 0 else "below")
+            field = system.f_plus if side > 0 else system.f_minus
+            gates = [lambda t, x, side=side: side * (x[-1] - V)]
+        else:
+            field = lambda t, x, p: [V, 0.0][2 - len(x) :]  # noqa: E731 - carried by the surface
+            gates = [lambda t, x: -rise(1, t, x), lambda t, x: rise(-1, t, x)]
+        for gate in gates:
+            gate.terminal, gate.direction = True, -1.0  # type: ignore[attr-defined]
+        run = solve_ivp(
+            lambda t, x, field=field: np.ravel(field(t, x, p)), (t, end), x, "DOP853",
+            events=gates, rtol=1e-12, atol=1e-13, max_step=min(0.05, orbit.durations.min() / 3),
+        )  # fmt: skip
+        t, x = run.t[-1], run.y[:, -1].copy()
+        if run.status == 0:
+            return float(abs(x - orbit.states(start)).max()), ordered(seen[:-1])
+        if side:
+            x[-1] = V
+            up, down = rise(1, t, x), rise(-1, t, x)
+            side = 0 if up < 0 < down else int(np.sign(up + down))
+        else:
+            side = 1 if run.t_events[0].size else -1
+            seen.append("sticks up" if side > 0 else "sticks down")
+
+
+def check(branch: cb.Branch, system: cb.Filippov, flows: list[str], V: float = 0.0) -> None:
+    """All orbits of a branch have these flows; the integrator of the test sees those that last."""
+    assert all(names(point.solution, system) == flows for point in branch)
+    orbits = [point.solution for point in branch if not point.kind]
+    orbits = [orbit for orbit in orbits if orbit.durations.min() > 0.02]
+    assert orbits
+    for orbit in orbits[:: 1 + len(orbits) // 3]:
+        off, seen = follow(orbit, system, V)
+        assert off < 1e-9
+        assert seen == flows
+
+
+def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
+    within = {"A": (1.6, 2.1)}
+    moving = cb.trace(pushed(2.0), "A", within=within, towards="both")
+    (sticking,) = cb.switch(moving.first("SL"), within=within)
+    assert sticking[0]["beyond"] == "persists"
+    assert sticking[0]["A"] == pytest.approx(ONSET, abs=1e-12)
+    assert sticking[-1]["A"] == 1.6
+    check(sticking, MASS, ["below", "sticks up", "above", "sticks down"])
+    # and from the other side
+    again = cb.trace(pushed(1.8), "A", within=within, towards="both").first("SL")
+    assert again["A"] == pytest.approx(ONSET, abs=1e-12)
+    (back,) = cb.switch(again, within=within)
+    assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.1)
+    check(back, MASS, ["below", "above"])
+
+
+def test_without_symmetry_one_side_sticks_first() -> None:
+    def rubbing(sign: int) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            return [p["A"] * np.cos(t) + 0.2 * np.cos(2 * t + 0.7) - sign + 0 * x[0]]
+
+        return f
+
+    mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
+    within, roads = {"A": (1.7, 2.0)}, []
+    for start in (1.95, 1.75):
+        orbit = cb.cycle(mass, {"v": 0.3}, {"A": start}, period=TAU, settle=25)
+        branch = cb.trace(orbit, "A", within=within, towards="both")
+        places = []
+        for _ in range(2):
+            places.append(branch.first("SL"))
+            (branch,) = cb.switch(places[-1], within=within)
+            check(branch, mass, names(branch[0].solution, mass))
+        roads.append([place["A"] for place in places])
+        assert len(branch[-1].solution.flights) == (4 if start > 1.8 else 2)
+    assert roads[0] == pytest.approx(roads[1][::-1], abs=1e-12)
+
+
+def test_a_mass_that_is_too_fast_to_stick_passes_the_belt_first_and_then_does_not_stick() -> None:
+    within = {"d": (0.25, 0.55)}
+    orbit = cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {**BELT, "d": 0.26}, settle=60)
+    branch = cb.trace(orbit, "d", within=within, towards="up")
+    (passing,) = cb.switch(branch.first("SL"), within=within)
+    assert passing[0]["beyond"] == "persists"
+    check(passing, STICK_SLIP, ["below", "above", "sticks down"], V=1.0)
+    # where the flow above the belt counts as none is that far beyond
+    assert passing[0]["d"] == pytest.approx(branch.first("SL")["d"], abs=1e-5)
+    (moving,) = cb.switch(passing.first("SL"), within={"d": (0.46, 0.6)}, steps=cb.Steps(most=9))
+    check(moving, STICK_SLIP, ["below", "above"], V=1.0)
+    # and back
+    lost = cb.trace(passing[4].problem, "d", within=within, towards="down").first("SL")
+    (back,) = cb.switch(lost, within=within)
+    assert back[0]["d"] == pytest.approx(branch.first("SL")["d"], abs=1e-9)
+    check(back, STICK_SLIP, ["below", "sticks down"], V=1.0)
+
+
+def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
+    def field(sign: int) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            return [x[1], -x[0] - 0.2 * x[1] - sign * 0.3 + p["a"] * np.cos(0.7 * t)]
+
+        return f
+
+    belt = cb.Filippov(field(1), field(-1), lambda t, x, p: x[1] - 1.0)
+    slips = cb.Flow(belt.f_minus, walls=([belt.minus, belt.to_minus],))
+    start = cb.cycle(slips, {"x": 0.3, "v": 0.0}, {"a": 0.3}, period=TAU / 0.7, settle=200)
+    within = {"a": (0.3, 0.9)}
+    grazing = cb.trace(start, "a", within=within).first("GR")
+    known = abs(1 - 0.49 + 0.14j) / 0.7  # the velocity of the linear motion is that of the belt
+    assert grazing["a"] == pytest.approx(known, rel=1e-9)
+    (sticking,) = cb.switch(grazing, within=within)
+    assert sticking[0]["beyond"] == "persists"
+    assert sticking[0]["a"] == pytest.approx(known, rel=1e-9)
+    check(sticking, belt, ["below", "sticks down"], V=1.0)
+    lost = cb.trace(sticking[3].problem, "a", within=within, towards="both").special[0]
+    (back,) = cb.switch(lost, within=within)
+    assert (lost.kind, back[0]["a"]) == ("SL", pytest.approx(known, rel=1e-9))
+    assert back[-1].solution.equations.flows == start.residual.flows
+
+
+def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
+    def field(sign: int) -> Any:
+        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
+
+    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
+    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
+    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
+    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
+        cb.switch(touched)
+
+
+def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
+    def field(sign: int) -> Any:
+        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
+
+    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
+    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
+    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
+    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
+        cb.switch(touched)
