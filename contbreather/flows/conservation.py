@@ -12,45 +12,43 @@ E. Doedel and A. Vanderbauwhede, Physica D 181, 1, 2003). Of several quantities 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import brief, check_kind
+from ..checks import brief
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput
 from .functions import Function, Params, check_function, offset, place, rows_of, slopes, values
 
 _DRIFTS = 1e-7  # of what its terms add up to: a rate of change that is no rounding
-ASIDE = 1e-3  # of the size of a state: how far off it the gradient of the unfolding looks
+_ASIDE = 1e-3  # of the size of a state: how far off it the gradient of the unfolding looks
 _LEAVES = 1e-8  # imaginary part of an index that is none of rounding where two of them meet
-CONSTANT = 1e-8  # relative error of a Poisson matrix that is the same at all states
+_CONSTANT = 1e-8  # relative error of a Poisson matrix that is the same at all states
 
-
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """A function ``H(x, p)`` as one of (t, x, p)."""
-
-    function: Callable[[Any, Any], Any]
-
-    def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return self.function(x, p)
+Quantities = Mapping[str, Function]  # of (t, x, p), by name
 
 
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """A field plus lambda times the gradient of each quantity, by the name of that lambda.
 
-    Near any solution lambda is rounding: so the gradient need not be exact, but analytic, as it is
-    differentiated by complex steps.
+    Near any solution lambda is rounding: so the gradient, over steps of these sizes, need not be
+    exact, but analytic, as it is differentiated by complex steps.
     """
 
     f: Function
-    quantities: Mapping[str, Function]
+    quantities: Quantities
     steps: Array
+
+    @classmethod
+    def near(cls, f: Function, quantities: Quantities, states: Array) -> Unfolded:
+        sizes = abs(states).max(axis=1)
+        return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         field = rows_of(self.f(t, x, p), x)
@@ -70,25 +68,18 @@ class Unfolded:
 class Conservation:
     """What is conserved, and what is given of an orbit: its "period", or the first quantity."""
 
-    quantities: tuple[Function, ...]
-    names: tuple[str, ...]
+    quantities: Quantities
     held: str
-    # (k - 1, n): where orbits are shifted by the symmetries of all quantities but one
-    across: Array
+    across: Array  # (k - 1, n): where orbits are shifted by symmetries, of k quantities
 
     @property
     def lambdas(self) -> tuple[str, ...]:
-        count = len(self.names)
+        count = len(self.quantities)
         return tuple(f"lambda{i + 1}" for i in range(count)) if count > 1 else ("lambda",)
-
-    def named(self, time: str) -> tuple[str, str]:
-        """Names of the time and of the first quantity as unknowns: "held" of the one that is a
-        parameter."""
-        return ("held", self.names[0]) if self.held == "period" else (time, "held")
 
     def gradients(self, states: Array, p: Params) -> list[Array]:
         """Differentiate all quantities at states, shape (n, m): arrays (m, n)."""
-        return [slopes(H, 0.0, states, p)[1][0, :-1].T for H in self.quantities]
+        return [slopes(H, 0.0, states, p)[1][0, :-1].T for H in self.quantities.values()]
 
     def poisson(self, f: Function, states: Array, p: Params) -> Array | None:
         """Find J in ``f = J grad H``, if it is the same constant and regular matrix everywhere:
@@ -101,56 +92,42 @@ class Conservation:
         (gradient, *_), field = self.gradients(x, p), values(f, 0.0, x, p)
         J = np.linalg.lstsq(gradient, field.T)[0].T
         off = abs(J @ gradient.T - field).max(), abs(J + J.T).max()
-        least = CONSTANT * abs(field).max(), CONSTANT * abs(J).max()
-        known = off[0] <= least[0] and off[1] <= least[1] and np.linalg.cond(J) < 1 / CONSTANT
+        least = _CONSTANT * abs(field).max(), _CONSTANT * abs(J).max()
+        known = off[0] <= least[0] and off[1] <= least[1] and np.linalg.cond(J) < 1 / _CONSTANT
         return J if known else None
 
 
-def quantities_of(conserves: Any) -> tuple[tuple[Function, ...], tuple[str, ...]]:
+def quantities_of(conserves: Any) -> Quantities:
     """Make functions of (t, x, p) of what was given as `conserves`, and name them."""
-    given: Mapping[str, Any]
-    if callable(conserves):
-        given = {"energy": conserves}
-    elif isinstance(conserves, Mapping):
-        given = conserves
-    else:
-        check_kind(conserves, Sequence, "conserves=H, a function of (x, p), or several of them")
-        given = {f"conserved{i}" if i else "energy": H for i, H in enumerate(conserves)}
-    if not given or not all(callable(H) for H in given.values()):
-        raise BadInput(f"conserves must be functions of (x, p), got {brief(conserves)}")
-    return tuple(Quantity(H) for H in given.values()), tuple(given)
+    given = {"energy": conserves} if callable(conserves) else conserves
+    if not (isinstance(given, Mapping) and given and all(map(callable, given.values()))):
+        raise BadInput(f"conserves = {brief(given)}: a function of (x, p), or a dict of several")
+    return {name: partial(_at_state, H) for name, H in given.items()}
+
+
+def _at_state(quantity: Any, t: Any, x: Any, p: Params) -> Any:
+    return quantity(x, p)
 
 
 def refuse_drift(
-    quantities: Iterable[Function],
-    names: Sequence[str],
-    f: Function,
-    states: Array,
-    params: Params,
-    moved: tuple[str, ...] = (),
+    quantities: Quantities, f: Function, states: Array, params: Params, moved: Sequence[str] = ()
 ) -> None:
     """Refuse what is not conserved beside states, shape (n, m), also where parameters move."""
     x = states + offset(states)[:, None] * np.cos(np.arange(states.size)).reshape(states.shape)
     for name in ("", *(name for name in moved if name in params)):
         p = {**params, **({name: params[name] + 0.01 * (abs(params[name]) or 1.0)} if name else {})}
-        for quantity, called in zip(quantities, names, strict=True):
+        for called, quantity in quantities.items():
             check_function(f"conserves ({called})", quantity, (), 0.0, x[:, 0], p)
-            gradient, field = slopes(quantity, 0.0, x, p)[1][0, :-1], values(f, 0.0, x, p)
-            rates, sizes = (gradient * field).sum(axis=0), abs(gradient * field).sum(axis=0)
+            terms = slopes(quantity, 0.0, x, p)[1][0, :-1] * values(f, 0.0, x, p)
+            rates, size = terms.sum(axis=0), abs(terms).sum(axis=0).max()
             worst = int(abs(rates).argmax())
-            if abs(rates[worst]) > _DRIFTS * sizes.max():
-                where = place(0.0, x[:, worst])
+            if abs(rates[worst]) > _DRIFTS * size:
                 why = f" where {name} moves" if name else ""
                 raise BadInput(
                     f"{called} is not conserved{why}: it changes at the rate {rates[worst]:.3g} "
-                    f"{where}, of terms of size {sizes[worst]:.3g}; conserves= is a function of "
-                    "(x, p) that is constant along the flow"
+                    f"{place(0.0, x[:, worst])}, of terms up to {size:.3g}; conserves= is a "
+                    "function of (x, p) that is constant along the flow"
                 )
-
-
-def off_circle(indices: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """Tell which pairs of these indices are off the unit circle, by more than rounding."""
-    return np.asarray((abs(indices.imag) > _LEAVES) | (abs(indices.real) > 1 + _LEAVES**1.25))
 
 
 def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:

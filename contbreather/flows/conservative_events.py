@@ -9,8 +9,10 @@ with Omega the inverse of J in ``f = J grad H``; pairs of equal signature pass t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +27,7 @@ from ..continuation.bifurcations.multiplier_events import (
     unresolved,
 )
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
 from ..continuation.systems.defining_systems import rank_locus
 from .cycle_problem import Cycle, equations_of
 from .multipliers import around
@@ -39,26 +41,17 @@ _UNKNOWN = "unknown: the field is no constant matrix times the gradient of what 
 # --- at +1 and -1 -------------------------------------------------------------------------------
 
 
-def _beside(place: float, point: Point) -> float:
-    """Measure the index nearest to a place, with a sign that tells how many are beyond."""
-    off = point.base_point.solution.indices - place
+def _beside(point: Point) -> float:
+    """Measure the index nearest to -1, with a sign that tells how many are beyond."""
+    off = point.base_point.solution.indices + 1
     sides = np.sign(off.real[off.imag == 0])
     return float(sides.prod() * abs(off).min()) if off.size else math.nan
 
 
-def _beyond(place: float, point: Point) -> int:
-    indices = point.base_point.solution.indices
-    return int(((indices.imag == 0) & (indices.real * place > 1)).sum())
-
-
-def _examine_place(place: float, point: Point) -> Examined:
+def _examine_place(place: float, found: Examined, point: Point) -> Examined:
     off = abs(point.base_point.solution.indices - place).min(initial=math.inf)
-    far = "" if off < _NEAR else f"no multiplier is {place:+g}: the nearest index is {off:.2g} off"
-    return unresolved(point) or far
-
-
-def _pair_at(place: float, point: Point) -> DefiningSystem:
-    return rank_locus(partial(singular_with, place))
+    far = f"no multiplier is {place:+g}: the nearest index is {off:.2g} off"
+    return unresolved(point) or (found if off < _NEAR else far)
 
 
 def _energy_over_period(point: Point) -> float:
@@ -80,15 +73,6 @@ def _energy_over_period(point: Point) -> float:
     return float(change[layout.levels[0]])
 
 
-def _examine_turn(point: Point) -> Examined:
-    return _examine_place(1.0, point) or {"said": "a fold in the energy, not in the period"}
-
-
-def _examine_fold(plain: Event, point: Point) -> Examined:
-    assert plain.examine is not None
-    return unresolved(point) or plain.examine(point)
-
-
 def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
     assert plain.locus is not None
     return replace(plain.locus(point), meets={})
@@ -104,7 +88,7 @@ def _symplectic(orbit: Cycle) -> tuple[Array, Array | None]:
     assert kept is not None
     states = orbit.flights[0].states.T
     J = kept.poisson(orbit.equations.flows[0].f, states, orbit.params)
-    return reduce(np.matmul, factors[::-1]), None if J is None else np.linalg.inv(J)
+    return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
 
 
 def signatures(orbit: Cycle) -> tuple[Array, Array]:
@@ -116,13 +100,8 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     if form is None:
         return on, np.zeros(on.size)
     mu, vectors = np.linalg.eig(whole)
-    signs, left = [], np.ones(mu.size, dtype=bool)
-    for place in on + 1j * np.sqrt(1 - on**2):
-        nearest = int(np.where(left, abs(mu - place), np.inf).argmin())
-        left[nearest] = False
-        v = vectors[:, nearest]
-        signs.append(np.sign((1j * (v.conj() @ form @ v)).real))
-    return on, np.array(signs)
+    v = vectors[:, abs(mu[:, None] - on - 1j * np.sqrt(1 - on**2)).argmin(axis=0)]
+    return on, np.sign((1j * (v.conj() * (form @ v)).sum(axis=0)).real)
 
 
 def _apart(point: Point) -> float:
@@ -157,59 +136,52 @@ def _examine_collision(point: Point) -> Examined:
 
 def _signatures_at(orbit: Cycle, angle: float) -> str:
     """The signatures of two pairs that meet: those of the form on the plane of both upper ones."""
-    from scipy.linalg import schur
-
     whole, form = _symplectic(orbit)
     if form is None:
         return _UNKNOWN
-    place = complex(math.cos(angle), math.sin(angle))
-    off = np.sort(abs(np.linalg.eigvals(whole) - place))
-    reach = 0.5 * (off[1] + off[2])
-    plane = schur(whole, output="complex", sort=lambda mu: abs(mu - place) < reach)[1][:, :2]
+    place, mu = complex(math.cos(angle), math.sin(angle)), np.linalg.eigvals(whole)
+    one, other = mu[abs(mu - place).argsort()[:2], None, None] * np.eye(len(whole))
+    plane = np.linalg.svd((whole - one) @ (whole - other))[2][-2:].conj().T  # what it takes to 0
     signs = np.linalg.eigvalsh(1j * plane.conj().T @ form @ plane)
     return " ".join("+" if sign > 0 else "-" for sign in signs[::-1])
 
 
-@dataclass(frozen=True)
-class _Meeting:
+def _meeting(point: Point) -> DefiningSystem:
     """Equations for two multipliers that meet: both are at one angle, but for a little.
 
     On the circle ``det(M - exp(i angle))`` is real but for a factor that does not vanish, and so is
-    the number that stands for it here: its `phase` is that beside the meeting. Next to where it
-    has a double zero in the angle it has two of them, 2e-6 apart.
+    the number that stands for it here: its phase is that beside the meeting. Next to where it has
+    a double zero in the angle it has two of them, 2e-6 apart.
     """
-
-    phase: complex
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        one, other = (self.phase * bordered(curve, z, extra + off)[0] for off in (_OFF, -_OFF))
-        return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        one, other = (
-            self.phase * slope_of_bordered(curve, z, extra + off) for off in (_OFF, -_OFF)
-        )
-        return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
-
-
-def _meeting(point: Point) -> DefiningSystem:
     angle, base = math.acos(_nearest(point)[1]), point.base_point
-    g = bordered(base.curve, base.z, np.array([angle + _BY_SIDE]))[0]
-    meeting = _Meeting(abs(g) / g)
-    return DefiningSystem({"angle": angle}, meeting.conditions, meeting.derivative)
+    beside = complex(bordered(base.curve, base.z, np.array([angle + _BY_SIDE]))[0])
+    both = partial(_at_both, abs(beside) / beside)
+    return DefiningSystem(
+        {"angle": angle}, partial(both, _number), partial(both, slope_of_bordered)
+    )
+
+
+def _number(curve: Curve, z: Array, extra: Array) -> complex:
+    return complex(bordered(curve, z, extra)[0])
+
+
+def _at_both(unit: complex, of: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+    one, other = (unit * of(curve, z, extra + off) for off in (_OFF, -_OFF))
+    return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
 
 
 def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     """List the events of pairs of multipliers, with that of crossing branches among them."""
     plain = fold()
-    lp = replace(plain, locus=partial(_fold_locus, plain), examine=partial(_examine_fold, plain))
+    lp = replace(plain, locus=partial(_fold_locus, plain))
+    said = {"said": "a fold in the energy, not in the period"}
     turn = Event(
-        "LP", _energy_over_period, locus=partial(_pair_at, 1.0), examine=_examine_turn,
-        may_jump=True,  # at a fold in the period
+        "LP", _energy_over_period, examine=partial(_examine_place, 1.0, said),
+        locus=Always(rank_locus(partial(singular_with, 1.0))), may_jump=True,
     )  # fmt: skip
     pd = Event(
-        "PD", partial(_beside, -1.0), count=partial(_beyond, -1.0), locus=partial(_pair_at, -1.0),
-        examine=partial(_examine_place, -1.0),
+        "PD", _beside, examine=partial(_examine_place, -1.0, ""),
+        locus=Always(rank_locus(partial(singular_with, -1.0))),
     )  # fmt: skip
     kc = Event("KC", _apart, locus=_meeting, examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

@@ -19,7 +19,7 @@ from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
-from .conservation import ASIDE, Conservation, Unfolded, quantities_of, refuse_drift
+from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import (
     RETURNS,
@@ -126,9 +126,9 @@ def cycle(
     """
     scheme, forcing, wanted = collocation or Collocation(), None, None
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
-    quantities, kept = ((), ()) if conserves is None else quantities_of(conserves)
-    if kept:
-        one_of("fixed", fixed, ("period", kept[0]))
+    conserved = {} if conserves is None else quantities_of(conserves)
+    if conserved:
+        one_of("fixed", fixed, ("period", next(iter(conserved))))
         if period is not None:
             period, wanted = None, number("period", period, 1e-300, 1e300, "a positive time")
     if period is not None:
@@ -139,9 +139,10 @@ def cycle(
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
-        (_, params), size, shift = named_state(dict.fromkeys(names, 0.0), params, kept), 0.0, 0.0
+        _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
+        size = shift = 0.0
     else:
-        (state, params), names = named_state(start, params, kept), tuple(start)
+        (state, params), names = named_state(start, params, *conserved), tuple(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
@@ -150,8 +151,7 @@ def cycle(
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
         else:
-            motion = _smooth(alone, run, params, begin, length, settle, size, wanted)
-            parts, pieces = (alone,), [motion]
+            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length
@@ -168,8 +168,8 @@ def cycle(
         turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
-    if kept:
-        equations, params = _conserving(equations, quantities, kept, params)
+    if conserved:
+        equations, params = _conserving(equations, conserved, params)
     if events is None:
         events = events_of_cycle(equations)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
@@ -178,45 +178,41 @@ def cycle(
         try:
             closed = closed.having("period").at(period=wanted).solve(tolerance=1e-12)[0]
         except NotConverged as error:
-            found = cycle_of(closed).period
             raise NotConverged(
-                f"from the orbit of period {found:.6g} there none of period {wanted:.6g} was found:"
-                ' start closer to it, or leave period= out and trace in "period"',
+                f"from the orbit of period {cycle_of(closed).period:.6g} there none of period "
+                f'{wanted:.6g} was found: start closer, or leave period= out and trace in "period"',
                 residual=error.residual,
             ) from error
-    return closed.having(fixed) if kept else closed
+    return closed.having(fixed) if conserved else closed
 
 
 def _conserving(
-    equations: FlowEquations,
-    quantities: tuple[Function, ...],
-    names: tuple[str, ...],
-    params: dict[str, float],
+    equations: FlowEquations, conserved: Quantities, params: dict[str, float]
 ) -> tuple[FlowEquations, dict[str, float]]:
     """Unfold a family, of which the orbit with the energy of the start is looked for."""
-    (flow,), (flight,) = equations.flows, equations.start
-    if flow.until is not None:
-        raise BadInput("conserves= is of one smooth flow: this one ends by a condition")
-    states = flight.states.T
-    refuse_drift(quantities, names, flow.f, states, params)
-    energy = float(values(quantities[0], 0.0, states[:, :1], params)[0, 0])
-    # where all that is conserved has a symmetry orbits are shifted along these
+    (flow, *_), (flight, *_) = equations.flows, equations.start
+    states, (first, *_), count = flight.states.T, conserved, len(conserved)
+    if flow.until or flow.reset or 2 * count > len(states):
+        raise BadInput(
+            "conserves= is of one smooth flow without a condition or a reset, of two states or "
+            f"more for each quantity: {count} for {len(states)} states"
+        )
+    refuse_drift(conserved, flow.f, states, params)
+    energy = float(values(conserved[first], 0.0, states[:, :1], params)[0, 0])
+    # along the flow, and along symmetries, orbits are shifted to others: M v = v
     x = np.concatenate([np.ravel(value) for value in equations.unknowns([flight]).values()])
     (factors,), (ways,) = around(equations, x, params)
-    off = reduce(np.matmul, factors[::-1]) - np.eye(len(states))
-    along = ways[:1] / np.linalg.norm(ways[0])
-    null = np.linalg.svd(off - off @ along.T @ along)[2][-len(names) :]
-    across = np.linalg.svd(null - null @ along.T @ along)[2][: len(names) - 1]
-    kept = Conservation(quantities, names, names[0], across)
-    sizes = abs(states).max(axis=1)
-    steps = ASIDE * np.where(sizes, sizes, sizes.max())
-    unfolded = Unfolded(flow.f, dict(zip(kept.lambdas, quantities, strict=True)), steps)
-    flows = (replace(flow, f=unfolded),)
-    return replace(equations, flows=flows, conservation=kept), {**params, names[0]: energy}
+    whole, along = reduce(np.matmul, factors[::-1]), ways[:1] / np.linalg.norm(ways[0])
+    null = np.linalg.svd(whole - np.eye(len(whole)))[2][-count:]
+    across = np.linalg.svd(null - null @ along.T @ along)[2][: count - 1]
+    kept = Conservation(conserved, first, across)
+    named = dict(zip(kept.lambdas, conserved.values(), strict=True))
+    flows = (replace(flow, f=Unfolded.near(flow.f, named, states)),)
+    return replace(equations, flows=flows, conservation=kept), {**params, first: energy}
 
 
 def named_state(
-    start: Mapping[str, float], params: Mapping[str, float], conserved: tuple[str, ...] = ()
+    start: Mapping[str, float], params: Mapping[str, float], *conserved: str
 ) -> tuple[Array, dict[str, float]]:
     """Make numbers of a state and parameters, and refuse names that clash."""
     states = "a dict with the name and value of each state, {'x': 1.0} for instance,"
@@ -225,7 +221,7 @@ def named_state(
     names = [*start, *params]
     own = {"orbit", "mesh", "period", "durations", "phase", *conserved}
     if conserved:
-        own |= {"held", *(f"lambda{i}" for i in ("", *range(1, len(conserved) + 1)))}
+        own |= {"held", "lambda", *(f"lambda{i + 1}" for i in range(len(conserved)))}
     taken = sorted(own & {*names})
     if taken:
         raise BadInput(f"rename {taken}: every cycle has columns of these names")
@@ -382,14 +378,13 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float,
-    wanted: float | None,
-) -> Motion:  # fmt: skip
+    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
+) -> Motion:
     """Simulate one period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    for wait in np.multiply(settle or max(_WAIT, 3 * (wanted or 0.0)), (1, 3, 9, 27)):
+    for wait in np.multiply(settle or _WAIT, (1, 3, 9, 27)):
         ran = run(x0=state, time=float(wait), t0=t0)
         t0, state = t0 + float(wait), ran.final  # if it was not settled yet
         # what is slow has time to settle that is as long
@@ -398,9 +393,6 @@ def _smooth(
         returns = _returns(flow, ran, params)
         if min((off for off, _ in returns), default=math.inf) <= _BACK:
             break
-    if wanted is not None:
-        close = [time for off, time in returns if off <= _BACK]
-        returns = [(0.0, min(close, key=lambda time: abs(time - wanted)))] if close else returns
     return ran, float(ran.t[0]), float(_first_close(returns, ran))
 
 

@@ -48,7 +48,7 @@ class Layout:
         states, meshes = [k * n for k, n in counts], [k for k, _ in counts]
         self.orbit, flows = sum(states), len(counts)
         kept = equations.conservation
-        conserved = len(kept.names) if kept else 0
+        conserved = len(kept.quantities) if kept else 0
         sizes = [*states, *meshes, flows, int(equations.phased), conserved, conserved]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
@@ -196,11 +196,11 @@ class FlowEquations:
         """Add what is conserved, of an orbit at parameters, to the unknowns."""
         state = start["orbit"][: self.start[0].dimension, None]
         levels = [0.0 if p is None else float(values(H, 0.0, state, p)[0, 0])
-                  for H in kept.quantities]  # fmt: skip
-        time, first = kept.named("period")
-        start = {time if name == "period" else name: value for name, value in start.items()}
-        names = (first, *kept.names[1:], *kept.lambdas)
-        return start | dict(zip(names, [*levels, *[0.0] * len(levels)], strict=True))
+                  for H in kept.quantities.values()]  # fmt: skip
+        added = [*levels, *[0.0] * len(levels)]
+        start |= dict(zip((*kept.quantities, *kept.lambdas), added, strict=True))
+        # what is a parameter has another name as an unknown
+        return {"held" if name == kept.held else name: value for name, value in start.items()}
 
     # --- the equations ----------------------------------------------------------------------------
 
@@ -295,7 +295,7 @@ class FlowEquations:
         """Values of what is conserved less these, what is held less that, and how far the orbit is
         off its first one along symmetries."""
         layout, begin = self.layout, x[self.layout.nodes[0][0]]
-        levels = [values(H, 0.0, begin[:, None], p)[0, 0] for H in kept.quantities]
+        levels = [values(H, 0.0, begin[:, None], p)[0, 0] for H in kept.quantities.values()]
         held = x[(layout.lengths if kept.held == "period" else layout.levels)[0]] - p[kept.held]
         off = kept.across @ (begin - self.start[0].states[0])
         return np.concatenate([levels - x[layout.levels], [held], off])
@@ -305,9 +305,9 @@ class FlowEquations:
     ) -> Array:
         """Differentiate these in the first state, the duration, levels, lambdas and parameters."""
         begin = x[self.layout.nodes[0][0]]
-        n, k = begin.size, len(kept.names)
+        n, k = begin.size, len(kept.quantities)
         rows = np.zeros((2 * k, n + 1 + 2 * k + len(names)))
-        for row, H in zip(rows, kept.quantities, strict=False):
+        for row, H in zip(rows, kept.quantities.values(), strict=False):
             slope = slopes(H, 0.0, begin[:, None], p, names)[1][0, :, 0]
             row[:n], row[n + 1 + 2 * k :] = slope[:n], slope[n + 1 :]
         rows[:k, n + 1 : n + 1 + k] = -np.eye(k)
