@@ -150,16 +150,9 @@ def test_stable_is_blue_unstable_red_and_no_breather_white(panel) -> None:
         assert (min(colour) == 1.0) == (seen == "grey")
 
 
-def test_letters_stand_where_a_breather_is_what_they_say(panel) -> None:
-    letters = [t for t in panel.texts if t.get_text() in ("S", "US")]
-    assert len(letters) == 3
-    for text in letters:
-        gamma, a = text.get_position()
-        stable = cb.symmetric(a, gamma, 0.8).stability().stable
-        assert text.get_text() == ("S" if stable else "US")
-
-
 def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: Zones) -> None:
+    assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
+    assert panel.get_title(loc="left") == "$k$ = 0.8"
     names = {"LP": "fold", "GR": "grazing", "PF": "pitchfork", "NS": "Neimark–Sacker"}
     shown = legend_of(panel)
     assert list(shown) == [f"{names[kind]} ({kind})" for kind in ("LP", "GR", "PF", "NS")]
@@ -173,11 +166,6 @@ def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: 
         assert looks == shown[f"{names[kind]} ({kind})"]
         # limits of existence are black, those of stability have colours
         assert (hue(line.get_color()) == "grey") == (kind in ("LP", "GR"))
-
-
-def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
-    assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
-    assert panel.get_title(loc="left") == "$k$ = 0.8"
 
 
 @pytest.mark.parametrize(
@@ -329,25 +317,6 @@ def test_a_window_of_a_motion_is_what_was_asked_for_and_recorded(run) -> None:
     assert ax.get_xlim() == pytest.approx((3.0, 5.0))
     with pytest.raises(cb.BadInput, match=r"periods = \(40, 50\): a pair .* recorded, 1 to 12.95"):
         plot_motion(run, periods=(40, 50))
-
-
-def test_a_long_motion_is_its_envelope(state) -> None:
-    """The largest and the smallest displacement of each period, those at the walls included."""
-    long = cb.simulate(state, periods=40, sample=Sample((0, 1), 20), t0=TURN, **SET)
-    ax = plot_motion(long).axes
-    assert not ax.get_lines()
-    hit, beside = (band.get_paths()[0].vertices[:, 1] for band in ax.collections)
-    assert (hit.min(), hit.max()) == pytest.approx((-1.0, 1.0), abs=1e-12)
-    u = long.record.u[:, 1]
-    assert (beside.min(), beside.max()) == pytest.approx((u.min(), u.max()), abs=1e-12)
-    assert ax.get_xlim() == pytest.approx((1.0, 40.95))
-
-
-def test_section_is_velocity_over_displacement(run) -> None:
-    ax = plot_section(run, site=1).axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{1}$")
-    (line,) = ax.get_lines()
-    np.testing.assert_array_equal(line.get_data(), (run.strobe.u[:, 1], run.strobe.v[:, 1]))
 
 
 def test_section_of_a_fixed_point_does_not_zoom_into_rounding(state) -> None:

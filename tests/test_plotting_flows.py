@@ -120,14 +120,6 @@ def test_a_column_and_a_parameter_of_ones_own_keep_their_name() -> None:
     assert plain.names.count("unstable") == 1
 
 
-def test_equations_of_which_nobody_said_that_they_are_a_flow_are_not_called_stable() -> None:
-    mine = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": -1.0}, {"mu": 1.0})
-    branch = cb.trace(mine, "mu", within={"x": (-2, 2)}, events=[cb.fold()])
-    ax = plot(branch).axes
-    assert {line.get_linestyle() for line in lines(ax)} == {"-."}
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stability not computed"]
-
-
 def test_tables_of_cycles_are_without_their_collocation(cycles, tmp_path) -> None:
     frame = cycles.to_dataframe()
     assert not [name for name in frame if name.startswith(("orbit", "mesh"))]
