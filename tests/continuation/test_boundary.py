@@ -31,7 +31,6 @@ from .lines import kinds
 from .zoo import (
     CUSP,
     PITCHFORK,
-    analytic_bratu,
     chebyshev,
     cusp_surface,
     events_of,
@@ -162,26 +161,6 @@ def test_any_point_of_a_boundary_can_be_its_start(planar: Branch) -> None:
 
 
 # --- size and derivatives ---------------------------------------------------------------------
-
-
-def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
-    """u'' + lam exp(u/(1 + eps u)) = 0: the fold at eps = 0 is Bratu's; it ends in a cusp."""
-    second = chebyshev(16)
-    problem = ignition(second, lam=1.0)
-    branch = trace(
-        problem, "lam", within={"lam": (1, 5)}, events=[fold()], steps=Steps(largest=0.5)
-    )
-    same = trace(analytic_bratu(second).at(lam=1.0), "lam", within={"lam": (1, 5)}, events=[fold()])
-    assert branch.first("LP")["lam"] == pytest.approx(same.first("LP")["lam"], abs=1e-12)
-    within = {"eps": (0.0, 0.3), "lam": (3.0, 6.0)}
-    line = boundary(branch.first("LP"), ("eps", "lam"), within=within, towards="up")
-    cusp = line.first("CP")
-    assert cusp["eps"] == pytest.approx(0.24578, abs=1e-5)
-    for point in line.points[::10]:  # by another road: the derivative has an eigenvalue 0
-        values = np.linalg.eigvals(
-            problem.jacobian(point["u"], point.params | {"lam": point["lam"]})
-        )
-        assert abs(values).min() < 1e-9
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,6 @@ from .zoo import (
     BRUSSELATOR,
     CUSP,
     LINE,
-    NEUTRAL_SADDLE,
     STATIC,
     Array,
     events_of,
@@ -200,27 +199,12 @@ def test_nothing_is_found_where_nothing_is(traced: Callable[[], Branch]) -> None
     assert events_of(traced()) == []
 
 
-def test_a_neutral_saddle_is_no_hopf_point() -> None:
-    branch = trace_case(NEUTRAL_SADDLE, events=[hopf()])
-    assert events_of(branch) == []
-    (point,) = branch.doubtful
-    assert abs(point["m"]) < 1e-9
-    assert "neutral saddle" in point.detail["reason"]
-
-
 def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold() -> None:
     branch = trace_case(ARMS, events=STATIC)
     assert [point.kind for point in events_of(branch)] == ["BP"]
     assert {point.kind for point in branch.doubtful} == {"LP"}
     alone = trace_case(ARMS, events=[fold()])
     assert events_of(alone) == []
-
-
-def test_two_branch_points_within_one_step() -> None:
-    pair = scalar(lambda x, p: x * (x - (p["mu"] - 0.5) * (p["mu"] - 0.501)), 0.0, {"mu": -0.5})
-    for steps in (Steps(), LONG):
-        branch = trace(pair, "mu", within=UNIT, events=STATIC, steps=steps)
-        assert places(branch) == pytest.approx([0.5, 0.501], abs=1e-12)
 
 
 @pytest.mark.parametrize("largest", [0.01, 0.02, 0.05, 0.1, 0.5])

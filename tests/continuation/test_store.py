@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import platform
 import re
 import sys
@@ -40,7 +39,6 @@ from ..apart import ended
 from .zoo import (
     ARMS,
     BRATU,
-    CIRCLE,
     CUSP,
     ISOLA,
     LINE,
@@ -388,27 +386,6 @@ def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
                 *columns, *own, "about_in_json",
             }  # fmt: skip
             assert group.dataset["arclength"].dims == ("point",)
-
-
-class Broken(Exception):
-    pass
-
-
-@pytest.mark.parametrize("error", [Broken, KeyboardInterrupt, OSError])
-def test_a_failure_while_writing_leaves_the_old_file(
-    branch: Branch, path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
-) -> None:
-    save(path, branch)
-    before = path.read_bytes()
-
-    def fail(*_: object) -> None:
-        raise error
-
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(BadInput if error is OSError else error):
-        save(path, trace_case(CIRCLE))
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
 
 
 def test_a_killed_process_leaves_the_old_file(branch: Branch, path: Path) -> None:
