@@ -95,9 +95,7 @@ def test_a_tree_of_two_levels() -> None:
 @pytest.mark.parametrize(
     ("depth", "branches", "left"), [(0, 1, 1), (1, 3, 2), (2, 7, 0), (5, 7, 0)]
 )
-def test_depth_says_how_often_to_switch_and_what_is_left_is_told(
-    depth: int, branches: int, left: int
-) -> None:
+def test_depth_says_how_often_to_switch_and_what_is_left_is_told(depth, branches, left):
     tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), depth=depth)
     assert len(tree) == branches
     assert len(tree.left) == left
