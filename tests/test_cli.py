@@ -37,9 +37,7 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 # --- what is refused ----------------------------------------------------------------------------
 
 
-def test_bad_places_are_refused_before_anything_is_computed(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_places_are_refused_before_anything_is_computed(run, monkeypatch):
     computed = Mock()
     monkeypatch.setattr(cb, "zones_many", computed)
     assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
@@ -256,9 +254,7 @@ def test_pipes_take_tables_as_wide_as_they_are(run: Run) -> None:
         ("k", "--a 0.2 --gamma 0.0969709466", "NS", 0.8),
     ],
 )
-def test_branch_in_any_parameter_finds_a_start_by_itself(
-    run: Run, free: str, rest: str, kind: str, value: float
-) -> None:
+def test_branch_in_any_parameter_finds_a_start_by_itself(run, free, rest, kind, value):
     special = strict(run(f"branch --free {free} {rest} --json")[1])["special"]
     found = [point[free] for point in special if point["kind"] == kind]
     assert found == pytest.approx([value], abs=1e-7)
@@ -435,9 +431,7 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
 
 
-def test_zones_of_several_values_are_shared_out_in_order(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_zones_of_several_values_are_shared_out_in_order(run: Run, monkeypatch: pytest.MonkeyPatch):
     """To whoever computes many pieces of work, no executor being named: all cores."""
     module, asked = import_module("contbreather.orbits.atlas"), dict[str, Any]()
 

@@ -272,9 +272,7 @@ def data_of(ax) -> np.ndarray:
         ),
     ],
 )
-def test_picture_of_a_curve_is_that_of_its_columns(
-    run, pictures, line: str, x: str, y: str, labels: tuple[str, str]
-) -> None:
+def test_picture_of_a_curve_is_that_of_its_columns(run, pictures, line, x, y, labels):
     columns = json.loads(run(f"{line} -o b.png --json")[1])["columns"]
     (ax,) = pictures[0].axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == labels
