@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -126,9 +126,7 @@ def diagram() -> cb.orbits.Zones:
 
 
 @pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[str], tuple[int, str, str]]:
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Run a command line in an empty directory: status, standard output, standard error."""
     monkeypatch.chdir(tmp_path)
 

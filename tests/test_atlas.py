@@ -62,9 +62,7 @@ def test_where_limits_meet_an_atlas_says_which() -> None:
     }
 
 
-def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
-    found: Any, tmp_path: Path
-) -> None:
+def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(found: Any, tmp_path: Path):
     path = save_atlas(tmp_path / "atlas.nc", found)
     for one in (found, *found.variables.values()):
         assert not any(isinstance(value, bytes) for value in one.attrs.values())
@@ -149,9 +147,7 @@ def test_an_atlas_without_a_curve_is_refused() -> None:
         cb.atlas(k=0.8, within={"gamma": (0.03, 0.031), "a": (0.5, 0.51)}, executor=1)
 
 
-def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(
-    run: Callable[[str], tuple[int, str, str]],
-) -> None:
+def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(run):
     status, out, _ = run("atlas --k 0.8,2,0.7 --gamma-window 0 0.01 --workers 1 --save a.nc")
     first, missing, wrote = out.splitlines()
     assert (status, wrote) == (0, "Wrote a.nc.")

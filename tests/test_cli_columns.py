@@ -195,23 +195,6 @@ def test_the_end_of_a_long_stream_is_a_run_of_its_own(run) -> None:
     np.testing.assert_allclose(shown.impacts["time"], late["time"], atol=1e-9)
 
 
-def test_columns_of_a_branch_are_those_of_the_breathers_on_it(run) -> None:
-    run("branch --free gamma --a 0.3 --k 0.6 --csv b.csv --window 0.02 0.1")
-    rows = table("b.csv")
-    assert len(rows) > 3
-    assert (rows[0]["gamma"], rows[-1]["gamma"]) == ("0.02", "0.1")
-    assert (rows[0]["label"], rows[-1]["label"]) == ("EP1", "EP2")
-    for row in rows:
-        b = cb.symmetric(0.3, float(row["gamma"]), 0.6)
-        assert (float(row["a"]), float(row["k"])) == (0.3, 0.6)
-        assert float(row["p"]) == pytest.approx(b.p, abs=1e-12)
-        assert float(row["phi"]) == pytest.approx(b.phi, abs=1e-12)
-        assert row["label"] or int(row["unstable"]) == b.stability().unstable
-    along = column(rows, "arclength")
-    assert along == sorted(along)
-    assert max(column(rows, "residual")) < 1e-12
-
-
 # --- titles, and pictures that commands write -----------------------------------------------------
 
 
@@ -289,9 +272,7 @@ def data_of(ax) -> np.ndarray:
         ),
     ],
 )
-def test_picture_of_a_curve_is_that_of_its_columns(
-    run, pictures, line: str, x: str, y: str, labels: tuple[str, str]
-) -> None:
+def test_picture_of_a_curve_is_that_of_its_columns(run, pictures, line, x, y, labels):
     columns = json.loads(run(f"{line} -o b.png --json")[1])["columns"]
     (ax,) = pictures[0].axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == labels

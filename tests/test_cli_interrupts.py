@@ -52,9 +52,7 @@ class Clock:
 
 
 @pytest.mark.apart
-def test_what_is_done_is_written_and_marked_as_cut_short(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_done_is_written_and_marked_as_cut_short(run: Run, monkeypatch: pytest.MonkeyPatch):
     clock = Clock(monkeypatch)
     for line, part in LINES.items():
         clock.asked, clock.last = 0, math.inf
@@ -87,9 +85,7 @@ def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.apart
-def test_before_there_is_anything_nothing_is_said_or_written(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_before_there_is_anything_nothing_is_said_or_written(run, monkeypatch):
     Clock(monkeypatch, cb.InfiniteChain).last = 1
     assert run(ZONES) == (INTERRUPTED, "", "contbreather: interrupted\n")
     assert os.listdir() == []
@@ -120,9 +116,7 @@ def test_while_it_writes_one_interruption_waits(run: Run, monkeypatch: pytest.Mo
 
 
 @pytest.mark.apart
-def test_while_it_writes_the_second_interruption_does_not_wait(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_while_it_writes_the_second_interruption_does_not_wait(run, monkeypatch):
     drawn(monkeypatch, 2)
     assert run(BRANCH)[:2] == (INTERRUPTED, "")
     assert os.listdir() == ["branch.csv"]
@@ -180,9 +174,7 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
     ("line", "to_all"),
     [("atlas --k 0.3:0.9:400 --workers 2", True), ("run study.toml --workers 2", False)],
 )
-def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
-    tmp_path: Path, line: str, to_all: bool
-) -> None:
+def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(tmp_path, line, to_all):
     (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
     with begun("-m", "contbreather", *shlex.split(line), cwd=tmp_path) as one:
         until(lambda: workers_of(one.pid) or one.poll() is not None)
@@ -236,9 +228,7 @@ IMPORTED = [
 
 
 @pytest.mark.parametrize(("line", "module"), IMPORTED)
-def test_one_that_comes_during_an_import_is_not_lost(
-    tmp_path: Path, line: str, module: str
-) -> None:
+def test_one_that_comes_during_an_import_is_not_lost(tmp_path: Path, line: str, module: str):
     one = process(line, tmp_path, script=["-c", AMID_IMPORT, module])
     assert one.returncode == INTERRUPTED
     out, err = one.stdout, one.stderr
@@ -290,9 +280,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("line", "env"), ODD)
-def test_odd_terminals_and_settings_do_no_harm(
-    tmp_path: Path, line: str, env: dict[str, str]
-) -> None:
+def test_odd_terminals_and_settings_do_no_harm(tmp_path: Path, line: str, env: dict[str, str]):
     one = process(line, tmp_path, env=env)
     assert (one.returncode, one.stderr) == (DONE, "")
     assert one.stdout

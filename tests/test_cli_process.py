@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import io
 import json
 import math
 import os
@@ -19,7 +18,7 @@ import pytest
 import contbreather.__main__ as entry
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
-from contbreather.cli.process import abandon, computing, interruptible
+from contbreather.cli.process import computing, interruptible
 from contbreather.errors import Interrupted, NotConverged
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
@@ -33,20 +32,6 @@ def surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setenv("COLUMNS", "80")
     yield
     signal.signal(signal.SIGINT, before)
-
-
-# --- streams --------------------------------------------------------------------------------------
-
-
-def test_what_a_stream_could_not_take_goes_nowhere_in_the_end() -> None:
-    reading, writing = os.pipe()
-    os.close(reading)
-    stream = open(writing, "w", buffering=1)  # noqa: SIM115
-    with pytest.raises(BrokenPipeError):
-        stream.write("something\n")
-    abandon(stream)
-    stream.close()  # without a word
-    abandon(io.StringIO())  # has no number
 
 
 # --- how a command line ends ----------------------------------------------------------------------

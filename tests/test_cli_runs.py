@@ -129,9 +129,7 @@ def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
         ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
     ],
 )  # fmt: skip
-def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(
-    run: Run, command: str, name: str
-) -> None:
+def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(run, command, name):
     """All that it said in JSON but where it wrote to, of what is in the file; the same table."""
     status, out, _ = run(f"{command} --json --csv first.csv --save kept.nc -o first.png")
     first = json.loads(out)

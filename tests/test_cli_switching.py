@@ -64,9 +64,7 @@ def test_arms_in_json_are_those_of_the_library(run: Run) -> None:
         assert told["end"].startswith("GR1: at the limit: site 1")
 
 
-def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(
-    run: Run,
-) -> None:
+def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(run: Run):
     out = run(f"{SWITCH} --csv arms.csv --save arms.nc")[1]
     kept = cb.load("arms.nc")["arm1"]
     label = kept[0].label
@@ -153,9 +151,7 @@ def arms_end(monkeypatch: pytest.MonkeyPatch, how: BaseException) -> None:
     )
 
 
-def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_diagram_is_shown_and_has_its_own_status(run, monkeypatch):
     arms_end(monkeypatch, KeyboardInterrupt())
     status, out, err = run(f"{DIAGRAM} --json")
     assert (status, err) == (INTERRUPTED, "contbreather: interrupted: the result is cut short\n")
@@ -163,9 +159,7 @@ def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
     assert strict(out)["left"] == ["branch 0: PF1"]
 
 
-def test_arms_that_fail_are_told_and_have_status_1(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arms_that_fail_are_told_and_have_status_1(run: Run, monkeypatch: pytest.MonkeyPatch):
     arms_end(monkeypatch, cb.NotConverged("no first step"))
     status, out, err = run(DIAGRAM)
     assert status == FAILED

@@ -18,6 +18,7 @@ import pytest
 from nbclient import NotebookClient
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather import progress, studies
 from contbreather.certified import certify
 from contbreather.errors import BadInput
@@ -26,19 +27,6 @@ from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting import pictures, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, DASHES, GREY
-from contbreather.simulation import (
-    Axis,
-    Outcome,
-    Sample,
-    attraction,
-    localisation,
-    lyapunov,
-    periodic,
-    record,
-    rotation,
-    simulate_smooth,
-    sweep,
-)
 from contbreather.simulation.classify import judge
 from contbreather.tables import Column, HtmlRepr, Sheet
 from tests.stability.half import over_reflection, unstable_count
@@ -59,9 +47,9 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     branch = cb.trace(b, "a", within={"a": (0.4, 0.9)})
     mine = cb.Problem(**LINE, start={"x": 0.0}, params={"mu": 0.0})
     many = cb.Problem(**LINE, start={"u": np.zeros(9)}, params={"mu": 0.0})
-    u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 1.0])
+    u, v = sim.Axis("u", 0, [-0.9, 0.9]), sim.Axis("v", 0, [-1.0, 1.0])
     with ThreadPoolExecutor(1) as one:
-        basin = attraction(b.state(5), u, v, **ON, periods=2, executor=one)
+        basin = sim.attraction(b.state(5), u, v, **ON, periods=2, executor=one)
     kept, empty = (cb.Run(tmp_path_factory.mktemp(name)) for name in ("kept", "empty"))
     kept.keep(branch=branch, back=branch.reversed())
     fork = cb.trace(cb.symmetric(0.77, 0.04, 0.8), "a", within={"a": (0.77, 0.78)})
@@ -83,9 +71,9 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "zones of several values": cb.zones(k=[0.7, 0.8], within={"gamma": (0, 0.03)}),
         "Zones without curves": Zones(("k", 0.8), ("gamma", "a"), dict.fromkeys(KINDS, ())),
         "Run": cb.simulate(b.state(10), **ON, periods=2),
-        "Run with a record": cb.simulate(b.state(10), **ON, periods=2, sample=Sample((0, 1))),
-        "SmoothRun": simulate_smooth(b.state(4), m=5, **ON, periods=1),
-        "Sweep": sweep(b.state(10), "a", [0.5, 0.4], periods=2, **ON),
+        "Run with a record": cb.simulate(b.state(10), **ON, periods=2, sample=sim.Sample((0, 1))),
+        "SmoothRun": sim.simulate_smooth(b.state(4), m=5, **ON, periods=1),
+        "Sweep": sim.sweep(b.state(10), "a", [0.5, 0.4], periods=2, **ON),
         "Basin": basin,
         "results on disk": kept,
         "an empty folder": empty,
@@ -96,13 +84,13 @@ def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
     """Of results that are numbers and verdicts alone; notebooks show them without a picture."""
     b, calm = cb.symmetric(**ON), cb.symmetric(a=0.1, gamma=0.05, k=0.8)
     proof, lossy = b.certify(), {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.02}
-    motion = periodic(calm.state(6), **lossy, symmetric=True)
+    motion = sim.periodic(calm.state(6), **lossy, symmetric=True)
     waves, count = over_reflection(0.08, 0.8, 0.3), unstable_count(0.11, 0.8, 0.3)
-    stream = record(tmp_path / "run.nc", b.state(5), **ON, periods=3)
-    state, lost = b.state(9), lyapunov(calm.state(3), a=0.1, gamma=0.05, k=0.8, periods=50)
-    energy = localisation(*state, a=0.5, gamma=0.08)
+    stream = sim.record(tmp_path / "run.nc", b.state(5), **ON, periods=3)
+    state, lost = b.state(9), sim.lyapunov(calm.state(3), a=0.1, gamma=0.05, k=0.8, periods=50)
+    energy = sim.localisation(*state, a=0.5, gamma=0.08)
     turning = np.exp(0.3j * np.arange(400))
-    turns = rotation(turning.real, turning.imag)
+    turns = sim.rotation(turning.real, turning.imag)
     fork = cb.trace(cb.symmetric(0.77, 0.04, 0.8), "a", within={"a": (0.77, 0.78)}).first("PF")
     form = pitchfork_form(fork.solution)
     (alone,) = multibreathers(cb.Ring(4), a=0.5, gamma=0.02, k=0.8, most=1)
@@ -256,7 +244,7 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     ]
     basin, outcomes = values["Basin"], dict(shown["Basin"])
     assert float(outcomes.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
-    there = {outcome.words: str(np.sum(basin.outcome == outcome)) for outcome in Outcome}
+    there = {outcome.words: str(np.sum(basin.outcome == outcome)) for outcome in sim.Outcome}
     assert outcomes == {outcome: count for outcome, count in there.items() if count != "0"}
 
 
@@ -295,7 +283,9 @@ def test_representations_are_one_short_line(values) -> None:
         "Record": values["Run with a record"].record,
         "State": values["Run"].final,
         "strobe": values["Run"].strobe,
-        "Localisation": localisation(*values["Run"].strobe, values["Run"].times, a=0.5, gamma=0.08),
+        "Localisation": sim.localisation(
+            *values["Run"].strobe, values["Run"].times, a=0.5, gamma=0.08
+        ),
         "Curve": values["Branch"].curve,
         "Points": values["Branch"].points,
         "Lattice": cb.Lattice(np.diag(np.full(40, 2.0))),

@@ -79,9 +79,7 @@ def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_the_page_on_figures_gives_what_it_shows_and_at_last_a_finished_figure(
-    tmp_path: Path,
-) -> None:
+def test_the_page_on_figures_gives_what_it_shows_and_at_last_a_finished_figure(tmp_path: Path):
     ax = carried_out(FIGURES, tmp_path / FIGURES.name)["ax"]
     ax.figure.draw_without_rendering()
     (word,), tick = ax.get_legend().get_texts(), ax.get_xticklabels()[0]
@@ -118,9 +116,7 @@ def commands(page: Path) -> list[tuple[str, str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", pages("^```console$"), ids=name_of)
-def test_commands_on_a_page_print_what_it_shows(
-    page: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_on_a_page_print_what_it_shows(page: Path, capsys: pytest.CaptureFixture[str]):
     status = 0
     for command, shown in commands(page):
         if command == "echo $?":

@@ -23,9 +23,7 @@ def load(path: Path) -> ModuleType:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example_runs_and_complains_of_nothing(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_example_runs_and_complains_of_nothing(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     made = load(path).main()
     out, err = capsys.readouterr()

@@ -55,9 +55,7 @@ def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
     assert write_whole(target, slowly).read_text() == "one\ntwo\n"
 
 
-def test_bytes_are_on_the_disk_before_they_have_the_name(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_bytes_are_on_the_disk_before_they_have_the_name(monkeypatch, tmp_path):
     seen: list[int] = []
 
     def fsync(number: int) -> None:
@@ -153,9 +151,7 @@ def test_temporary_name_is_nobody_s_and_short(tmp_path: Path) -> None:
     assert str(os.getpid()) not in seen
 
 
-def test_link_laid_in_place_of_the_temporary_file_is_not_followed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_link_laid_in_place_of_the_temporary_file_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "urandom", bytes)
     (tmp_path / "victim").write_text("precious")
     (tmp_path / f".{bytes(8).hex()}.part").symlink_to("victim")
@@ -184,9 +180,7 @@ def test_link_laid_in_place_of_the_temporary_file_is_not_followed(
         ("\ud800", "surrogates"),
     ],
 )
-def test_place_that_cannot_be_is_refused(
-    name: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_place_that_cannot_be_is_refused(name, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     Path("file").touch()
@@ -214,9 +208,7 @@ def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
         write_whole(tmp_path / "sda", saying(b"x"))
 
 
-def test_missing_permission_and_read_only_file_systems_have_their_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_permission_and_read_only_file_systems_have_their_sentence(tmp_path, monkeypatch):
     """That of the folder counts for files, and not for devices."""
     target, pipe = tmp_path / "x", tmp_path / "pipe"
     target.write_text("old")
@@ -239,9 +231,7 @@ def test_missing_permission_and_read_only_file_systems_have_their_sentence(
         writable(target)
 
 
-def test_folder_that_goes_away_meanwhile_is_a_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folder_that_goes_away_meanwhile_is_a_sentence(tmp_path, monkeypatch):
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)

@@ -100,17 +100,14 @@ def imports_of(package: Path) -> list[Import]:
 # --- reading the drawing --------------------------------------------------------------------
 
 
-def drawn(text: str, level: str = "floor") -> tuple[dict[str, int], set[str]]:
-    """The floor of each name, and the names that are only planned (in parentheses)."""
-    floors, planned = {}, set()
+def drawn(text: str, level: str = "floor") -> dict[str, int]:
+    """The floor of each name."""
+    floors = {}
     for line in re.findall(rf"^{level} .*$", text, flags=re.MULTILINE):
         head, *_ = re.split(r"\s{3,}", line.removeprefix(level).strip().replace("   ", " ", 1))
         number, *names = head.split()
-        for name in names:
-            floors[name.strip("()")] = int(number)
-            if name.startswith("("):
-                planned.add(name.strip("()"))
-    return floors, planned
+        floors |= dict.fromkeys(names, int(number))
+    return floors
 
 
 def listed(stub: Path) -> dict[str, tuple[str, str | None]]:
@@ -121,10 +118,7 @@ def listed(stub: Path) -> dict[str, tuple[str, str | None]]:
 
 
 STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
-FLOORS, PLANNED = drawn(DRAWING.read_text(encoding="utf-8"))
-
-
-STOREYS, _ = drawn(DRAWING.read_text(encoding="utf-8"), "storey")
+FLOORS, STOREYS = (drawn(DRAWING.read_text(encoding="utf-8"), one) for one in ("floor", "storey"))
 HOUSE = f"{FRONT_DESK}.continuation."
 
 
@@ -223,7 +217,7 @@ def test_the_engine_needs_numpy_and_scipy_only() -> None:
 
 def test_every_module_stands_on_a_drawn_floor_and_every_drawn_one_exists() -> None:
     there = {room(name) for name in modules(PACKAGE) if name != FRONT_DESK}
-    assert there == set(FLOORS) - PLANNED
+    assert there == set(FLOORS)
 
 
 @pytest.mark.parametrize(("before", "now"), [("breathers", "orbits"), ("dynamics", "simulation")])
@@ -324,8 +318,3 @@ def test_a_fault_that_is_planted_is_seen_and_what_is_allowed_is_not(
     assert len(upward(found, FLOORS_THERE)) == up
     assert len(outside_the_engine(found)) == outside
     assert in_circles(found) == ({"lattice.green", "lattice.modes"} if circle else set())
-
-
-def test_drawing_is_read_as_drawn() -> None:
-    text = "floor 2   cli  (explorer)     words that say why\nfloor 0   errors   more words\n"
-    assert drawn(text) == ({"cli": 2, "explorer": 2, "errors": 0}, {"explorer"})

@@ -105,9 +105,7 @@ def test_zones_name_what_is_no_number(name: str, lattice: Any) -> None:
 
 
 @pytest.mark.parametrize("late", [1e16, -1e16, 1e300, 6.3e12])
-def test_a_time_too_late_to_tell_an_impact_by_is_refused(
-    late: float, breather: cb.Orbit, tmp_path: Path
-) -> None:
+def test_a_time_too_late_to_tell_an_impact_by_is_refused(late, breather, tmp_path):
     """There neighbouring numbers are milliseconds apart, later on periods."""
     state = breather.state(6)
     on: dict[str, Any] = {**HERE, "t0": late}
@@ -214,9 +212,7 @@ def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Orbit) -> Non
 # --- files and figures ----------------------------------------------------------------------------
 
 
-def test_a_file_takes_its_equations_from_a_breather(
-    breather: cb.Orbit, branch: cb.Branch, tmp_path: Path
-) -> None:
+def test_a_file_takes_its_equations_from_a_breather(breather, branch, tmp_path):
     cb.save(tmp_path / "b.nc", branch)
     back = cb.load(tmp_path / "b.nc", problem=breather)
     assert isinstance(back, cb.Branch)

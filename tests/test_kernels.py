@@ -176,9 +176,7 @@ def built(root: Path, folder: Path, version: str, asked: str) -> Path:
     return Path(said.splitlines()[-1])
 
 
-def test_a_wheel_has_objects_beside_their_source_and_says_where_it_fits(
-    scratch: Path, tmp_path: Path
-) -> None:
+def test_a_wheel_has_objects_beside_their_source_and_says_where_it_fits(scratch, tmp_path):
     wheel = built(scratch, tmp_path, "standard", "1")
     names = zipfile.ZipFile(wheel).namelist()
     objects = sorted(name for name in names if name.endswith(".o"))
@@ -204,9 +202,7 @@ def test_a_wheel_without_objects_is_for_all_and_says_why(scratch: Path, tmp_path
     shutil.rmtree(scratch / "contbreather" / "_objects")
 
 
-def test_what_is_in_the_tree_of_a_checkout_is_of_its_text_and_alone_there(
-    scratch: Path, tmp_path: Path
-) -> None:
+def test_what_is_in_the_tree_of_a_checkout_is_of_its_text_and_alone_there(scratch, tmp_path):
     beside = scratch / "contbreather" / "_objects"
     beside.mkdir()
     beside.joinpath("older.o").touch()
@@ -254,9 +250,7 @@ def test_the_compiler_removes_what_is_of_an_older_text_and_leaves_what_others_ma
     assert sorted(beside.iterdir()) == sorted([made, elsewhere])
 
 
-def test_a_kernel_is_compiled_from_what_its_annotations_say(
-    own: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kernel_is_compiled_from_what_its_annotations_say(own, tmp_path, monkeypatch):
     pytest.importorskip("numba")
     kernel = Kernel(doubled)
     code = compiler.object_of(kernel)
@@ -295,9 +289,7 @@ def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: Non
 
 
 @pytest.mark.parametrize("what", ["features", "name", "version"])
-def test_code_is_not_taken_to_another_processor_or_python(
-    own: None, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
+def test_code_is_not_taken_to_another_processor_or_python(own, monkeypatch, what):
     """Also one of the same name that can do less."""
     llvm = pytest.importorskip("llvmlite.binding")
     kernel = Kernel(doubled)
@@ -324,9 +316,7 @@ def test_the_version_says_more_if_it_is_asked(run: Any) -> None:
     assert re.search(r"\d+ of \d+ loops are compiled|nothing is compiled", out)
 
 
-def test_on_another_processor_the_version_says_what_to_do(
-    run: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_another_processor_the_version_says_what_to_do(run, monkeypatch):
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
     caches = machine_code.processor, machine_code.file_name

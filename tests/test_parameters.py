@@ -41,9 +41,7 @@ def test_conditions_are_what_is_declared_in_this_order_with_these_defaults() -> 
     assert all(fields[n].default == NUMBERS[n].default for n in NAMES if n not in NEEDED)
 
 
-def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(capsys):
     assert set(inspect.signature(cb.symmetric).parameters) == {*DECLARED, "root"}
     assert main(["point", "--help"]) == 0
     said = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())

@@ -79,16 +79,12 @@ def traced(request: pytest.FixtureRequest) -> tuple[Any, str, dict[str, Any], cb
     return start, free, within, cb.trace(start, free, within=within)
 
 
-def test_a_start_out_of_a_pickle_has_the_same_branch(
-    traced: tuple[Any, str, dict[str, Any], cb.Branch],
-) -> None:
+def test_a_start_out_of_a_pickle_has_the_same_branch(traced):
     start, free, within, branch = traced
     assert same(cb.trace(again(start), free, within=within), branch)
 
 
-def test_a_branch_out_of_a_pickle_is_the_same_and_goes_on(
-    traced: tuple[Any, str, dict[str, Any], cb.Branch],
-) -> None:
+def test_a_branch_out_of_a_pickle_is_the_same_and_goes_on(traced):
     _, free, within, branch = traced
     copy = again(branch)
     assert same(copy, branch)
@@ -100,9 +96,7 @@ def test_a_branch_out_of_a_pickle_is_the_same_and_goes_on(
         copy[1].z[0] = 0.0
 
 
-def test_special_points_out_of_a_pickle_lead_to_the_same_curves(
-    traced: tuple[Any, str, dict[str, Any], cb.Branch],
-) -> None:
+def test_special_points_out_of_a_pickle_lead_to_the_same_curves(traced):
     """Boundaries, with what they meet, and arms; a boundary goes through a pickle itself."""
     _, free, _, branch = traced
     others = [name for name in ("gamma", "h") if name in branch.problem.params and name != free]

@@ -8,12 +8,12 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
+import contbreather.plotting as plots
 from contbreather.continuation import Branch
 from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
@@ -21,15 +21,6 @@ from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.plotting import (
-    new_figure,
-    plot,
-    plot_diagram,
-    plot_multipliers,
-    plot_orbit,
-    plot_zones,
-    save_figure,
-)
 from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, marker_of
 from contbreather.plotting.multipliers import band
 
@@ -57,7 +48,7 @@ def overlaps(ax) -> int:
 
 
 def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) -> None:
-    ax = plot(in_a).axes
+    ax = plots.plot(in_a).axes
     for line in curves(ax):
         dashed = line.get_linestyle() == "--"
         for p in np.asarray(line.get_ydata())[3:-3:5]:
@@ -71,7 +62,7 @@ def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) 
 
 
 def test_line_changes_its_style_at_the_fold_and_at_the_pitchfork(in_a: Branch) -> None:
-    drawn = curves(plot(in_a).axes)
+    drawn = curves(plots.plot(in_a).axes)
     assert [line.get_linestyle() for line in drawn] == ["--", "-", "--"]
     ends = [line.get_xdata()[-1] for line in drawn[:-1]]
     assert ends == pytest.approx([in_a.first("LP")["a"], in_a.first("PF")["a"]], abs=1e-12)
@@ -84,7 +75,7 @@ def test_piece_between_two_special_points_is_drawn_by_what_lies_inside() -> None
     branch = cb.trace(ring, "a", within={"a": (0.25, 0.9)})
     bare = replace(branch, points=branch.special)
     assert [point.label for point in bare] == ["EP1", "NS1", "NS2", "PF1", "EP2"]
-    drawn = {line.get_xdata()[0]: line.get_linestyle() for line in curves(plot(bare).axes)}
+    drawn = {line.get_xdata()[0]: line.get_linestyle() for line in curves(plots.plot(bare).axes)}
     assert list(drawn.values()) == ["-", "--", "-", "--"]
     for point, after in itertools.pairwise(bare):
         middle = cb.symmetric(0.5 * (point["a"] + after["a"]), 0.04, 0.8)
@@ -99,7 +90,7 @@ def test_problem_without_a_count_of_unstable_directions_is_one_line_that_is_not_
         params={"mu": 1.0, "h": 1.875},
     )
     branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold()])
-    ax = plot(branch).axes
+    ax = plots.plot(branch).axes
     (line,) = curves(ax)
     assert line.get_linestyle() == "-."
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stability not computed"]
@@ -107,7 +98,7 @@ def test_problem_without_a_count_of_unstable_directions_is_one_line_that_is_not_
 
 
 def test_boundary_is_solid_and_drawn_in_its_two_parameters(diagram: Zones) -> None:
-    ax = plot(diagram.curves["NS"][0]).axes
+    ax = plots.plot(diagram.curves["NS"][0]).axes
     assert {line.get_linestyle() for line in curves(ax)} == {"-"}
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
 
@@ -115,7 +106,7 @@ def test_boundary_is_solid_and_drawn_in_its_two_parameters(diagram: Zones) -> No
 def test_boundaries_are_told_apart_by_a_legend_of_their_kinds(diagram: Zones) -> None:
     """A meeting that was found along both is named once; a kind has one colour."""
     found = [branch for kind in ("PF", "GR", "NS") for branch in diagram.curves[kind]]
-    ax = plot(*found, found[0]).axes
+    ax = plots.plot(*found, found[0]).axes
     legend = ax.get_legend()
     named = zip(legend.get_texts(), legend.get_lines(), strict=True)
     colour = {text.get_text(): line.get_color() for text, line in named}
@@ -139,7 +130,7 @@ def test_a_legend_without_room_inside_the_axes_stands_above_them() -> None:
         for c in (-5.0, -1.0, -0.2, 0.2, 1.0, 5.0)
     ]
     for branches, inside in ((several, False), (several[3:], True)):
-        ax = plot(*branches).axes
+        ax = plots.plot(*branches).axes
         ax.figure.draw_without_rendering()
         box = ax.get_legend().get_window_extent()
         assert (box.y0 < ax.bbox.y1) == inside
@@ -151,7 +142,7 @@ def test_a_legend_without_room_inside_the_axes_stands_above_them() -> None:
 
 def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> None:
     x, y = (
-        np.concatenate([getattr(line, f"get_{c}data")() for line in curves(plot(in_a).axes)])
+        np.concatenate([getattr(line, f"get_{c}data")() for line in curves(plots.plot(in_a).axes)])
         for c in "xy"
     )
     for point in in_a:
@@ -161,7 +152,7 @@ def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> 
 
 
 def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
-    ax = plot(in_a).axes
+    ax = plots.plot(in_a).axes
     points = [line for line in ax.get_lines() if line.get_linestyle() == "None"]
     shown = {line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0]) for line in points}
     for point in in_a.special:
@@ -171,7 +162,7 @@ def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
 
 def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
-    ax = plot(in_a, other).axes
+    ax = plots.plot(in_a, other).axes
     assert not any(text.get_text().startswith("EP") for text in words(ax))
     dots = [line for line in ax.get_lines() if line.get_marker() == look_of("EP").marker]
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
@@ -199,7 +190,7 @@ def test_one_point_of_two_branches_is_named_once() -> None:
     flat = cb.trace(pitchfork, "mu", within=within, events=events)
     bent = cb.trace(pitchfork.at(x=0.5, mu=0.25), "mu", within=within, events=events)
     assert [p.kind for b in (flat, bent) for p in b.special].count("BP") == 2
-    assert [text.get_text() for text in words(plot(flat, bent).axes)] == ["BP1"]
+    assert [text.get_text() for text in words(plots.plot(flat, bent).axes)] == ["BP1"]
 
 
 def test_a_fold_that_two_branches_number_otherwise_is_named_once() -> None:
@@ -210,7 +201,7 @@ def test_a_fold_that_two_branches_number_otherwise_is_named_once() -> None:
         for start, way in ((cubic, "up"), (cubic.at(x=2.1, mu=1.0), "down"))
     ]
     assert [round(way.first("LP")["mu"], 6) for way in ways] == [0.666667, -0.666667]
-    assert [text.get_text() for text in words(plot(*ways).axes)] == ["LP1", "LP2"]
+    assert [text.get_text() for text in words(plots.plot(*ways).axes)] == ["LP1", "LP2"]
 
 
 @pytest.mark.parametrize("value", [1.0, -3.0, 0.0, 1e5])
@@ -221,7 +212,7 @@ def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> N
     shown = cb.continuation.with_columns(
         branch, level=lambda point: value + noise * np.sin(99 * point["mu"])
     )
-    ax = plot(shown, y="level").axes
+    ax = plots.plot(shown, y="level").axes
     ax.figure.draw_without_rendering()
     low, high = ax.get_ylim()
     assert low < value < high
@@ -231,7 +222,7 @@ def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> N
 
 def test_small_changes_are_not_taken_for_rounding() -> None:
     line = cb.Problem(lambda x, p: np.array([x[0] - 1 - 1e-6 * p["mu"]]), {"x": 1.0}, {"mu": 0.0})
-    ax = plot(cb.trace(line, "mu", within={"mu": (-1, 1)})).axes
+    ax = plots.plot(cb.trace(line, "mu", within={"mu": (-1, 1)})).axes
     ax.figure.draw_without_rendering()
     low, high = ax.get_ylim()
     assert high - low < 3e-6
@@ -258,12 +249,12 @@ def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> Non
     from dataclasses import replace
 
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in in_a)
-    shown = {text.get_text() for text in words(plot(replace(in_a, points=doubtful)).axes)}
+    shown = {text.get_text() for text in words(plots.plot(replace(in_a, points=doubtful)).axes)}
     assert "PF1?" in shown
 
 
 def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
-    ax = plot(in_a).axes
+    ax = plots.plot(in_a).axes
     assert overlaps(ax) == 0
     frame = ax.bbox
     for text in words(ax):
@@ -274,9 +265,9 @@ def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
 
 def test_branches_have_different_colours_in_one_call_and_in_several(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
-    ax = plot(in_a, other).axes
+    ax = plots.plot(in_a, other).axes
     assert len({line.get_color() for line in curves(ax)}) == 2
-    plot(in_a, ax=ax)
+    plots.plot(in_a, ax=ax)
     assert len({line.get_color() for line in curves(ax)}) == 3
 
 
@@ -287,7 +278,7 @@ def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count:
                  within={"mu": (0.9, 1.1)}, events=[cb.hopf()])
         for c in reversed(range(1, count + 1))
     ]  # fmt: skip
-    ax = plot(*several).axes
+    ax = plots.plot(*several).axes
     colours = {line.get_color(): line for line in curves(ax)}
     assert len(colours) == count
     legend = ax.get_legend()
@@ -312,51 +303,52 @@ def test_beyond_some_names_a_legend_of_kinds_takes_their_place() -> None:
         cb.trace(cb.symmetric(0.5, gamma, 0.8), "a", within={"a": (0.3, 1.2)})
         for gamma in np.linspace(0.02, 0.12, 9)
     ]
-    ax = plot(*several).axes
+    ax = plots.plot(*several).axes
     assert not words(ax)
     shown = {text.get_text() for text in ax.get_legend().get_texts()}
     assert {p.kind for b in several for p in b.special} - {"EP"} <= shown
     figure = ax.get_figure()
     figure.draw_without_rendering()
     assert ax.bbox.height > 0.4 * figure.bbox.height
-    assert len(words(plot(*several, labels=True).axes)) > 14
+    assert len(words(plots.plot(*several, labels=True).axes)) > 14
 
 
 def test_kinds_and_colours_are_those_that_were_asked_for(in_a: Branch) -> None:
-    ax = plot(in_a, kinds=("PF",), colours=["teal"]).axes
+    ax = plots.plot(in_a, kinds=("PF",), colours=["teal"]).axes
     assert [text.get_text() for text in words(ax)] == ["PF1"]
     assert {line.get_color() for line in curves(ax)} == {"teal"}
     with pytest.raises(cb.BadInput, match="a colour for each of 1"):
-        plot(in_a, colours=["teal", "red"])
+        plots.plot(in_a, colours=["teal", "red"])
     with pytest.raises(cb.BadInput, match="kinds = 'PF': several were expected"):
-        plot(in_a, kinds="PF")
+        plots.plot(in_a, kinds="PF")
 
 
 def test_mirror_images_have_one_colour(in_a: Branch) -> None:
     arms = cb.switch(in_a.first("PF"))
-    ax = plot(in_a, *arms, y="p").axes
+    ax = plots.plot(in_a, *arms, y="p").axes
     assert len({line.get_color() for line in curves(ax)}) == 2
 
 
 @pytest.mark.parametrize(
     ("draw", "sentence"),
     [
-        (lambda b, z: plot(b, x="b"), "no column 'b'; this branch has"),
-        (lambda b, z: plot(), "at least one branch"),
-        (lambda b, z: plot(b, z), "only branches are drawn together, or zones; a Zones was"),
-        (lambda b, z: plot(z, y="p"), "y says nothing of the picture of a Zones"),
-        (lambda b, z: plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
+        (lambda b, z: plots.plot(b, x="b"), "no column 'b'; this branch has"),
+        (lambda b, z: plots.plot(), "at least one branch"),
+        (lambda b, z: plots.plot(b, z), "only branches are drawn together, or zones; a Zones was"),
+        (lambda b, z: plots.plot(z, y="p"), "y says nothing of the picture of a Zones"),
+        (lambda b, z: plots.plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
         (
-            lambda b, z: plot(b[0].curve),
+            lambda b, z: plots.plot(b[0].curve),
             "a branch, zones or an orbit, say, was expected, got a Curve",
         ),
-        (lambda b, z: plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
-        (lambda b, z: save_figure("x.png", plot(b)), r"first, save_figure\(figure, 'x.png'\)"),
+        (lambda b, z: plots.plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
+        (
+            lambda b, z: plots.save_figure("x.png", plots.plot(b)),
+            r"first, save_figure\(figure, 'x.png'\)",
+        ),
     ],
 )
-def test_what_is_drawn_otherwise_is_refused_with_the_way(
-    draw: Any, sentence: str, in_a: Branch, diagram: Zones
-) -> None:
+def test_what_is_drawn_otherwise_is_refused_with_the_way(draw, sentence, in_a, diagram):
     with pytest.raises(BadInput, match=sentence):
         draw(in_a, diagram)
 
@@ -364,17 +356,17 @@ def test_what_is_drawn_otherwise_is_refused_with_the_way(
 def test_plot_draws_anything_that_was_computed(in_a: Branch, diagram: Zones) -> None:
     """As the function for it does: the same words and as many lines."""
     for value, draw in (
-        (diagram, plot_zones),
-        (in_a[0].solution, plot_orbit),
-        (in_a[0], plot_orbit),
-        ([in_a, in_a], lambda pair: plot(*pair, "a", "p")),
-        (in_a, lambda branch: plot_diagram(branch, y="p")),
+        (diagram, plots.plot_zones),
+        (in_a[0].solution, plots.plot_orbit),
+        (in_a[0], plots.plot_orbit),
+        ([in_a, in_a], lambda pair: plots.plot(*pair, "a", "p")),
+        (in_a, lambda branch: plots.plot_diagram(branch, y="p")),
     ):
-        one, other = plot(value).axes, draw(value).axes
+        one, other = plots.plot(value).axes, draw(value).axes
         assert curves(one)
         assert len(curves(one)) == len(curves(other))
         assert [text.get_text() for text in one.texts] == [text.get_text() for text in other.texts]
-    left, right = plot([diagram, diagram])
+    left, right = plots.plot([diagram, diagram])
     assert left.figure is right.figure
     assert left.axes is not right.axes
 
@@ -455,7 +447,7 @@ def test_a_region_is_lettered_by_its_count_and_may_be_a_hole_of_another() -> Non
 
 
 def test_meetings_are_marked_once(diagram: Zones) -> None:
-    ax = plot_zones(diagram).axes
+    ax = plots.plot_zones(diagram).axes
     marked = [line for line in ax.get_lines() if line.get_marker() == MEETING.marker]
     assert len(marked) == 3
     for line in marked:
@@ -467,7 +459,7 @@ def test_meetings_are_marked_once(diagram: Zones) -> None:
 
 
 def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> None:
-    panels = [one.axes for one in plot_zones([diagram, diagram])]
+    panels = [one.axes for one in plots.plot_zones([diagram, diagram])]
     assert [ax.get_title(loc="left")[:3] for ax in panels] == ["(a)", "(b)"]
     assert all(ax.get_legend() is None for ax in panels)
     (legend,) = panels[0].figure.legends
@@ -477,7 +469,7 @@ def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> N
 
 @pytest.mark.parametrize(("count", "rows", "width"), [(2, 2, 8.5), (3, 2, PAGE)])
 def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: float) -> None:
-    panels = [one.axes for one in plot_zones([diagram] * count)]
+    panels = [one.axes for one in plots.plot_zones([diagram] * count)]
     assert len(panels) == len(panels[0].figure.axes) == count
     tops = {round(ax.get_position().y1, 2) for ax in panels}
     size_in_cm = 2.54 * panels[0].figure.get_size_inches()
@@ -489,7 +481,7 @@ def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: 
 @pytest.mark.parametrize("plane", [{"k": 0.8}, {"gamma": 0.0}, {"gamma": 0.1}])
 def test_names_of_meetings_keep_off_axes_points_and_each_other(plane: dict[str, float]) -> None:
     """At gamma = 0.1 one is in the corner; at gamma = 0 two are at the top, side by side."""
-    ax = plot_zones(zones(**plane)).axes
+    ax = plots.plot_zones(zones(**plane)).axes
     assert overlaps(ax) == 0
     frame, pixel = ax.bbox, ax.figure.dpi / 72
     for text in words(ax):
@@ -508,7 +500,7 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     assert x0 == 0.0
     assert x1 == pytest.approx(max(b["gamma"].max() for _, b in narrow))  # none beyond GR
     assert (y0, y1) == pytest.approx((0.95, 0.99))
-    ax = plot_zones(narrow, within=window).axes
+    ax = plots.plot_zones(narrow, within=window).axes
     assert ax.get_xlim()[0] == 0.0
     assert "US" in {text.get_text() for text in words(ax)}
     # and no farther than was looked
@@ -523,13 +515,13 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     ("half", "labels"), [(True, {"1.0628", "0.6158"}), (False, {"1.1294", "0.3792"})]
 )
 def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, labels: set) -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half).axes
+    ax = plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half).axes
     assert {text.get_text() for text in words(ax)} == labels
 
 
 def test_no_word_stands_nearer_to_another_multiplier() -> None:
     orbit = cb.multibreather([0, 1], a=0.5, gamma=0.005, k=0.8, lattice=cb.Ring(10))
-    ax = plot_multipliers(orbit, half=True).axes
+    ax = plots.plot_multipliers(orbit, half=True).axes
     lines = [line.get_xydata() for line in ax.get_lines() if line.get_marker() == "o"]
     dots = ax.transData.transform(np.concatenate(lines))
     for text in words(ax):
@@ -541,7 +533,7 @@ def test_no_word_stands_nearer_to_another_multiplier() -> None:
 
 def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     breather = cb.symmetric(0.2, 0.11, 0.8)
-    ax = plot_multipliers(breather, sites=100, half=True).axes
+    ax = plots.plot_multipliers(breather, sites=100, half=True).axes
     dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
     drawn = np.concatenate([line.get_xdata() + 1j * line.get_ydata() for line in dots])
     want = breather.multipliers(sites=100, half=True)
@@ -560,13 +552,13 @@ def test_with_damping_the_band_is_where_the_multipliers_of_a_free_ring_are() -> 
     free = np.exp((-0.025 + np.sqrt(0.025**2 - w**2 + 0j)) * 2 * math.pi)
     assert abs(free[:, None] - waves[0]).min(axis=1).max() < 0.01
     assert np.median(abs(waves)) == pytest.approx(math.exp(-0.05 * math.pi))
-    assert len(words(plot_multipliers(damped).axes)) == 1
+    assert len(words(plots.plot_multipliers(damped).axes)) == 1
 
 
 def test_one_multiplier_far_out_leaves_the_circle_as_large_as_it_was() -> None:
     lower = cb.orbits.symmetric_roots(0.3, 0.04, 0.8)[-1]
     largest = abs(lower.multipliers(sites=100)).max()
-    ax = plot_multipliers(lower, sites=100).axes
+    ax = plots.plot_multipliers(lower, sites=100).axes
     assert largest > 20
     assert ax.get_xlim()[1] < 2.5
     assert f"{largest:.4f}" in {text.get_text() for text in words(ax)}
@@ -575,14 +567,14 @@ def test_one_multiplier_far_out_leaves_the_circle_as_large_as_it_was() -> None:
 def test_of_many_multipliers_off_the_band_the_farthest_have_names() -> None:
     """Each of six sites that hit has multipliers of its own."""
     orbit = cb.multibreather(range(0, 24, 2), a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(24))
-    assert 0 < len(words(plot_multipliers(orbit).axes)) <= 8
+    assert 0 < len(words(plots.plot_multipliers(orbit).axes)) <= 8
 
 
 # --- files --------------------------------------------------------------------------------------
 
 
 def drawn() -> object:
-    made, (ax,) = new_figure()
+    made, (ax,) = plots.new_figure()
     ax.plot([0, 1], [1, 0])
     return made
 
@@ -596,7 +588,7 @@ def figure() -> object:
     ("suffix", "begins"), [("PNG", b"\x89PNG\r"), ("pdf", b"%PDF-"), ("svg", b"<?xml")]
 )
 def test_the_same_drawing_gives_the_same_file(suffix: str, begins: bytes, tmp_path: Path) -> None:
-    one, two = (save_figure(drawn(), tmp_path / f"{n}.{suffix}") for n in "12")
+    one, two = (plots.save_figure(drawn(), tmp_path / f"{n}.{suffix}") for n in "12")
     content = one.read_bytes()
     assert content.startswith(begins)
     assert content == two.read_bytes()
@@ -615,19 +607,17 @@ def test_the_same_drawing_gives_the_same_file(suffix: str, begins: bytes, tmp_pa
         ),
     ],
 )
-def test_bad_place_for_a_figure_is_refused(
-    figure, name: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_place_for_a_figure_is_refused(figure, name, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     with pytest.raises(BadInput, match=sentence):
-        save_figure(figure, name)
+        plots.save_figure(figure, name)
 
 
 @pytest.mark.parametrize("given", ["x", None, [], [[]], 3])
 def test_what_has_no_figure_is_refused(given, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="a figure or something drawn in one is expected, got"):
-        save_figure(given, tmp_path / "x.png")
+        plots.save_figure(given, tmp_path / "x.png")
     assert not list(tmp_path.iterdir())
 
 
@@ -647,7 +637,7 @@ def test_drawing_and_saving_does_without_pyplot(tmp_path: Path) -> None:
 def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
     from matplotlib import pyplot
 
-    made, _ = new_figure()
+    made, _ = plots.new_figure()
     assert pyplot.fignum_exists(made.number)
     pyplot.close(made)
 
@@ -655,20 +645,18 @@ def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
 # --- what plots return --------------------------------------------------------------------------
 
 
-def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(
-    in_a: Branch, diagram: Zones
-) -> None:
-    figure, (ax,) = new_figure()
+def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(in_a, diagram):
+    figure, (ax,) = plots.new_figure()
     (own,) = ax.plot([0.0, 1.0])
-    drawn = plot(in_a, ax=ax)
+    drawn = plots.plot(in_a, ax=ax)
     assert own not in drawn
     assert {*ax.get_lines(), *ax.texts, ax.get_legend()} == {own, *drawn}
     assert (drawn.axes, drawn.figure) == (ax, figure)
-    again = plot(in_a, ax=ax)
+    again = plots.plot(in_a, ax=ax)
     assert set(again).isdisjoint(drawn)
     assert repr(drawn) == f"<Drawn: {len(drawn)} artists>"
-    _, (left, right) = new_figure(2)
-    one, two = plot_zones([diagram, diagram], [left, right])
+    _, (left, right) = plots.new_figure(2)
+    one, two = plots.plot_zones([diagram, diagram], [left, right])
     assert (one.axes, two.axes) == (left, right)
     assert set(two) >= {*right.get_lines(), *right.patches}
     assert set(two).isdisjoint(one)
@@ -676,21 +664,19 @@ def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(
 
 @pytest.mark.parametrize("given", ["drawn", "several", "artist", "axes", "panels"])
 def test_a_figure_is_saved_by_whatever_is_drawn_in_it(given: str, in_a: Branch, tmp_path) -> None:
-    drawn = plot(in_a)
+    drawn = plots.plot(in_a)
     what = {"drawn": drawn, "several": [drawn], "artist": drawn[0], "axes": drawn.axes,
             "panels": drawn.figure.axes}[given]  # fmt: skip
-    save_figure(drawn.figure, tmp_path / "one.svg")
-    save_figure(what, tmp_path / "other.svg")
+    plots.save_figure(drawn.figure, tmp_path / "one.svg")
+    plots.save_figure(what, tmp_path / "other.svg")
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
 
 
-def test_branches_and_arms_of_several_couplings_are_told_apart_by_colour_and_legend(
-    in_a: Branch,
-) -> None:
+def test_branches_and_arms_of_several_couplings_are_told_apart_by_colour_and_legend(in_a: Branch):
     other = cb.trace(cb.symmetric(0.5, 0.06, 0.8), "a", within={"a": (0.4, 0.99)})
     both = (in_a, other)
     arms = [cb.switch(b.first("PF"), within={"a": (0.4, 0.99)}) for b in both]
-    drawn = plot(*both, *arms[0], *arms[1], x="a", y="p")
+    drawn = plots.plot(*both, *arms[0], *arms[1], x="a", y="p")
     legend = drawn.axes.get_legend()
     shown = {text.get_text(): line.get_color() for text, line in zip(
         legend.get_texts(), legend.get_lines(), strict=True)}  # fmt: skip
@@ -711,10 +697,8 @@ def test_branches_and_arms_of_several_couplings_are_told_apart_by_colour_and_leg
         assert label.get_color() == colour
 
 
-def test_what_is_the_same_on_all_branches_or_varies_on_one_is_not_in_the_legend(
-    in_a: Branch,
-) -> None:
+def test_what_is_the_same_on_all_branches_or_varies_on_one_is_not_in_the_legend(in_a: Branch):
     across = cb.trace(in_a[5], "gamma", within={"gamma": (0.03, 0.05)}, events=())
-    ax = plot(in_a, across, x="p", y="phi").axes
+    ax = plots.plot(in_a, across, x="p", y="phi").axes
     assert len({line.get_color() for line in curves(ax)}) == 2
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stable", "unstable"]

@@ -317,10 +317,10 @@ def test_a_long_motion_is_drawn_between_its_extremes_and_says_of_how_many_sample
     run = cb.simulate(state, periods=40, sample=Sample((0, 1), per_period=64), **LONG)
     ax = plot_motion(run).axes
     assert ax.get_ylabel() == "$u_n$, range in a period (64 samples)"
-    for band, low, high in zip(ax.collections, (-1.0, -0.6), (1.0, 0.6), strict=True):
-        y = band.get_paths()[0].vertices[:, 1]
-        assert y.min() == pytest.approx(low, abs=0.06)
-        assert y.max() == pytest.approx(high, abs=0.06)
+    hit, beside = (band.get_paths()[0].vertices[:, 1] for band in ax.collections)
+    assert (hit.min(), hit.max()) == pytest.approx((-1.0, 1.0), abs=1e-12)  # at the walls
+    u = run.record.u[:, 1]
+    assert (beside.min(), beside.max()) == pytest.approx((u.min(), u.max()), abs=1e-12)
     few = cb.simulate(state, periods=40, sample=Sample((0, 1), per_period=2), **LONG)
     assert plot_motion(few).axes.get_ylabel() == "$u_n$, range in a period (2 samples)"
     short = cb.simulate(state, periods=4, sample=Sample((0, 1)), **LONG)

@@ -15,37 +15,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 
 import contbreather as cb
+import contbreather.plotting as plots
+import contbreather.simulation as sim
 from contbreather.continuation import Branch
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.plotting import (
-    new_figure,
-    plot,
-    plot_basin,
-    plot_localisation,
-    plot_motion,
-    plot_multipliers,
-    plot_profile,
-    plot_section,
-    plot_space_time,
-    plot_spectrum,
-    plot_sweep,
-    plot_zones,
-    save_figure,
-)
 from contbreather.plotting.runs import OUTCOMES
-from contbreather.simulation import (
-    Axis,
-    Basin,
-    Outcome,
-    Sample,
-    Sweep,
-    attraction,
-    localisation,
-    simulate_smooth,
-    sweep,
-    there_and_back,
-)
 
 SET = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
 TURN = 2 * math.pi
@@ -80,11 +55,9 @@ def legend_of(ax) -> dict[str, tuple[str, object]]:
 
 
 @pytest.mark.parametrize("draw", ["zones", "branch", "orbit"])
-def test_nothing_is_drawn_beyond_limits_that_were_set_later(
-    draw: str, diagram: Zones, in_a: Branch
-) -> None:
+def test_nothing_is_drawn_beyond_limits_that_were_set_later(draw, diagram, in_a):
     """No letter of a region, marker or impact stands outside of the axes."""
-    ax = plot({"zones": diagram, "branch": in_a, "orbit": in_a[0]}[draw]).axes
+    ax = plots.plot({"zones": diagram, "branch": in_a, "orbit": in_a[0]}[draw]).axes
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     ax.set(xlim=(left + 0.4 * (right - left), right - 0.4 * (right - left)))
     ax.set(ylim=(low + 0.4 * (high - low), high - 0.4 * (high - low)))
@@ -111,9 +84,9 @@ def test_words_and_legends_are_seen_in_a_dark_style(in_a: Branch, diagram: Zones
 
     with pyplot.style.context("dark_background"):
         figure, (ax, panel, below) = pyplot.subplots(3)
-        plot(in_a, ax=ax)
-        plot_zones(diagram, panel)
-        plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), ax=below)
+        plots.plot(in_a, ax=ax)
+        plots.plot_zones(diagram, panel)
+        plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), ax=below)
     pyplot.close(figure)
     for axes in (ax, panel, below):
         ground = np.array(to_rgb(axes.get_facecolor()))
@@ -130,7 +103,7 @@ def test_words_and_legends_are_seen_in_a_dark_style(in_a: Branch, diagram: Zones
 
 @pytest.fixture(scope="module")
 def panel(diagram: Zones):
-    ax = plot_zones(diagram).axes
+    ax = plots.plot_zones(diagram).axes
     ax.figure.canvas.draw()
     return ax
 
@@ -150,16 +123,9 @@ def test_stable_is_blue_unstable_red_and_no_breather_white(panel) -> None:
         assert (min(colour) == 1.0) == (seen == "grey")
 
 
-def test_letters_stand_where_a_breather_is_what_they_say(panel) -> None:
-    letters = [t for t in panel.texts if t.get_text() in ("S", "US")]
-    assert len(letters) == 3
-    for text in letters:
-        gamma, a = text.get_position()
-        stable = cb.symmetric(a, gamma, 0.8).stability().stable
-        assert text.get_text() == ("S" if stable else "US")
-
-
 def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: Zones) -> None:
+    assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
+    assert panel.get_title(loc="left") == "$k$ = 0.8"
     names = {"LP": "fold", "GR": "grazing", "PF": "pitchfork", "NS": "Neimark–Sacker"}
     shown = legend_of(panel)
     assert list(shown) == [f"{names[kind]} ({kind})" for kind in ("LP", "GR", "PF", "NS")]
@@ -175,11 +141,6 @@ def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: 
         assert (hue(line.get_color()) == "grey") == (kind in ("LP", "GR"))
 
 
-def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
-    assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
-    assert panel.get_title(loc="left") == "$k$ = 0.8"
-
-
 @pytest.mark.parametrize(
     ("on", "title"),
     [
@@ -187,10 +148,8 @@ def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
         ({"forcing": "-sin(t)"}, "$k$ = 0.8, F = a (-sin(t))"),
     ],
 )
-def test_a_title_names_the_forcing_where_it_is_not_the_paper_s(
-    on: dict[str, Any], title: str
-) -> None:
-    ax = plot_zones(zones(k=0.8, within={"gamma": (0.04, 0.042)}, **on)).axes
+def test_a_title_names_the_forcing_where_it_is_not_the_paper_s(on: dict[str, Any], title: str):
+    ax = plots.plot_zones(zones(k=0.8, within={"gamma": (0.04, 0.042)}, **on)).axes
     assert ax.get_title(loc="left") == title
 
 
@@ -211,13 +170,13 @@ def test_meetings_are_named_by_the_curves_that_meet_there(panel, diagram: Zones)
 
 
 def test_legend_of_a_branch_calls_solid_stable_and_dashed_unstable(in_a: Branch) -> None:
-    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plot(in_a).axes).items()}
+    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plots.plot(in_a).axes).items()}
     assert shown["stable"] is None
     assert shown["unstable"] is not None
 
 
 def test_special_points_have_the_colour_of_their_branch_and_ends_are_small_and_grey(in_a) -> None:
-    ax = plot(in_a).axes
+    ax = plots.plot(in_a).axes
     line = next(line for line in ax.get_lines() if line.get_linestyle() != "None")
     dots = {line.get_marker(): line for line in ax.get_lines() if line.get_linestyle() == "None"}
     assert dots["^"].get_color() == dots["s"].get_color() == line.get_color()
@@ -244,7 +203,7 @@ def dots_of(ax) -> list[tuple[complex, str]]:
 
 
 def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
+    ax = plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
     words = {text.get_text(): text.get_color() for text in ax.texts if text.get_text()}
     assert hue(words["1.0628"]) == REDDISH
     assert hue(words["0.6158"]) == "grey"
@@ -252,7 +211,7 @@ def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
 
 def test_axes_name_the_map_whose_multipliers_are_shown(unstable_pair) -> None:
     for half, name in ((True, r"$\mu$"), (False, r"$\mu^2$")):
-        ax = plot_multipliers(unstable_pair, half=half, sites=40).axes
+        ax = plots.plot_multipliers(unstable_pair, half=half, sites=40).axes
         assert (ax.get_xlabel(), ax.get_ylabel()) == (f"Re {name}", f"Im {name}")
 
 
@@ -260,25 +219,25 @@ def test_a_motion_that_returns_has_the_dots_of_its_orbit() -> None:
     on = {"a": 0.5, "gamma": 0.04, "k": 0.8, "damping": 0.05}
     orbit = cb.symmetric(**on, lattice=cb.Ring(4))
     motion = cb.simulation.periodic(orbit.state(), symmetric=True, **on)
-    sides = [np.sort_complex([mu for mu, _ in dots_of(plot_multipliers(one).axes)])
+    sides = [np.sort_complex([mu for mu, _ in dots_of(plots.plot_multipliers(one).axes)])
              for one in (orbit, motion)]  # fmt: skip
     np.testing.assert_allclose(*map(abs, sides), atol=1e-9)
     assert len(sides[1]) == 8
 
 
 def test_a_pair_is_written_once_with_its_signs(unstable_pair) -> None:
-    ax = plot_multipliers(unstable_pair, half=True, sites=400, digits=3).axes
+    ax = plots.plot_multipliers(unstable_pair, half=True, sites=400, digits=3).axes
     mu = unstable_pair.multipliers(sites=400, half=True)
     top = mu[np.abs(mu).argmax()]
     wanted = f"{top.real:.3f} ± {abs(top.imag):.3f}i".replace("-", "−")
     assert wanted in {text.get_text() for text in ax.texts}
     negative = cb.symmetric(0.0572, 0.1, 0.8)  # next to its fold: near -1
-    words = {text.get_text() for text in plot_multipliers(negative, half=True).axes.texts}
+    words = {text.get_text() for text in plots.plot_multipliers(negative, half=True).axes.texts}
     assert any(word.startswith("−0.") for word in words), words
 
 
 def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_pair) -> None:
-    ax = plot_multipliers(unstable_pair, half=True, sites=40).axes
+    ax = plots.plot_multipliers(unstable_pair, half=True, sites=40).axes
     circle = ax.get_lines()[0]
     np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.0, rtol=1e-14)
     angles = np.unwrap(np.angle(circle.get_xdata() + 1j * circle.get_ydata()))
@@ -291,7 +250,7 @@ def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_p
 def test_the_band_of_the_period_map_turns_twice_as_far() -> None:
     breather = cb.symmetric(0.5, 0.02, 0.8)
     for half, turns in ((True, 1), (False, 2)):
-        ax = plot_multipliers(breather, half=half, sites=40).axes
+        ax = plots.plot_multipliers(breather, half=half, sites=40).axes
         arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
         ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
         assert ends == pytest.approx([-2 * turns * 0.02**0.5, 2 * turns * 0.02**0.5])
@@ -308,11 +267,11 @@ def state():
 
 @pytest.fixture(scope="module")
 def run(state):
-    return cb.simulate(state, periods=12, sample=Sample((0, 1, -1), 20), t0=TURN, **SET)
+    return cb.simulate(state, periods=12, sample=sim.Sample((0, 1, -1), 20), t0=TURN, **SET)
 
 
 def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
-    ax = plot_motion(run.record).axes
+    ax = plots.plot_motion(run.record).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "$u_n$")
     shown = {name: colour for name, (colour, _) in legend_of(ax).items()}
     for i, site in enumerate((0, 1, 9)):
@@ -325,43 +284,24 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
 
 
 def test_a_window_of_a_motion_is_what_was_asked_for_and_recorded(run) -> None:
-    ax = plot_motion(run, periods=(3.0, 5.0)).axes
+    ax = plots.plot_motion(run, periods=(3.0, 5.0)).axes
     assert ax.get_xlim() == pytest.approx((3.0, 5.0))
     with pytest.raises(cb.BadInput, match=r"periods = \(40, 50\): a pair .* recorded, 1 to 12.95"):
-        plot_motion(run, periods=(40, 50))
-
-
-def test_a_long_motion_is_its_envelope(state) -> None:
-    """The largest and the smallest displacement of each period, those at the walls included."""
-    long = cb.simulate(state, periods=40, sample=Sample((0, 1), 20), t0=TURN, **SET)
-    ax = plot_motion(long).axes
-    assert not ax.get_lines()
-    hit, beside = (band.get_paths()[0].vertices[:, 1] for band in ax.collections)
-    assert (hit.min(), hit.max()) == pytest.approx((-1.0, 1.0), abs=1e-12)
-    u = long.record.u[:, 1]
-    assert (beside.min(), beside.max()) == pytest.approx((u.min(), u.max()), abs=1e-12)
-    assert ax.get_xlim() == pytest.approx((1.0, 40.95))
-
-
-def test_section_is_velocity_over_displacement(run) -> None:
-    ax = plot_section(run, site=1).axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{1}$")
-    (line,) = ax.get_lines()
-    np.testing.assert_array_equal(line.get_data(), (run.strobe.u[:, 1], run.strobe.v[:, 1]))
+        plots.plot_motion(run, periods=(40, 50))
 
 
 def test_section_of_a_fixed_point_does_not_zoom_into_rounding(state) -> None:
     run = cb.simulate(state, periods=5, a=0.2, gamma=0.04, k=0.8)
-    assert np.ptp(plot_section(run).axes.get_xlim()) == pytest.approx(2e-3)
+    assert np.ptp(plots.plot_section(run).axes.get_xlim()) == pytest.approx(2e-3)
 
 
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
-    one = run if walls == "rigid" else simulate_smooth(state, m=6, periods=8, t0=TURN, **SET)
-    ax = plot_localisation(one).axes
+    one = run if walls == "rigid" else sim.simulate_smooth(state, m=6, periods=8, t0=TURN, **SET)
+    ax = plots.plot_localisation(one).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "participation ratio")
     (line,) = ax.get_lines()
-    own = localisation(*one.strobe, one.times, a=0.2, gamma=0.04, damping=0.01)
+    own = sim.localisation(*one.strobe, one.times, a=0.2, gamma=0.04, damping=0.01)
     np.testing.assert_allclose(line.get_ydata(), own.participation, rtol=1e-12)
     np.testing.assert_allclose(line.get_xdata(), 1 + np.arange(one.periods + 1), rtol=1e-12)
     assert 1.0 <= own.participation[0] < 1.5
@@ -370,13 +310,13 @@ def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
 
 
 @pytest.fixture(scope="module")
-def loop(state) -> Sweep:
-    return sweep(state, "a", there_and_back([0.2, 0.1, 0.05]), periods=20, **SET)
+def loop(state) -> sim.Sweep:
+    return sim.sweep(state, "a", sim.there_and_back([0.2, 0.1, 0.05]), periods=20, **SET)
 
 
-def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
+def test_sweep_names_its_ways_by_what_the_parameter_did(loop: sim.Sweep) -> None:
     """Upwards the parameter grows, drawn with triangles that point up."""
-    ax = plot_sweep(loop).axes
+    ax = plots.plot_sweep(loop).axes
     down, up = ax.get_lines()
     assert (down.get_xdata().tolist(), up.get_xdata().tolist()) == (
         [0.2, 0.1, 0.05],
@@ -403,7 +343,7 @@ def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
     ],
 )
 def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word) -> None:
-    ax = plot_sweep(loop, y=column).axes
+    ax = plots.plot_sweep(loop, y=column).axes
     assert ax.get_ylabel() == word
     drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
     own = np.asarray(getattr(loop, column), dtype=float)
@@ -411,20 +351,20 @@ def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word)
 
 
 def test_sweep_of_one_value_is_a_point(state) -> None:
-    (line,) = plot_sweep(sweep(state, "a", [0.2], periods=5, **SET)).axes.get_lines()
+    (line,) = plots.plot_sweep(sim.sweep(state, "a", [0.2], periods=5, **SET)).axes.get_lines()
     assert line.get_xdata().tolist() == [0.2]
 
 
 def test_unknown_column_of_a_sweep_is_refused(state) -> None:
-    loop = sweep(state, "a", [0.2], periods=5, **SET)
+    loop = sim.sweep(state, "a", [0.2], periods=5, **SET)
     with pytest.raises(cb.BadInput, match=r"y must be 'p', 'amplitude', .*, got 'height'"):
-        plot_sweep(loop, y="height")
+        plots.plot_sweep(loop, y="height")
 
 
 def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     outcomes = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
-    u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
-    ax = plot_basin(Basin(u, v, outcomes, np.zeros((2, 3)), False)).axes
+    u, v = sim.Axis("u", 1, [-0.5, 0.0, 0.5]), sim.Axis("v", 0, [-1.0, 1.0])
+    ax = plots.plot_basin(sim.Basin(u, v, outcomes, np.zeros((2, 3)), False)).axes
     ax.set_axis_off()  # ticks stand in the cells at the edge
     ax.figure.canvas.draw()
     legend = ax.get_legend()
@@ -433,31 +373,31 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
         for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True)
     }
     named = {
-        Outcome.RETURNED: "back at the breather",
-        Outcome.OTHER: "another breather",
-        Outcome.SPREAD: "impacts, no breather",
-        Outcome.QUIET: "no impacts",
-        Outcome.OUTSIDE: "behind a wall",
-        Outcome.PENDING: "not computed",
+        sim.Outcome.RETURNED: "back at the breather",
+        sim.Outcome.OTHER: "another breather",
+        sim.Outcome.SPREAD: "impacts, no breather",
+        sim.Outcome.QUIET: "no impacts",
+        sim.Outcome.OUTSIDE: "behind a wall",
+        sim.Outcome.PENDING: "not computed",
     }
     assert set(shown) == set(named.values())
     assert list(shown) == [outcome.words for outcome in OUTCOMES]
-    assert len({*map(to_hex, shown.values())}) == len(Outcome)
+    assert len({*map(to_hex, shown.values())}) == len(sim.Outcome)
     pixel = painted(ax)
     for row, speed in enumerate(v.values):
         for column, place in enumerate(u.values):
-            want = shown[named[Outcome(outcomes[row, column])]]
+            want = shown[named[sim.Outcome(outcomes[row, column])]]
             assert pixel(place, speed) == pytest.approx(want, abs=0.005)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{0}$")
 
 
 def test_basin_of_a_simulation_is_saved(state, tmp_path) -> None:
-    u, v = Axis("u", 0, [-0.5, 0.5]), Axis("v", 0, [-1.0, 0.0, 1.0])
+    u, v = sim.Axis("u", 0, [-0.5, 0.5]), sim.Axis("v", 0, [-1.0, 0.0, 1.0])
     with ThreadPoolExecutor(1) as one:
-        basin = attraction(state, u, v, periods=20, executor=one, **SET)
-    names = [t.get_text() for t in plot_basin(basin).axes.get_legend().get_texts()]
+        basin = sim.attraction(state, u, v, periods=20, executor=one, **SET)
+    names = [t.get_text() for t in plots.plot_basin(basin).axes.get_legend().get_texts()]
     assert len(names) == len(np.unique(basin.outcome))
-    assert save_figure(plot_basin(basin), tmp_path / "basin.svg").stat().st_size > 1000
+    assert plots.save_figure(plots.plot_basin(basin), tmp_path / "basin.svg").stat().st_size > 1000
 
 
 # --- canvas -------------------------------------------------------------------------------------
@@ -466,15 +406,15 @@ def test_basin_of_a_simulation_is_saved(state, tmp_path) -> None:
 def test_a_figure_has_300_dots_to_the_inch(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
-    height, width, _ = imread(save_figure(new_figure(2)[0], tmp_path / "x.png")).shape
+    height, width, _ = imread(plots.save_figure(plots.new_figure(2)[0], tmp_path / "x.png")).shape
     assert (width, height) == pytest.approx((8.5 / 2.54 * 300, 13 / 2.54 * 300), abs=1)
 
 
 def test_text_stays_text_in_vector_files(tmp_path: Path) -> None:
-    figure, (ax,) = new_figure()
+    figure, (ax,) = plots.new_figure()
     ax.set_xlabel("amplitude")
-    assert ">amplitude<" in save_figure(figure, tmp_path / "x.svg").read_text()
-    assert b"/FontFile2" in save_figure(figure, tmp_path / "x.pdf").read_bytes()  # TrueType
+    assert ">amplitude<" in plots.save_figure(figure, tmp_path / "x.svg").read_text()
+    assert b"/FontFile2" in plots.save_figure(figure, tmp_path / "x.pdf").read_bytes()  # TrueType
 
 
 def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
@@ -485,8 +425,8 @@ def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
 
         ax = Figure().subplots()
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.45, 0.55)})
-    assert plot(branch, ax=ax).axes.xaxis.label.get_fontsize() == 17.0
-    assert plot(branch).axes.xaxis.label.get_fontsize() == 8.0
+    assert plots.plot(branch, ax=ax).axes.xaxis.label.get_fontsize() == 17.0
+    assert plots.plot(branch).axes.xaxis.label.get_fontsize() == 8.0
 
 
 # --- all sites, all multipliers -----------------------------------------------------------------
@@ -494,7 +434,7 @@ def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
 
 def test_a_profile_has_the_displacement_of_each_site_in_its_place() -> None:
     breather = cb.symmetric(0.5, 0.08, 0.8)
-    (line,) = [one for one in plot_profile(breather, t=1.0).axes.get_lines()
+    (line,) = [one for one in plots.plot_profile(breather, t=1.0).axes.get_lines()
                if one.get_marker() == "o"]  # fmt: skip
     n, u = line.get_data()
     assert list(n) == list(range(-10, 11))
@@ -503,18 +443,18 @@ def test_a_profile_has_the_displacement_of_each_site_in_its_place() -> None:
 
 def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 5), site=7)
-    (tiles,) = plot_profile(on_grid).axes.images
+    (tiles,) = plots.plot_profile(on_grid).axes.images
     assert tiles.get_array().shape == (3, 5)
     assert tiles.get_clim() == (-np.abs(tiles.get_array()).max(), np.abs(tiles.get_array()).max())
     np.testing.assert_allclose(np.ravel(tiles.get_array()), on_grid.state(t=0.0)[0], atol=1e-12)
-    assert plot_profile(on_grid, shape=(5, 3)).axes.images[0].get_array().shape == (5, 3)
-    assert not plot_profile(on_grid, sites=range(15)).axes.images
+    assert plots.plot_profile(on_grid, shape=(5, 3)).axes.images[0].get_array().shape == (5, 3)
+    assert not plots.plot_profile(on_grid, sites=range(15)).axes.images
     with pytest.raises(cb.BadInput, match="16 places for 15 sites"):
-        plot_profile(on_grid, shape=(4, 4))
+        plots.plot_profile(on_grid, shape=(4, 4))
 
 
 def test_a_run_over_space_and_time_has_its_sites_in_order(run) -> None:
-    (mesh,) = plot_space_time(run).axes.collections
+    (mesh,) = plots.plot_space_time(run).axes.collections
     want = run.record.u[:, [0, 1, 2]]
     assert run.record.sites == (0, 1, 9)
     np.testing.assert_array_equal(np.reshape(mesh.get_array(), want.shape), want)
@@ -526,25 +466,25 @@ def test_a_grid_over_space_and_time_is_the_row_of_the_site_that_hits() -> None:
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=lattice, site=5, damping=0.02)
     run = cb.simulate(on_grid.state(), periods=2, **SET, lattice=lattice)
     for motion, what in ((on_grid, "hits"), (run, "moves most")):
-        ax = plot_space_time(motion).axes
+        ax = plots.plot_space_time(motion).axes
         assert ax.get_title(loc="left") == f"row 1, in which site 5 {what}"
         values = np.reshape(ax.collections[0].get_array(), (-1, 4))
         np.testing.assert_allclose(values[0], on_grid.state()[0][4:8], atol=1e-12)
-    ax = plot_space_time(on_grid, sites=(1, 5, 9)).axes
+    ax = plots.plot_space_time(on_grid, sites=(1, 5, 9)).axes
     assert (ax.get_title(loc="left"), ax.get_xlabel()) == ("", "$n$")
 
 
 def test_a_grid_recorded_at_some_sites_is_drawn_at_these() -> None:
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 4), site=5)
     conditions = {**SET, "lattice": cb.Grid(3, 4)}
-    run = cb.simulate(on_grid.state(), periods=2, **conditions, sample=Sample(sites=(5, 0, 11)))
-    ax = plot_space_time(run).axes
+    run = cb.simulate(on_grid.state(), periods=2, **conditions, sample=sim.Sample(sites=(5, 0, 11)))
+    ax = plots.plot_space_time(run).axes
     assert (ax.get_title(loc="left"), ax.get_xlabel()) == ("", "$n$")
     assert np.reshape(ax.collections[0].get_array(), (len(run.record.times), 3)).any(axis=0).all()
-    whole = cb.simulate(on_grid.state(), periods=2, **conditions, sample=Sample((4, 5, 6, 7)))
-    assert "row 1" in plot_space_time(whole).axes.get_title(loc="left")
+    whole = cb.simulate(on_grid.state(), periods=2, **conditions, sample=sim.Sample((4, 5, 6, 7)))
+    assert "row 1" in plots.plot_space_time(whole).axes.get_title(loc="left")
     with pytest.raises(cb.BadInput, match=r"site 1 was not recorded; there are \(5, 0, 11\)"):
-        plot_space_time(run, sites=(0, 1))
+        plots.plot_space_time(run, sites=(0, 1))
 
 
 def test_multipliers_up_to_a_vanishing_impact_do_not_hide_those_at_the_circle() -> None:
@@ -552,12 +492,12 @@ def test_multipliers_up_to_a_vanishing_impact_do_not_hide_those_at_the_circle() 
     lower = cb.orbits.symmetric_roots(0.9, 0.04, 0.8)[-1]
     branch = cb.trace(lower, "a", within={"a": (0.9, 1.2)}, towards="up")
     assert branch[-1].kind == "VI"
-    assert plot_spectrum(branch, sites=8).axes.get_yscale() == "symlog"
+    assert plots.plot_spectrum(branch, sites=8).axes.get_yscale() == "symlog"
 
 
 def test_an_orbit_over_space_and_time_is_its_period() -> None:
     breather = cb.symmetric(0.5, 0.08, 0.8)
-    ax = plot_space_time(breather, sites=(1, 0)).axes
+    ax = plots.plot_space_time(breather, sites=(1, 0)).axes
     values = np.reshape(ax.collections[0].get_array(), (-1, 2))
     np.testing.assert_allclose(values[0], [breather.displacement(n, 0.0) for n in (0, 1)])
     np.testing.assert_allclose(values[0], values[-1], atol=1e-9)
@@ -567,12 +507,12 @@ def test_a_spectrum_crosses_where_the_branch_bifurcates() -> None:
     """+1 of half the map at the pitchfork; the eigenvalue 0 at a fold."""
     branch = cb.trace(cb.symmetric(0.7, 0.045, 0.8), "a", within={"a": (0.7, 0.82)})
     fork = branch.first("PF")["a"]
-    a, mu = _dots(plot_spectrum(branch, half=True, sites=100).axes)
+    a, mu = _dots(plots.plot_spectrum(branch, half=True, sites=100).axes)
     assert mu[a < fork - 1e-9].max() < 1 + 0.05
     assert mu[a > fork + 1e-3].max() > 1.02
     line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})
     bent = cb.trace(line, "mu", within={"x": (-1, 1)})
-    _, real = _dots(plot_spectrum(bent, x="x").axes)
+    _, real = _dots(plots.plot_spectrum(bent, x="x").axes)
     np.testing.assert_allclose(np.sort(real), np.sort(-2 * bent["x"]), atol=1e-9)
 
 

@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.plotting import (
-    new_figure,
-    plot,
-    plot_diagram,
-    plot_motion,
-    plot_multipliers,
-    plot_orbit,
-    plot_profile,
-    plot_spectrum,
-)
+import contbreather.plotting as plots
 from contbreather.plotting.pictures import card
 
 MOST = 0.5
@@ -74,7 +65,7 @@ def dashed_from_zero(ax) -> bool:
 
 
 def test_equilibria_are_dashed_beyond_their_hopf_point(rest) -> None:
-    assert dashed_from_zero(plot(rest).axes)
+    assert dashed_from_zero(plots.plot(rest).axes)
 
 
 def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(tmp_path) -> None:
@@ -87,7 +78,7 @@ def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(t
     assert np.isnan(counts[branch.to_dataframe()["label"] == "HB1"]).all()
     cb.save(tmp_path / "run.nc", branch)
     for again in (branch, *(cb.load(tmp_path / "run.nc", problem=p) for p in (None, mine))):
-        assert dashed_from_zero(plot(again).axes)
+        assert dashed_from_zero(plots.plot(again).axes)
         np.testing.assert_array_equal(again["unstable"][regular], branch["unstable"][regular])
 
 
@@ -120,14 +111,6 @@ def test_a_column_and_a_parameter_of_ones_own_keep_their_name() -> None:
     assert plain.names.count("unstable") == 1
 
 
-def test_equations_of_which_nobody_said_that_they_are_a_flow_are_not_called_stable() -> None:
-    mine = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": -1.0}, {"mu": 1.0})
-    branch = cb.trace(mine, "mu", within={"x": (-2, 2)}, events=[cb.fold()])
-    ax = plot(branch).axes
-    assert {line.get_linestyle() for line in lines(ax)} == {"-."}
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stability not computed"]
-
-
 def test_tables_of_cycles_are_without_their_collocation(cycles, tmp_path) -> None:
     frame = cycles.to_dataframe()
     assert not [name for name in frame if name.startswith(("orbit", "mesh"))]
@@ -151,7 +134,7 @@ def test_tables_of_boundaries_are_without_null_vectors() -> None:
 
 def test_what_is_no_orbit_is_named_and_sent_where_it_is_drawn(rest, cycles) -> None:
     spectrum = r"got an equilibrium, .*: plotting\.plot_spectrum\(branch\) draws the eigenvalues"
-    for draw in (plot_orbit, plot_multipliers):
+    for draw in (plots.plot_orbit, plots.plot_multipliers):
         for given, why in (
             (rest, r"got a Branch: take one of its points, branch\[0\] for"),
             (cycles, r"an orbit or a cycle was expected, got a Branch: take one"),
@@ -162,11 +145,11 @@ def test_what_is_no_orbit_is_named_and_sent_where_it_is_drawn(rest, cycles) -> N
             with pytest.raises(cb.BadInput, match=why):
                 draw(given)
     with pytest.raises(cb.BadInput, match="of a lattice was expected, got a cycle of flows: plot_"):
-        plot_profile(cycles[0])
+        plots.plot_profile(cycles[0])
 
 
 def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest, cycles) -> None:
-    ax = plot(rest, cycles, y="x").axes
+    ax = plots.plot(rest, cycles, y="x").axes
     curves = [(np.array(line.get_xdata()), np.array(line.get_ydata())) for line in lines(ax)]
     top, bottom = (y for mu, y in curves if abs(y).max() > 0.1)
     mu = next(mu for mu, y in curves if y is top)
@@ -175,28 +158,30 @@ def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest,
 
 
 def test_the_first_state_is_what_cycles_are_drawn_by(cycles) -> None:
-    assert plot(cycles).axes.get_ylabel() == "$x$"
+    assert plots.plot(cycles).axes.get_ylabel() == "$x$"
 
 
 def test_special_points_of_cycles_are_marked_on_both_sides_and_named_once(rest, cycles) -> None:
-    ax = plot(cycles).axes
+    ax = plots.plot(cycles).axes
     stars = [line for line in ax.get_lines() if line.get_marker() == "*"]
     assert len(stars) == 2
     assert sorted(word.get_text() for word in ax.texts if word.get_text()) == ["HB1"]
 
 
 def test_a_diagram_has_equilibria_and_cycles(rest, cycles) -> None:
-    assert len(lines(plot_diagram([rest, cycles], y="y").axes)) == 4  # solid, dashed; two sides
+    assert (
+        len(lines(plots.plot_diagram([rest, cycles], y="y").axes)) == 4
+    )  # solid, dashed; two sides
 
 
 def test_an_orbit_of_a_flow_is_drawn_over_time_and_as_a_phase_portrait(cycles) -> None:
-    ax = plot_orbit(cycles[-1]).axes
+    ax = plots.plot_orbit(cycles[-1]).axes
     x, y = (line.get_ydata() for line in lines(ax))
     mu = cycles["mu"][-1]
     np.testing.assert_allclose(x**2 + y**2, mu, atol=1e-6)
     assert ax.get_xlabel() == "$t$"
     assert ends(lines(ax)[0]) == pytest.approx((0.0, 2 * math.pi))
-    (round,) = lines(plot_orbit(cycles[-1].solution, x="x", y="y").axes)
+    (round,) = lines(plots.plot_orbit(cycles[-1].solution, x="x", y="y").axes)
     np.testing.assert_allclose(np.hypot(*round.get_data()), math.sqrt(mu), atol=1e-6)
 
 
@@ -209,8 +194,8 @@ def test_states_of_unlike_size_have_rows_of_their_own(own: bool) -> None:
 
     start = {"a": 1.0, "b": 0.0, "c": 101.0, "d": 50.0, "e": 0.5}
     run = cb.integrate(many, start, {}, time=2 * math.pi)
-    ax = None if own else new_figure(1, 2)[1][0]
-    drawn = plot_motion(run, ax=ax)
+    ax = None if own else plots.new_figure(1, 2)[1][0]
+    drawn = plots.plot_motion(run, ax=ax)
     rows = [row for row in drawn.figure.axes if row.get_lines()]
     labels = [[line.get_label() for line in row.get_lines()] for row in rows]
     assert labels == [["$a$", "$b$", "$e$"], ["$c$"], ["$d$"]]
@@ -226,12 +211,12 @@ def test_states_of_unlike_size_have_rows_of_their_own(own: bool) -> None:
         low, high = row.get_ylim()
         swings = [np.ptp(line.get_ydata()) for line in row.get_lines()]
         assert all(swing > 0.1 * (high - low) for swing in swings if swing > 1e-9)
-    together = plot_motion(run, y=["a", "b"]).figure.axes
+    together = plots.plot_motion(run, y=["a", "b"]).figure.axes
     assert len(together) == 1
 
 
 def test_where_a_condition_ends_a_flow_there_is_a_dot_and_the_reset_is_dotted(ball) -> None:
-    ax = plot_orbit(ball, x="y", y="v").axes
+    ax = plots.plot_orbit(ball, x="y", y="v").axes
     dot = next(line for line in ax.get_lines() if line.get_marker() == "o")
     jump = next(line for line in ax.get_lines() if line.get_linestyle() == ":")
     assert dot.get_ydata()[0] == pytest.approx(-math.pi)
@@ -240,20 +225,20 @@ def test_where_a_condition_ends_a_flow_there_is_a_dot_and_the_reset_is_dotted(ba
 
 def test_a_trajectory_is_drawn_from_impact_to_impact() -> None:
     run = cb.integrate([FALL], {"y": 0.6, "v": 3.1}, TABLE, time=25.0, t0=0.9)
-    ax = plot_motion(run, y="y").axes
+    ax = plots.plot_motion(run, y="y").axes
     dots = [line.get_xdata()[0] for line in ax.get_lines() if line.get_marker() == "o"]
     assert dots == pytest.approx([event.time for event in run.events])
-    later = lines(plot_motion(run, y="y", periods=(8.0, 25.0)).axes)
+    later = lines(plots.plot_motion(run, y="y", periods=(8.0, 25.0)).axes)
     first, second = (ends(line)[0] for line in later[:2])
     assert first == pytest.approx(8.0, abs=0.5)
     assert second == pytest.approx(run.events[1].time)
 
 
 def test_multipliers_of_cycles_are_drawn_along_their_branch_and_in_the_plane(cycles) -> None:
-    ax = plot_spectrum(cycles).axes
+    ax = plots.plot_spectrum(cycles).axes
     dots = next(line for line in ax.get_lines() if line.get_marker() == ".")
     np.testing.assert_allclose(dots.get_ydata(), np.exp(-4 * np.pi * dots.get_xdata()), atol=1e-6)
-    (word,) = (w for w in plot_multipliers(cycles[-1], digits=5).axes.texts if w.get_text())
+    (word,) = (w for w in plots.plot_multipliers(cycles[-1], digits=5).axes.texts if w.get_text())
     assert word.get_text() == f"{math.exp(-4 * math.pi * cycles['mu'][-1]):.5f}"
 
 
@@ -263,7 +248,7 @@ def test_multipliers_far_outside_do_not_hide_those_at_the_circle() -> None:
         params={"mu": 1.0, "s": 0.9}, settle=0,
     )  # fmt: skip
     branch = cb.trace(flow, "s", within={"s": (0.89, 0.91)})
-    assert plot_spectrum(branch).axes.get_yscale() == "symlog"
+    assert plots.plot_spectrum(branch).axes.get_yscale() == "symlog"
 
 
 def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:
@@ -275,11 +260,11 @@ def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:
 @pytest.mark.parametrize(
     ("draw", "said"),
     [
-        (lambda ball: plot_orbit(ball, y="w"), r"no state 'w'; there are \['y', 'v'\]"),
-        (lambda ball: plot_orbit(ball, sites=(0,)), "a cycle of flows has states, y='y'"),
-        (lambda ball: plot_multipliers(ball, half=True), "are about lattices"),
-        (lambda ball: plot_orbit(cb.symmetric(0.5, 0.08, 0.8), y="v"), "choose sites="),
-        (lambda ball: plot_motion(ball), "a run with densely recorded sites"),
+        (lambda ball: plots.plot_orbit(ball, y="w"), r"no state 'w'; there are \['y', 'v'\]"),
+        (lambda ball: plots.plot_orbit(ball, sites=(0,)), "a cycle of flows has states, y='y'"),
+        (lambda ball: plots.plot_multipliers(ball, half=True), "are about lattices"),
+        (lambda ball: plots.plot_orbit(cb.symmetric(0.5, 0.08, 0.8), y="v"), "choose sites="),
+        (lambda ball: plots.plot_motion(ball), "a run with densely recorded sites"),
     ],
 )
 def test_what_does_not_go_together_is_refused(ball, draw, said) -> None:

@@ -13,25 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import contbreather as cb
+import contbreather.plotting as plots
 from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
 from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
-from contbreather.plotting import (
-    new_figure,
-    plot,
-    plot_basin,
-    plot_diagram,
-    plot_localisation,
-    plot_motion,
-    plot_multipliers,
-    plot_orbit,
-    plot_section,
-    plot_sweep,
-    plot_zones,
-    save_figure,
-)
 from contbreather.plotting.canvas import CYCLE, style, symbol
 from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
@@ -98,21 +85,21 @@ def centimetres(figure: Figure) -> tuple[float, float]:
 
 def test_a_sheet_is_a_column_wide_and_as_high_as_its_panels() -> None:
     for rows, columns in ((1, 1), (2, 1), (1, 2), (3, 2)):
-        figure, axes = new_figure(rows, columns)
+        figure, axes = plots.new_figure(rows, columns)
         assert centimetres(figure) == (8.5, 6.5 * rows)
         assert len(axes) == rows * columns
         places = [one.get_subplotspec() for one in axes]
         assert [(p.rowspan.start, p.colspan.start) for p in places] == [
             (i, j) for i in range(rows) for j in range(columns)
         ]
-    assert centimetres(new_figure(width=12.0, height=3.0)[0]) == (12.0, 3.0)
+    assert centimetres(plots.new_figure(width=12.0, height=3.0)[0]) == (12.0, 3.0)
 
 
 def test_axes_that_have_no_figure_any_more_are_not_saved(tmp_path: Path) -> None:
-    _, (axes,) = new_figure()
+    _, (axes,) = plots.new_figure()
     axes.remove()
     with pytest.raises(BadInput, match="these axes have no figure any more; draw them anew"):
-        save_figure(axes, tmp_path / "gone.png")
+        plots.save_figure(axes, tmp_path / "gone.png")
 
 
 # --- all pictures ---------------------------------------------------------------------------------
@@ -139,20 +126,20 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     panels = Panel("against", curves[:3]), Panel("traces", curves[3:], lost=1.0)
     series = TimeSeries(6, panels, "").draw().axes
     made = {
-        "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
-        "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
+        "orbit": plots.plot_orbit(cb.symmetric(**HERE)).axes,
+        "sites": plots.plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
         "moduli": replace(figure4(), sites=40).draw().axes[2],
         "against": series[0],
         "traces": series[1],
-        "branch": plot(branch).axes,
-        "diagram": plot_diagram((branch, *arms)).axes,
-        "zones": plot_zones(diagram).axes,
-        "multipliers": plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40).axes,
-        "motion": plot_motion(run.record, periods=(0, 20)).axes,
-        "section": plot_section(run).axes,
-        "localisation": plot_localisation(run).axes,
-        "sweep": plot_sweep(loop).axes,
-        "basin": plot_basin(basin).axes,
+        "branch": plots.plot(branch).axes,
+        "diagram": plots.plot_diagram((branch, *arms)).axes,
+        "zones": plots.plot_zones(diagram).axes,
+        "multipliers": plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40).axes,
+        "motion": plots.plot_motion(run.record, periods=(0, 20)).axes,
+        "section": plots.plot_section(run).axes,
+        "localisation": plots.plot_localisation(run).axes,
+        "sweep": plots.plot_sweep(loop).axes,
+        "basin": plots.plot_basin(basin).axes,
     }
     for figure in {ax.figure for ax in made.values()}:
         figure.draw_without_rendering()
@@ -195,9 +182,7 @@ def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_sheet(
-    pictures, name: str
-) -> None:
+def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_sheet(pictures, name):
     ax = pictures[name]
     figure = ax.figure
     whole = figure.bbox
@@ -245,8 +230,8 @@ def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures
 
 @pytest.mark.parametrize("legend", [True, False])
 def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram, legend) -> None:
-    figure, (ax,) = new_figure()
-    found = plot_zones(diagram, ax, legend=legend).axes
+    figure, (ax,) = plots.new_figure()
+    found = plots.plot_zones(diagram, ax, legend=legend).axes
     assert found is ax
     assert (ax.get_legend() is not None) == legend
     assert figure.legends == []
@@ -258,22 +243,22 @@ def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram
 
 
 def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
-    _, axes = new_figure(2)
-    found = plot_zones([diagram, diagram], axes)
+    _, axes = plots.new_figure(2)
+    found = plots.plot_zones([diagram, diagram], axes)
     assert [one.axes for one in found] == list(axes)
     assert [ax.get_title(loc="left") for ax in axes] == ["(a) $k$ = 0.8", "(b) $k$ = 0.8"]
     assert axes[0].get_legend() is not None
     assert axes[1].get_legend() is None
     with pytest.raises(BadInput, match="2 zone diagrams need as many axes, got 1"):
-        plot_zones([diagram, diagram], axes[:1])
+        plots.plot_zones([diagram, diagram], axes[:1])
     with pytest.raises(BadInput, match="plot_zones needs at least one zone diagram, and a curve"):
-        plot_zones([])
+        plots.plot_zones([])
 
 
 def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.15, 0.3)})
     for name in ("arclength", "residual"):
-        ax = plot(branch, x=name, y="p").axes
+        ax = plots.plot(branch, x=name, y="p").axes
         column = branch[name]
         x = np.concatenate([np.atleast_1d(line.get_xdata()) for line in ax.get_lines()])
         assert x.min() == pytest.approx(column.min(), abs=1e-12)
@@ -283,11 +268,11 @@ def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
 def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     for site in (0.5, "0", None, (0,)):
         with pytest.raises(BadInput, match=r"site = .*: the number of a site was expected"):
-            plot_section(run, site=site)
+            plots.plot_section(run, site=site)
     with pytest.raises(BadInput, match=r"skip = 31: the run has 30 periods to leave out"):
-        plot_section(run, skip=31)
-    assert len(plot_section(run, skip=30).axes.get_lines()[0].get_xdata()) == 1
-    ax = plot_section(run, site=-1, skip=10).axes
+        plots.plot_section(run, skip=31)
+    assert len(plots.plot_section(run, skip=30).axes.get_lines()[0].get_xdata()) == 1
+    ax = plots.plot_section(run, site=-1, skip=10).axes
     (line,) = ax.get_lines()
     assert line.get_xdata() == pytest.approx(run.strobe.u[10:, 5])
     assert line.get_ydata() == pytest.approx(run.strobe.v[10:, 5])
@@ -296,7 +281,7 @@ def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
 
 def test_the_number_of_a_multiplier_keeps_off_the_band() -> None:
     ring = cb.symmetric(0.3, 0.1, 0.8, lattice=cb.Ring(20), damping=0.05)
-    ax = plot_multipliers(ring, half=True).axes
+    ax = plots.plot_multipliers(ring, half=True).axes
     (word,) = [text for text in ax.texts if text.get_text()]
     dots = [line.get_xydata() for line in ax.get_lines() if line.get_marker() == "o"]
     waves = [line.get_xydata() for line in ax.get_lines() if line.get_linewidth() == 5.0]
@@ -309,14 +294,16 @@ def test_the_number_of_a_multiplier_keeps_off_the_band() -> None:
 def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
     b = cb.symmetric(0.8, 0.045, 0.8)
     for digits in (0, 2, 5):
-        words = [w.get_text() for w in plot_multipliers(b, sites=40, digits=digits).axes.texts]
+        words = [
+            w.get_text() for w in plots.plot_multipliers(b, sites=40, digits=digits).axes.texts
+        ]
         real = [w for w in words if w and "i" not in w]
         assert real
         assert all(len(w.partition(".")[2]) == digits for w in real)
     with pytest.raises(BadInput, match=r"^digits = -1"):
-        plot_multipliers(b, sites=40, digits=-1)
+        plots.plot_multipliers(b, sites=40, digits=-1)
     with pytest.raises(BadInput, match="an orbit or a cycle was expected, got a float"):
-        plot_multipliers(0.5)  # type: ignore[arg-type]
+        plots.plot_multipliers(0.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -330,12 +317,12 @@ def test_axes_of_zones_go_a_little_beyond_them(gamma, a, limits) -> None:
     """From 0 where they begin within a fifth of their end; higher where a meeting, here that at
     a = 0.8687, needs a name."""
     window = {"gamma": gamma, "a": a}
-    axes = plot_zones(cb.zones(k=0.8, within=window), within=window).axes
+    axes = plots.plot_zones(cb.zones(k=0.8, within=window), within=window).axes
     assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(limits, abs=1e-4)
 
 
 def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diagram) -> None:
-    ax = plot_zones(diagram).axes
+    ax = plots.plot_zones(diagram).axes
     ax.figure.draw_without_rendering()
     for region in diagram.regions:
         words = [w for w in ax.texts if w.get_position() == (region.x, region.y) and w.get_text()]
@@ -345,12 +332,12 @@ def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diag
             assert mpl.path.Path(region.outline).contains_points(corners).all()
     thin = replace(diagram)
     vars(thin)["regions"] = tuple(replace(region, room=0.0) for region in diagram.regions)
-    assert not {"S", "US"} & {word.get_text() for word in plot_zones(thin).axes.texts}
+    assert not {"S", "US"} & {word.get_text() for word in plots.plot_zones(thin).axes.texts}
 
 
 def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile() -> None:
     line = cb.Problem(lambda x, p: x - 3.0 * p["mu"], {"x": 3.0}, {"mu": 1.0})
-    _, (ax, below) = new_figure(2)
+    _, (ax, below) = plots.new_figure(2)
     cb.plot(point := cb.trace(line, "mu", within={"mu": (0.5, 2.0)}, events=())[1], ax=ax)
     dot, tangent = ax.get_lines()
     assert (dot.get_xdata()[0], dot.get_ydata()[0]) == (point["mu"], point["x"])
@@ -365,7 +352,7 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
 
 
 def test_words_of_a_legend_and_of_points_are_smaller_than_those_of_their_axes() -> None:
-    _, (axes,) = new_figure()
+    _, (axes,) = plots.new_figure()
     branch = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.1, 0.9)})
     cb.plot(branch, x="a", y="p", ax=axes)
     sizes = [word.get_fontsize() for word in (*axes.get_legend().get_texts(), *axes.texts)]

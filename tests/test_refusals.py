@@ -340,9 +340,7 @@ def test_lattices_and_walls_are_those_that_are_typed() -> None:
         ("\n", "0 rows of no numbers"),
     ],
 )
-def test_a_file_without_a_stiffness_matrix_is_refused(
-    content: str, reason: str, tmp_path: Path
-) -> None:
+def test_a_file_without_a_stiffness_matrix_is_refused(content: str, reason: str, tmp_path: Path):
     (tmp_path / "m.csv").write_text(content)
     with pytest.raises(BadInput, match=rf"^no stiffness matrix in .*m\.csv: {re.escape(reason)}"):
         lattice_by(str(tmp_path / "m.csv"), None)

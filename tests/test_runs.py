@@ -138,9 +138,7 @@ for name in sys.argv[1:]:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
-def test_a_process_that_has_done_nothing_else_reads_and_writes_files_without_xarray(
-    tmp_path: Path,
-) -> None:
+def test_a_process_that_has_done_nothing_else_reads_and_writes_files_without_xarray(tmp_path: Path):
     kinds = {name: TABLES[name]() for name in ("branch", "diagram", "zones", "run", "smooth")}
     for name, value in kinds.items():
         cb.save(tmp_path / f"{name}.nc", value)

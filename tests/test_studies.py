@@ -198,9 +198,7 @@ def conducted(parts: Path) -> tuple[Report, list[str]]:
     return conduct(parts, executor=1, tell=lines.append), lines
 
 
-def test_an_optional_part_whose_start_does_not_exist_is_absent_and_no_error(
-    parts: Path, conducted: tuple[Report, list[str]], run: Command
-) -> None:
+def test_an_optional_part_whose_start_does_not_exist_is_absent_and_no_error(parts, conducted, run):
     report, _ = conducted
     assert report.failed == {}
     assert report.absent == {
@@ -219,9 +217,7 @@ def test_an_optional_part_whose_start_does_not_exist_is_absent_and_no_error(
     assert {name: failed[name] for name in report.absent} == report.absent
 
 
-def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(
-    parts: Path, conducted: tuple[Report, list[str]]
-) -> None:
+def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(parts, conducted):
     report, _ = conducted
     assert report.computed == ["s/gamma=0.02", "s/gamma=0.04", "line/gamma=0.04"]
     line = cb.load(report.folder)["line/gamma=0.04"]
@@ -232,9 +228,7 @@ def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(
     assert [task.name for task in asked.left] == ["line/gamma=0.02"]
 
 
-def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(
-    conducted: tuple[Report, list[str]], parts: Path, run: Command
-) -> None:
+def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(conducted, parts, run):
     _, lines = conducted
     assert [line.partition(",")[0] for line in lines] == [f"{i} of 5" for i in range(1, 6)]
     assert lines[0] == "1 of 5, s/gamma=0.02"
@@ -245,9 +239,7 @@ def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(
     assert "1 result computed, 2 were there" in out
 
 
-def test_a_dry_run_lists_what_would_be_computed_and_does_nothing(
-    tmp_path: Path, run: Command
-) -> None:
+def test_a_dry_run_lists_what_would_be_computed_and_does_nothing(tmp_path: Path, run: Command):
     path = tmp_path / "dry.toml"
     path.write_text("[chain]\nlattice = 'ring:6'\ndamping = 0.1\n" + PARTS)
     status, out, err = run(f"run {path} --dry-run --json")

@@ -36,9 +36,7 @@ def study(folder: Path, text: str = DRAWN) -> Path:
 
 @pytest.mark.parametrize("place", ["{there}", "../precious.png", "sub/../../precious.png",
                                    "sub/f.png", "./f.png", "~/f.png/..png/x.png"])  # fmt: skip
-def test_a_figure_is_a_name_in_the_folder_of_its_run(
-    place: str, precious: Path, run: Command
-) -> None:
+def test_a_figure_is_a_name_in_the_folder_of_its_run(place: str, precious: Path, run: Command):
     path = study(precious.parent, f"{DRAWN}file = '{place.format(there=precious)}'\n")
     status, out, err = run(f"run {path}")
     assert (status, out) == (2, "")
@@ -109,9 +107,7 @@ def test_a_figure_that_was_touched_up_since_is_left_as_it_is(tmp_path: Path) -> 
     assert drawn.read_bytes() == first
 
 
-def test_a_study_that_was_killed_at_any_write_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_that_was_killed_at_any_write_goes_on(tmp_path, monkeypatch):
     """What is half done when a process dies is no file of others: each write is the last once."""
     path, replace, whole = study(tmp_path), os.replace, None
     for most in range(20):

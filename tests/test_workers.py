@@ -93,9 +93,7 @@ def test_what_is_short_starts_no_process(monkeypatch: pytest.MonkeyPatch, lastin
     assert list(each(lambda number: -number, range(1000))) == [-i for i in range(1000)]
 
 
-def test_what_is_long_is_done_by_as_many_processes_as_there_are_cores(
-    monkeypatch: pytest.MonkeyPatch, lasting: Any
-) -> None:
+def test_what_is_long_is_done_by_as_many_processes_as_there_are_cores(monkeypatch, lasting):
     lasting(0.3)
     asked: list[int] = []
     monkeypatch.setattr(workers, "processes", lambda most: asked.append(most) or processes(most))

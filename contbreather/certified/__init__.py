@@ -6,12 +6,7 @@ from typing import Any, overload
 
 from contbreather.certified.balls import Interval
 from contbreather.certified.certificate import Certificate, Covering, Tile
-from contbreather.certified.proofs import (
-    DEFINING,
-    certify_curve,
-    certify_point,
-    parameters,
-)
+from contbreather.certified.proofs import DEFINING, certify_curve, certify_point, parameters
 from contbreather.checks import number
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point

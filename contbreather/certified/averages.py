@@ -61,10 +61,7 @@ def _coefficients() -> dict[str, list[Ball]]:
 
 def _cut(gamma: Value) -> Value:
     """Bound of the powers beyond J."""
-    value, slope = (
-        arb(0, 5 * arb(9) ** -(J + 1)),
-        arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)),
-    )
+    value, slope = (arb(0, 5 * arb(9) ** -(J + 1)), arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)))
     return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -70,19 +69,6 @@ def test_the_least_singular_value_has_the_sign_of_the_determinant(seed: int) -> 
         assert sign == np.sign(exact)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_null_vectors_overlap_as_in_the_adjugate(seed: int) -> None:
-    """Its trace is the sum of the principal minors, a polynomial in the entries."""
-    matrix = matrices(seed)[0]
-    left, sizes, right = np.linalg.svd(matrix)
-    matrix = left[:, :-1] * sizes[:-1] @ right[:-1]
-    minors = sum(
-        np.linalg.det(matrix[np.ix_(kept, kept)]) for kept in map(list, combinations(range(5), 4))
-    )
-    assert systems.oriented_overlap(matrix) * np.prod(sizes[:-1]) == pytest.approx(minors)
-    assert math.isnan(systems.oriented_overlap(np.zeros((1, 1))))
-
-
 # --- pairs of eigenvalues ---------------------------------------------------------------------
 
 
@@ -141,51 +127,6 @@ def test_a_double_zero_gives_its_chain_and_real_ones_are_no_pair() -> None:
     assert plane.within @ plane.within == pytest.approx(np.zeros((2, 2)), abs=1e-7)
     with pytest.raises(Undefined, match="neutral saddle"):
         spectrum_of(np.diag([1.0, -1.0, 3.0])).square_of_pair()
-
-
-def bent(x: Array, p: dict[str, float]) -> Array:
-    m, c = matrices(7, n=4, count=2)
-    return m @ x + p["a"] * (c @ x**2) + p["b"] * np.sin(x[::-1]) - np.cos(x) * x[0]
-
-
-CURVE = Curve(
-    cb.Problem(bent, {name: 0.3 * i - 0.4 for i, name in enumerate("wxyz")}, {"a": 0.7, "b": 0.2}),
-    ("a", "b"),
-)
-PLANE = matrices(9, n=4)[0][:2]
-LOCI = {
-    "null": systems.null_locus(PLANE[0]),
-    "pair": spectrum.conditions_in_plane(0.6),
-    "rank": systems.rank_locus(systems.singular_in_unknowns),
-}
-
-
-@pytest.mark.parametrize("name", LOCI)
-def test_slopes_of_conditions_are_their_differences(name: str) -> None:
-    locus, z = LOCI[name], CURVE.start
-    extra = np.concatenate([[], *map(np.atleast_1d, locus.extra.values())])
-    assert locus.derivative is not None
-    found = locus.derivative(CURVE, z, extra)
-    both = np.concatenate([z, extra])
-    for i, step in enumerate(1e-5 * np.eye(both.size)):
-        up, down = (
-            locus.conditions(CURVE, (both + s * step)[: z.size], (both + s * step)[z.size :])
-            for s in (1, -1)
-        )
-        assert found[:, i] == pytest.approx((up - down) / 2e-5, abs=1e-7)
-
-
-def test_conditions_of_a_pair_hold_in_its_plane_alone() -> None:
-    values = np.linalg.eigvals(CURVE.jacobian(CURVE.start)[:, :4])
-    mu = values[values.imag.argmax()]
-    # the pair moved onto the imaginary axis
-    moved = replace(CURVE.problem, residual=lambda x, p: bent(x, p) - mu.real * x)
-    curve, square = Curve(moved, ("a", "b")), mu.imag**2
-    locus = spectrum.conditions_in_plane(square)
-    held = locus.conditions(curve, curve.start, np.array([square]))
-    assert abs(held).max() < 1e-12
-    apart = locus.conditions(curve, curve.start, np.array([1.1 * square]))
-    assert abs(apart).max() > 0.01
 
 
 # --- large matrices -----------------------------------------------------------------------------

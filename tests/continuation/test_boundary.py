@@ -8,47 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contbreather.continuation import (
-    Branch,
-    DefiningSystem,
-    Event,
-    Problem,
-    Steps,
-    Stop,
-    boundary,
-    fold,
-    hopf,
-    load,
-    save,
-    trace,
-    user,
-)
+import contbreather as cb
+from contbreather.continuation import DefiningSystem, Stop
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.systems.defining_systems import extended
 from contbreather.errors import BadInput
 
+from . import zoo
 from .lines import kinds
-from .zoo import (
-    CUSP,
-    PITCHFORK,
-    analytic_bratu,
-    chebyshev,
-    cusp_surface,
-    events_of,
-    ignition,
-    knowing,
-    mesh,
-    scalar,
-    takens,
-    trace_case,
-)
 
 WINDOW = {"b2": (-1.5, 1.5)}
 
 
 @pytest.fixture(scope="module")
-def planar() -> Branch:
-    return trace(takens(), "b1", within={"b1": (-1.0, 1.0)}, events=[fold(), hopf()])
+def planar() -> cb.Branch:
+    return cb.trace(zoo.takens(), "b1", within={"b1": (-1.0, 1.0)}, events=[cb.fold(), cb.hopf()])
 
 
 # --- the curves themselves --------------------------------------------------------------------
@@ -57,36 +31,40 @@ def planar() -> Branch:
 @pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.1, 1.0])
 def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None:
-    branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
-    steps = Steps(first=0.1 * largest, largest=largest)
+    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
+    steps = cb.Steps(first=0.1 * largest, largest=largest)
     for point in branch.special[1:3]:
         for towards in ("up", "down", "both"):
             for pair in (("mu", "h"), ("h", "mu")):
                 within = {"mu": (-1.0, 2.0), "h": (-2.0, 2.0)}
-                line = boundary(point, pair, within=within, towards=towards, steps=steps)
+                line = cb.boundary(point, pair, within=within, towards=towards, steps=steps)
                 assert abs(4 * line["mu"] ** 3 - 27 * line["h"] ** 2).max() < 1e-13
                 assert line["mu"].max() == 2.0
                 if towards == "both":
-                    (cusp,) = events_of(line)
+                    (cusp,) = zoo.events_of(line)
                     assert cusp.kind == "CP"
                     assert max(abs(cusp["mu"]), abs(cusp["h"]), abs(cusp["x"])) < 1e-12
 
 
-def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Branch) -> None:
-    line = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
+def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: cb.Branch) -> None:
+    line = cb.boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
     assert line.names == ("b1", "b2", "unstable", "arclength", "residual", "x", "y", "omega2")
     assert [name for name in line.columns() if name != "label"] == [*line.names]
     assert line.free == "b2"
     assert "HB boundary in (b2, b1)" in repr(line)
 
 
-def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(planar: Branch) -> None:
-    own = knowing(
-        replace(takens(), record={"trace": lambda point: float(point.jacobian()[:, :2].trace())}),
+def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(
+    planar: cb.Branch,
+) -> None:
+    own = zoo.knowing(
+        replace(
+            zoo.takens(), record={"trace": lambda point: float(point.jacobian()[:, :2].trace())}
+        ),
         interpret=lambda point: {name: point[name] for name in ("x", "b1", "b2")},
     )
-    branch = trace(own, "b1", within={"b1": (-1.0, 1.0)}, events=[hopf()])
-    line = boundary(branch.first("HB"), ("b2", "b1"), within=WINDOW)
+    branch = cb.trace(own, "b1", within={"b1": (-1.0, 1.0)}, events=[cb.hopf()])
+    line = cb.boundary(branch.first("HB"), ("b2", "b1"), within=WINDOW)
     assert abs(line["trace"]).max() < 1e-12
     assert line[3].solution == {name: line[3][name] for name in ("x", "b1", "b2")}
 
@@ -95,13 +73,13 @@ def test_third_parameters_keep_their_value_and_can_be_moved() -> None:
     def residual(u, p):
         return np.array([p["h"] + p["mu"] * u[0] - p["c"] * u[0] ** 3])
 
-    problem = Problem(residual, {"x": -0.9}, {"mu": 1.0, "h": 0.1, "c": 2.0})
-    first = trace(problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
-    line = boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)})
+    problem = cb.Problem(residual, {"x": -0.9}, {"mu": 1.0, "h": 0.1, "c": 2.0})
+    first = cb.trace(problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    line = cb.boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)})
     assert (line["c"] == 2.0).all()
     assert abs(4 * line["mu"] ** 3 - 27 * 2 * line["h"] ** 2).max() < 1e-12
     # the same boundary in another plane, and at another value of the third parameter
-    other = trace(line[3], "c", within={"c": (1.0, 3.0)})
+    other = cb.trace(line[3], "c", within={"c": (1.0, 3.0)})
     assert abs(4 * other["mu"] ** 3 - 27 * other["c"] * other["h"] ** 2).max() < 1e-12
     assert np.ptp(other["mu"]) == 0
     moved, _ = line[3].problem.at(c=2.1).solve()
@@ -113,10 +91,10 @@ def test_third_parameters_keep_their_value_and_can_be_moved() -> None:
 
 
 def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> None:
-    events = [fold(), user("x", 0.5), user("mu", 0.3, terminal=True)]
-    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=events[:1]).first("LP")
+    events = [cb.fold(), cb.user("x", 0.5), cb.user("mu", 0.3, terminal=True)]
+    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=events[:1]).first("LP")
     within = {"mu": (0.0, 2.0), "x": (-1.0, 1.0)}
-    line = boundary(first, ("mu", "h"), within=within, events=events)
+    line = cb.boundary(first, ("mu", "h"), within=within, events=events)
     assert line.began is Stop.EVENT or line.stop is Stop.EVENT
     met = line.first("LP-UZ")
     assert met["mu"] == pytest.approx(0.3, abs=1e-14)
@@ -125,9 +103,9 @@ def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> N
 
 @pytest.mark.parametrize("may_jump", [False, True])
 def test_a_jump_that_means_nothing_on_branches_means_nothing_on_boundaries(may_jump: bool) -> None:
-    jumps = Event("PO", lambda q: math.copysign(1.0, q["mu"] - 0.5), may_jump=may_jump)
-    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
-    line = boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[jumps])
+    jumps = cb.Event("PO", lambda q: math.copysign(1.0, q["mu"] - 0.5), may_jump=may_jump)
+    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    line = cb.boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[jumps])
     assert [point.kind for point in line.doubtful] == ([] if may_jump else ["LP-PO"])
 
 
@@ -138,69 +116,57 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
         x, mu = z[0], curve.params(z)["mu"]
         return np.array([x - mu**2])
 
-    event = Event(
+    event = cb.Event(
         "GR",
         lambda point: point["x"] - point["mu"] ** 2,
         locus=lambda point: DefiningSystem({}, conditions),
     )
-    branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
-    line = boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
+    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
+    line = cb.boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
     point = line.first("LP-GR")
     assert point["mu"] == pytest.approx(3 ** (-1 / 3), abs=1e-14)  # mu/3 = mu^4
-    other = boundary(point, ("mu", "h"), within={"mu": (0.3, 1.2)}, events=[fold()])
+    other = cb.boundary(point, ("mu", "h"), within={"mu": (0.3, 1.2)}, events=[cb.fold()])
     assert abs(other["x"] - other["mu"] ** 2).max() < 1e-13
     assert "GR-LP" in kinds(other)
     assert other.first("GR-LP")["mu"] == pytest.approx(point["mu"], abs=1e-12)
 
 
-def test_any_point_of_a_boundary_can_be_its_start(planar: Branch) -> None:
-    line = boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW, events=())
-    again = boundary(line[4], ("b2", "b1"), within=WINDOW, events=())
+def test_any_point_of_a_boundary_can_be_its_start(planar: cb.Branch) -> None:
+    line = cb.boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW, events=())
+    again = cb.boundary(line[4], ("b2", "b1"), within=WINDOW, events=())
     assert abs(again["b1"] - again["b2"] ** 2 / 4).max() < 1e-13
     assert (again["b2"][0], again["b2"][-1]) == (-1.5, 1.5)
-    assert boundary(line.first("EP"), ("b2", "b1"), within=WINDOW, events=()).free == "b2"
+    assert cb.boundary(line.first("EP"), ("b2", "b1"), within=WINDOW, events=()).free == "b2"
 
 
 # --- size and derivatives ---------------------------------------------------------------------
 
 
-def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
-    """u'' + lam exp(u/(1 + eps u)) = 0: the fold at eps = 0 is Bratu's; it ends in a cusp."""
-    second = chebyshev(16)
-    problem = ignition(second, lam=1.0)
-    branch = trace(
-        problem, "lam", within={"lam": (1, 5)}, events=[fold()], steps=Steps(largest=0.5)
-    )
-    same = trace(analytic_bratu(second).at(lam=1.0), "lam", within={"lam": (1, 5)}, events=[fold()])
-    assert branch.first("LP")["lam"] == pytest.approx(same.first("LP")["lam"], abs=1e-12)
-    within = {"eps": (0.0, 0.3), "lam": (3.0, 6.0)}
-    line = boundary(branch.first("LP"), ("eps", "lam"), within=within, towards="up")
-    cusp = line.first("CP")
-    assert cusp["eps"] == pytest.approx(0.24578, abs=1e-5)
-    for point in line.points[::10]:  # by another road: the derivative has an eigenvalue 0
-        values = np.linalg.eigvals(
-            problem.jacobian(point["u"], point.params | {"lam": point["lam"]})
-        )
-        assert abs(values).min() < 1e-9
-
-
 @pytest.mark.parametrize(
     ("second", "rows", "unit"),
-    [(mesh(20), np.logspace(-3, 3, 20), 1.0), (mesh(100), 1.0, 1e-3), (chebyshev(30), 1.0, 1.0)],
+    [
+        (zoo.mesh(20), np.logspace(-3, 3, 20), 1.0),
+        (zoo.mesh(100), 1.0, 1e-3),
+        (zoo.chebyshev(30), 1.0, 1.0),
+    ],
     ids=["rows", "fine mesh", "Chebyshev"],
 )
 def test_a_cusp_is_one_in_any_units_and_on_any_mesh(second, rows, unit) -> None:
     """The same equation: on the mesh the cubic coefficient falls as 1/n, and rows grow as n^2."""
     weights = np.resize(rows, len(second))
-    problem = ignition(second, weights, unit, u=1.5, lam=5.0, eps=0.24)
-    ahead = {"towards": "up", "events": [fold()], "steps": Steps(first=0.3, largest=3.0, most=6)}
-    line = boundary(trace(problem, "lam", **ahead).first("LP"), ("eps", "lam"), **ahead)
+    problem = zoo.ignition(second, weights, unit, u=1.5, lam=5.0, eps=0.24)
+    ahead = {
+        "towards": "up",
+        "events": [cb.fold()],
+        "steps": cb.Steps(first=0.3, largest=3.0, most=6),
+    }
+    line = cb.boundary(cb.trace(problem, "lam", **ahead).first("LP"), ("eps", "lam"), **ahead)
     assert line.first("CP")["eps"] == pytest.approx(0.24578, abs=1e-4)
     assert not line.doubtful
 
 
-@pytest.mark.parametrize("event", [fold(), hopf()], ids=["LP", "HB"])
-def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: Branch) -> None:
+@pytest.mark.parametrize("event", [cb.fold(), cb.hopf()], ids=["LP", "HB"])
+def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: cb.Branch) -> None:
     point = planar.first(event.kind)
     locus = event.locus(point)
     base = Curve(point.problem, ("b1", "b2"))
@@ -218,11 +184,11 @@ def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
         lambda curve, z, extra: np.array([z[0] - 0.5]),
         derivative=lambda curve, z, extra: np.full((1, z.size), 0.25),
     )
-    event = Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
-    branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
+    event = cb.Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
+    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
     sentence = r"derivative of the locus does not fit its conditions: its entry \(1, "
     with pytest.raises(BadInput, match=sentence):
-        boundary(branch.first("GR"), ("mu", "h"))
+        cb.boundary(branch.first("GR"), ("mu", "h"))
 
 
 # --- what cannot be traced --------------------------------------------------------------------
@@ -230,21 +196,21 @@ def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
 
 def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
     """Contours of x, and of x^2 as recorded, on h + mu x - x^3 = 0: straight lines."""
-    square = replace(CUSP.problem, record={"square": lambda point: point["x"] ** 2})
-    events = [user("x", 0.5), user("square", 0.25)]
-    branch = trace(square, "h", events=events, within={"x": (-1, 1)})
+    square = replace(zoo.CUSP.problem, record={"square": lambda point: point["x"] ** 2})
+    events = [cb.user("x", 0.5), cb.user("square", 0.25)]
+    branch = cb.trace(square, "h", events=events, within={"x": (-1, 1)})
     assert [point.label for point in branch.special if point.kind == "UZ"] == ["UZ1", "UZ2", "UZ3"]
     at_minus_half, *others = (point for point in branch.special if point.kind == "UZ")
     for point, x in ((at_minus_half, -0.5), (others[0], 0.5), (others[1], 0.5)):
-        line = boundary(point, ("mu", "h"), within={"mu": (-1, 2)}, events=())
+        line = cb.boundary(point, ("mu", "h"), within={"mu": (-1, 2)}, events=())
         assert len(line) > 5
         assert np.allclose(line["h"], x**3 - x * line["mu"], rtol=0, atol=1e-10)
 
 
-def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> None:
-    mine = Event("XY", lambda point: point["x"])
-    crossing = trace(takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")
-    bp = trace_case(PITCHFORK).first("BP")
+def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: cb.Branch) -> None:
+    mine = cb.Event("XY", lambda point: point["x"])
+    crossing = cb.trace(zoo.takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")
+    bp = zoo.trace_case(zoo.PITCHFORK).first("BP")
     point, both = planar.first("LP"), ("b2", "b1")
     for given, pair, sentence in (
         (planar[3], both, "is no bifurcation: nothing to trace as a boundary; give"),
@@ -257,56 +223,56 @@ def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> Non
         (point, ("nu", "b1"), "'nu' is not a parameter here"),
     ):
         with pytest.raises(BadInput, match=sentence):
-            boundary(given, pair)
+            cb.boundary(given, pair)
 
 
 def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_traced() -> None:
-    problem = Problem(
+    problem = cb.Problem(
         lambda u, p: np.array([p["h"] + p["null"] * u[0] - u[0] ** 3]),
         {"x": -0.9},
         {"null": 1.0, "h": 0.9 - 0.9**3},
     )
-    branch = trace(problem, "h", within={"x": (-2, 2)}, events=[fold()])
+    branch = cb.trace(problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
     assert kinds(branch) == ["LP", "LP"]  # to find them takes no name
     with pytest.raises(BadInput, match=r"rename \['null'\] in the problem"):
-        boundary(branch.first("LP"), ("null", "h"))
+        cb.boundary(branch.first("LP"), ("null", "h"))
 
 
 def test_a_locus_with_the_wrong_number_of_conditions_is_refused() -> None:
-    bad = Event(
+    bad = cb.Event(
         "GR",
         lambda point: point["x"] - 0.5,
         locus=lambda point: DefiningSystem({}, lambda curve, z, extra: np.zeros(2)),
     )
-    branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
+    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
     with pytest.raises(BadInput, match=r"a locus with 0 extra unknowns needs 1 conditions"):
-        boundary(branch.first("GR"), ("mu", "h"))
+        cb.boundary(branch.first("GR"), ("mu", "h"))
 
 
 def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
     def residual(u, p):
         return np.array([(1 + p["m"]) * u[0], (2 * p["m"] - 1) * u[1] + p["c"]])
 
-    problem = Problem(residual, {"x": 0.0, "y": 0.0}, {"m": -0.3, "c": 0.0})
-    branch = trace(problem, "m", within={"m": (-0.4, 0.4)}, events=[hopf()])
+    problem = cb.Problem(residual, {"x": 0.0, "y": 0.0}, {"m": -0.3, "c": 0.0})
+    branch = cb.trace(problem, "m", within={"m": (-0.4, 0.4)}, events=[cb.hopf()])
     (doubtful,) = branch.doubtful
     with pytest.raises(BadInput, match="HB cannot be traced from here: no complex pair"):
-        boundary(doubtful, ("c", "m"))
+        cb.boundary(doubtful, ("c", "m"))
 
 
 def test_walls_hold_on_boundaries_and_on_what_continues_them_from_a_file(tmp_path) -> None:
-    wall = Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
-    problem = replace(CUSP.problem, events=(fold(), wall))
-    first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
+    wall = cb.Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
+    problem = replace(zoo.CUSP.problem, events=(cb.fold(), wall))
+    first = cb.trace(problem, "h", within={"x": (-2, 2)}).first("LP")
     within = {"mu": (0.1, 2.0)}
-    line = boundary(first, ("mu", "h"), within=within)
+    line = cb.boundary(first, ("mu", "h"), within=within)
     assert line.first("LP-GR")["mu"] == pytest.approx(1.2, abs=1e-14)
     assert line["mu"].max() == pytest.approx(1.2, abs=1e-14)
     assert math.isclose(abs(line.first("LP-GR")["h"]), math.sqrt(4 * 1.2**3 / 27), abs_tol=1e-14)
-    save(tmp_path / "line.nc", line)
-    again = load(tmp_path / "line.nc", problem=problem)
+    cb.save(tmp_path / "line.nc", line)
+    again = cb.load(tmp_path / "line.nc", problem=problem)
     assert list(again[2].curve.problem.record) == list(line[2].curve.problem.record)
-    longer = boundary(again[2], ("mu", "h"), within=within)
+    longer = cb.boundary(again[2], ("mu", "h"), within=within)
     assert longer["mu"].max() == pytest.approx(1.2, abs=1e-14)
 
 
@@ -314,12 +280,12 @@ def test_walls_hold_on_boundaries_and_on_what_continues_them_from_a_file(tmp_pat
 def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart: float) -> None:
     places = {"A": 0.8, "B": 0.8 + apart}
     events = [
-        Event(kind, lambda point, at=at: point["mu"] - at, examine=lambda point: "")
+        cb.Event(kind, lambda point, at=at: point["mu"] - at, examine=lambda point: "")
         for kind, at in places.items()
     ]
-    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
-    steps = Steps(first=1.0, largest=1.0)
-    line = boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)}, events=events, steps=steps)
+    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    steps = cb.Steps(first=1.0, largest=1.0)
+    line = cb.boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)}, events=events, steps=steps)
     for kind, at in places.items():
         assert line.first(f"LP-{kind}")["mu"] == pytest.approx(at, abs=1e-10)
 
@@ -332,15 +298,15 @@ def test_a_locus_without_derivative_is_followed_to_the_rim_of_its_parameters() -
             raise BadInput("only g >= 0")
         return point["x"] + point["g"] ** 2 + math.sin(3 * point["g"])
 
-    base = scalar(
+    base = zoo.scalar(
         lambda x, p: x - p["m"],
         0.2,
         {"m": 0.2, "g": 0.5},
         record={"height": height},
         domain={"g": (0.0, 1.0)},
     )
-    point = trace(base, "m", within={"m": (-2, 2)}, events=[user("height", 1.0)]).first("UZ")
-    line = boundary(point, ("g", "m"), towards="down", events=())
+    point = cb.trace(base, "m", within={"m": (-2, 2)}, events=[cb.user("height", 1.0)]).first("UZ")
+    line = cb.boundary(point, ("g", "m"), towards="down", events=())
     assert line.stop is Stop.BOUND
     assert line.reason == "the domain of g ends at 0"
     assert line[-1]["g"] == 0.0

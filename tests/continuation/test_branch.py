@@ -13,30 +13,18 @@ import pytest
 from rich.console import Console
 
 import contbreather as cb
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Problem,
-    Steps,
-    Stop,
-    branch_point,
-    fold,
-    hopf,
-    iterate,
-    trace,
-    user,
-)
+from contbreather.continuation import Stop, iterate
 from contbreather.errors import BadInput
 
 from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
 
 
 @pytest.fixture(scope="module")
-def branch() -> Branch:
+def branch() -> cb.Branch:
     problem = replace(
         CUSP.problem, record={"slope": lambda point: float(point.jacobian()[0, 0])}, label="cusp"
     )
-    return trace_case(replace(CUSP, problem=problem), events=[fold(), user("x", 0.2)])
+    return trace_case(replace(CUSP, problem=problem), events=[cb.fold(), cb.user("x", 0.2)])
 
 
 def printed(thing) -> str:
@@ -48,7 +36,7 @@ def printed(thing) -> str:
 # --- branches ---------------------------------------------------------------------------------
 
 
-def test_columns_are_parameters_records_arclength_and_unknowns(branch: Branch) -> None:
+def test_columns_are_parameters_records_arclength_and_unknowns(branch: cb.Branch) -> None:
     assert branch.names == ("mu", "h", "slope", "arclength", "residual", "x")
     for name in branch.names:
         assert branch[name].shape == (len(branch),)
@@ -61,14 +49,14 @@ def test_columns_are_parameters_records_arclength_and_unknowns(branch: Branch) -
         branch["y"]
 
 
-def test_points_are_taken_by_number_and_in_order(branch: Branch) -> None:
+def test_points_are_taken_by_number_and_in_order(branch: cb.Branch) -> None:
     assert branch[17] is branch.points[17]
     assert branch[-1] is branch.points[-1]
     assert branch[2:4].points == branch.points[2:4]
     assert [point["x"] for point in branch] == branch["x"].tolist()
 
 
-def test_special_points_by_kind_and_label(branch: Branch) -> None:
+def test_special_points_by_kind_and_label(branch: cb.Branch) -> None:
     assert [p.label for p in branch.special] == ["EP1", "LP1", "UZ1", "LP2", "EP2"]
     assert branch.first("LP") is branch.first("LP1")
     assert branch.first("LP2")["x"] > 0
@@ -78,7 +66,7 @@ def test_special_points_by_kind_and_label(branch: Branch) -> None:
         branch.first("HB1")
 
 
-def test_a_branch_says_what_it_is(branch: Branch) -> None:
+def test_a_branch_says_what_it_is(branch: cb.Branch) -> None:
     text = repr(branch)
     assert text.startswith(f"<Branch cusp in h (mu = 1): {len(branch)} points; ")
     assert Stop.BOUND.value in text
@@ -90,7 +78,7 @@ def test_a_branch_says_what_it_is(branch: Branch) -> None:
     assert printed(branch.table()) == table
 
 
-def shown_at(branch: Branch, width: int) -> list[list[str]]:
+def shown_at(branch: cb.Branch, width: int) -> list[list[str]]:
     """The cells of the printed table."""
     out = io.StringIO()
     Console(file=out, width=width, color_system=None).print(branch)
@@ -98,7 +86,7 @@ def shown_at(branch: Branch, width: int) -> list[list[str]]:
     return [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows]
 
 
-def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: Branch) -> None:
+def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: cb.Branch) -> None:
     """Every number is the point's own, rounded to the digits that it is shown with."""
     wide, middle, narrow = (shown_at(branch, width) for width in (200, 80, 55))
     assert wide[0] == ["label", "h", "x", "slope", "arclength", "residual"]
@@ -109,7 +97,7 @@ def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: B
             assert any(cell == f"{point[name]:.{digits}g}" for digits in range(4, 12))
 
 
-def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: Branch) -> None:
+def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: cb.Branch) -> None:
     rows = shown_at(branch, 22)
     assert not any("\N{HORIZONTAL ELLIPSIS}" in cell for row in rows for cell in row)
     joined = "".join(row[1] for row in rows[1:] if row)
@@ -118,13 +106,13 @@ def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: Branch) 
 
 def test_a_count_is_blank_where_rounding_decides_it() -> None:
     """At a fold a multiplier is on the circle: the table has no number, the column keeps it."""
-    cusp = Problem(
+    cusp = cb.Problem(
         lambda x, p: p["h"] + p["mu"] * x - x**3,
         {"x": 1.5},
         {"mu": 1.0, "h": 1.875},
         record={"count": lambda point: int(point["x"] ** 2 < 1 / 3)},
     )
-    branch = trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[fold(), user("x", 0.1)])
+    branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold(), cb.user("x", 0.1)])
     column = [row[3] for row in shown_at(branch, 200)]
     assert column == ["count", "0", "\N{EN DASH}", "1", "\N{EN DASH}", "0"]
     assert set(branch["count"]) == {0, 1}
@@ -132,9 +120,9 @@ def test_a_count_is_blank_where_rounding_decides_it() -> None:
 
 def test_a_column_has_no_count_where_rounding_decides_it() -> None:
     record = {"count": lambda p: int(p["x"] < 0), "size": lambda p: float(p["x"])}
-    counted, level = replace(CUSP.problem, record=record), user("x", 0.25)
-    for events, blank in ([fold(), level], ["LP1", "LP2"]), ([level], []):
-        found = trace(counted, "h", within={"x": (-2, 2)}, events=events).columns()
+    counted, level = replace(CUSP.problem, record=record), cb.user("x", 0.25)
+    for events, blank in ([cb.fold(), level], ["LP1", "LP2"]), ([level], []):
+        found = cb.trace(counted, "h", within={"x": (-2, 2)}, events=events).columns()
         assert [*found] == ["label", "mu", "h", "count", "size", "arclength", "residual", "x"]
         assert [*found["label"][np.isnan(found["count"])]] == blank
         assert not np.isnan(found["size"]).any()
@@ -142,20 +130,20 @@ def test_a_column_has_no_count_where_rounding_decides_it() -> None:
 
 
 def test_a_branch_says_which_parameters_stay_what_they_are() -> None:
-    fixed = Problem(
+    fixed = cb.Problem(
         lambda x, p: x - p["m"] * p["k"] - p["h"], {"x": 0.25}, {"h": 0.25, "m": 0, "k": 2}
     )
-    said = trace(fixed, "m", within={"m": (0, 1)}, events=()).describe()
+    said = cb.trace(fixed, "m", within={"m": (0, 1)}, events=()).describe()
     assert said.startswith("branch in m (h = 0.25, k = 2): ")
 
 
 def test_many_branches_are_asked_for_as_one_is() -> None:
-    wall = Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
+    wall = cb.Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
     starts = [replace(LINE.problem, events=(wall,)).at(x=2 * mu, mu=mu) for mu in (0.1, 0.2)]
-    own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": Steps(largest=0.05)}
-    own |= {"events": user("mu", 0.25), "inadmissible": True}
+    own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": cb.Steps(largest=0.05)}
+    own |= {"events": cb.user("mu", 0.25), "inadmissible": True}
     for start, branch in zip(starts, cb.trace_many(starts, "mu", executor=1, **own), strict=True):
-        alone = trace(start, "mu", **own)
+        alone = cb.trace(start, "mu", **own)
         assert repr(branch) == repr(alone)
         assert np.array_equal(branch["mu"], alone["mu"])
     for wrong in (LINE.problem, "line", 3, np.array(1.0)):
@@ -164,8 +152,8 @@ def test_many_branches_are_asked_for_as_one_is() -> None:
 
 
 def test_a_branch_in_trouble_says_why() -> None:
-    bad = Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
-    branch = trace(bad, "mu", towards="down")
+    bad = cb.Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
+    branch = cb.trace(bad, "mu", towards="down")
     assert "reached the edge of the domain of the equations: the equations are not finite" in repr(
         branch
     )
@@ -190,7 +178,7 @@ def test_columns_are_asked_for_once_unless_they_raise() -> None:
         return float(point["x"])
 
     problem = replace(LINE.problem, record={"height": height})
-    branch = trace(problem, "mu", within={"mu": (0, 1)}, events=())
+    branch = cb.trace(problem, "mu", within={"mu": (0, 1)}, events=())
     with pytest.raises(RuntimeError):
         branch["height"]
     column, count = branch["height"], len(asked)
@@ -212,7 +200,7 @@ def test_arrays_and_complex_records_do_not_spoil_the_table() -> None:
             "one": lambda point: complex(point["X"], 1.0),
         },
     )
-    branch = trace(problem, "B", within={"B": (0.1, 3.0)}, events=[hopf()])
+    branch = cb.trace(problem, "B", within={"B": (0.1, 3.0)}, events=[cb.hopf()])
     assert branch["values"].shape == (len(branch), 2)
     assert branch["one"].dtype == complex
     assert "values" not in printed(branch)
@@ -220,7 +208,7 @@ def test_arrays_and_complex_records_do_not_spoil_the_table() -> None:
     assert "null" not in printed(trace_case(BRATU))
 
 
-def test_frozen_in_frozen_out(branch: Branch) -> None:
+def test_frozen_in_frozen_out(branch: cb.Branch) -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         branch.stop = Stop.MOST
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -238,7 +226,7 @@ def test_frozen_in_frozen_out(branch: Branch) -> None:
 # --- joining and turning ----------------------------------------------------------------------
 
 
-def test_turning_a_branch_twice_gives_it_back(branch: Branch) -> None:
+def test_turning_a_branch_twice_gives_it_back(branch: cb.Branch) -> None:
     turned = branch.reversed()
     assert np.array_equal(turned["x"], branch["x"][::-1])
     assert [p.label for p in turned.special] == ["EP1", "LP1", "UZ1", "LP2", "EP2"]
@@ -261,8 +249,8 @@ def test_a_one_way_branch_turned_ends_where_it_set_out() -> None:
 
 
 def test_joining_shifts_arclength_and_counts_labels_on() -> None:
-    first = trace(CUSP.problem, "h", within={"x": (-2.0, 0.0)}, events=[fold()])
-    second = trace(first[-1], "h", within={"x": (-0.1, 2.0)}, events=[fold()], towards="down")
+    first = cb.trace(CUSP.problem, "h", within={"x": (-2.0, 0.0)}, events=[cb.fold()])
+    second = cb.trace(first[-1], "h", within={"x": (-0.1, 2.0)}, events=[cb.fold()], towards="down")
     whole = first.join(second)
     assert len(whole) == len(first) + len(second) - 1
     assert [p.label for p in whole.special] == ["EP1", "LP1", "LP2", "EP2"]
@@ -274,16 +262,16 @@ def test_joining_shifts_arclength_and_counts_labels_on() -> None:
 
 
 def test_an_event_at_the_seam_is_there_once_and_no_end_stays_inside() -> None:
-    middle = user("x", -0.9)
-    for events in ([middle], [middle, fold(), user("h", CUSP.problem.params["h"])], []):
-        whole = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=events)
+    middle = cb.user("x", -0.9)
+    for events in ([middle], [middle, cb.fold(), cb.user("h", CUSP.problem.params["h"])], []):
+        whole = cb.trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=events)
         assert sum(point.event is middle for point in whole) == (middle in events)
         assert [p.kind for p in whole.special].count("EP") == 2
         assert whole.special[0].kind == whole.special[-1].kind == "EP"
 
 
 def test_candidates_that_failed_come_along() -> None:
-    branch = trace_case(ARMS, events=[fold(), branch_point()])
+    branch = trace_case(ARMS, events=[cb.fold(), cb.branch_point()])
     assert branch.doubtful
     assert len(branch.reversed().doubtful) == len(branch.doubtful)
     (doubtful,) = branch.reversed().doubtful
@@ -293,7 +281,7 @@ def test_candidates_that_failed_come_along() -> None:
 # --- points -----------------------------------------------------------------------------------
 
 
-def test_a_point_gives_values_by_name(branch: Branch) -> None:
+def test_a_point_gives_values_by_name(branch: cb.Branch) -> None:
     point = branch[5]
     assert point.values == {"x": point["x"], "mu": 1.0, "h": point["h"]}
     assert isinstance(point["x"], float)
@@ -304,16 +292,16 @@ def test_a_point_gives_values_by_name(branch: Branch) -> None:
         point["y"]
 
 
-def test_a_point_shows_label_and_values(branch: Branch) -> None:
+def test_a_point_shows_label_and_values(branch: cb.Branch) -> None:
     assert repr(branch.first("UZ")) == "Point(UZ1 (x = 0.2): x=0.2, mu=1, h=-0.192)"
     assert repr(branch[5]).startswith("Point(x=")
     assert repr(trace_case(BRATU)[0]).startswith("Point(EP1: lam=")
 
 
-def test_a_point_is_a_start(branch: Branch) -> None:
-    again = trace(branch[5], "h", within={"x": (-2, 2)}, events=ALL)
+def test_a_point_is_a_start(branch: cb.Branch) -> None:
+    again = cb.trace(branch[5], "h", within={"x": (-2, 2)}, events=ALL)
     assert [p.kind for p in again.special] == ["EP", "LP", "LP", "EP"]
-    other = trace(branch[5], "mu", within={"mu": (0.9, 1.1)})
+    other = cb.trace(branch[5], "mu", within={"mu": (0.9, 1.1)})
     assert (other["h"] == branch[5]["h"]).all()
 
 
@@ -326,14 +314,14 @@ def test_a_point_says_what_it_is_to_its_user() -> None:
     with pytest.raises(BadInput, match="says no more of a point than its values"):
         _ = trace_case(LINE)[0].solution
     problem = knowing(LINE.problem, interpret=lambda point: f"x is {point['x']:.1f}")
-    assert trace(problem, "mu", within={"mu": (-1, 1)})[-1].solution == "x is 2.0"
+    assert cb.trace(problem, "mu", within={"mu": (-1, 1)})[-1].solution == "x is 2.0"
 
 
 # --- by hand ----------------------------------------------------------------------------------
 
 
 def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> None:
-    walker = iterate(CIRCLE.problem, "mu", events=[fold(), user("x", 0.5)])
+    walker = iterate(CIRCLE.problem, "mu", events=[cb.fold(), cb.user("x", 0.5)])
     points = []
     while True:
         try:
@@ -354,11 +342,11 @@ def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
 
 
 def test_events_are_values() -> None:
-    event = Event("GR", lambda point: point["x"], ends="branch")
+    event = cb.Event("GR", lambda point: point["x"], ends="branch")
     assert replace(event, ends="").kind == "GR"
     with pytest.raises(TypeError):
-        Event("GR", lambda point: point["x"], True)
-    assert Steps() == Steps(first=0.01)
+        cb.Event("GR", lambda point: point["x"], True)
+    assert cb.Steps() == cb.Steps(first=0.01)
 
 
 def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
@@ -368,9 +356,7 @@ def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("asked", ["call", "environment"])
-def test_progress_is_lines_in_a_log_when_asked_for(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, asked: str
-) -> None:
+def test_progress_is_lines_in_a_log_when_asked_for(capsys, monkeypatch, asked):
     from contbreather import progress
 
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
@@ -421,14 +407,14 @@ def test_a_point_answers_what_its_solution_answers() -> None:
 
 
 def test_a_level_that_was_met_is_said() -> None:
-    problem = Problem(
+    problem = cb.Problem(
         lambda x, p: x - p["mu"],
         {"x": 0.0},
         {"mu": 0.0},
         record={"height": lambda point: 3 * point["x"]},
     )
-    events = [user("mu", 0.5), user("mu", 0.25), user("height", 0.9)]
-    branch = trace(problem, "mu", within={"mu": (0, 1)}, events=events)
+    events = [cb.user("mu", 0.5), cb.user("mu", 0.25), cb.user("height", 0.9)]
+    branch = cb.trace(problem, "mu", within={"mu": (0, 1)}, events=events)
     levels = [point for point in branch.special if point.kind == "UZ"]
     assert [point.label for point in levels] == ["UZ1", "UZ2", "UZ3"]
     assert [point["level"] for point in levels] == ["mu = 0.25", "height = 0.9", "mu = 0.5"]

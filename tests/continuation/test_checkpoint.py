@@ -11,20 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.continuation import (
-    Branch,
-    Problem,
-    Run,
-    Steps,
-    Stop,
-    boundary,
-    branch_point,
-    extend,
-    fold,
-    load,
-    save,
-    trace,
-)
+import contbreather as cb
+from contbreather.continuation import Stop
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
@@ -34,7 +22,7 @@ from contbreather.errors import BadInput, Interrupted
 from ..apart import begun, until
 from .zoo import CUSP
 
-FEW = Steps(first=0.1, largest=0.3)
+FEW = cb.Steps(first=0.1, largest=0.3)
 
 
 class Clock:
@@ -68,23 +56,23 @@ def written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[], lis
         found: list[Any] = []
         for i in np.unique(np.linspace(0, len(images) - 1, 6).astype(int)):
             (tmp_path / "then.nc").write_bytes(images[i])
-            one = load(tmp_path / "then.nc")
-            found.append(dict(one) if isinstance(one, Run) else one)
+            one = cb.load(tmp_path / "then.nc")
+            found.append(dict(one) if isinstance(one, cb.Run) else one)
         images.clear()
         return found
 
     return some
 
 
-def parabola(**more: Any) -> Problem:
-    return Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0}, **more)
+def parabola(**more: Any) -> cb.Problem:
+    return cb.Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0}, **more)
 
 
-def test_file_is_a_beginning_of_the_branch_at_any_moment(
-    written: Callable[[], list[Any]], tmp_path: Path
-) -> None:
+def test_file_is_a_beginning_of_the_branch_at_any_moment(written, tmp_path):
     path = tmp_path / "run.nc"
-    branch = trace(parabola(), "mu", within={"x": (-1, 1.5)}, events=[fold()], steps=FEW, save=path)
+    branch = cb.trace(
+        parabola(), "mu", within={"x": (-1, 1.5)}, events=[cb.fold()], steps=FEW, save=path
+    )
     found = written()
     assert len(found) > 2
     known = {point.z.tobytes() for point in branch}
@@ -93,26 +81,26 @@ def test_file_is_a_beginning_of_the_branch_at_any_moment(
     for one in found[:-1]:
         assert one.stop.name == "INTERRUPTED"
         assert {point.z.tobytes() for point in one} <= known
-    assert repr(found[-1]) == repr(branch) == repr(load(path))
+    assert repr(found[-1]) == repr(branch) == repr(cb.load(path))
 
 
 def test_longer_work_keeps_all_of_it(written: Callable[[], list[Any]], tmp_path: Path) -> None:
     """Arms beside each other, boundaries with where they come from, diagrams with their tree."""
-    mine = Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
+    mine = cb.Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
     asked: dict[str, Any] = {"within": {"mu": (-0.3, 0.3)}, "steps": FEW}
-    axis = trace(mine, "mu", within={"mu": (-1, 0.3)}, events=[branch_point()])
+    axis = cb.trace(mine, "mu", within={"mu": (-1, 0.3)}, events=[cb.branch_point()])
     arms = switch(axis.first("BP"), **asked, save=tmp_path / "arms.nc")
     found = written()
     assert [list(one) for one in (found[0], found[-1])] == [["arm1"], ["arm1", "arm2"]]
     assert all(one["arm1"][0].parent.label == "BP1" for one in found)
     assert repr(found[-1]["arm2"]) == repr(arms[1])
-    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    first = cb.trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
     asked = {"within": {"mu": (0.9, 1.1)}, "steps": FEW}
-    line = boundary(first, ("mu", "h"), **asked, save=tmp_path / "line.nc")
+    line = cb.boundary(first, ("mu", "h"), **asked, save=tmp_path / "line.nc")
     found = written()
     assert all(one.origin.label == "LP1" for one in found)
     assert repr(found[-1]) == repr(line)
-    asked = {"within": {"mu": (-1, 0.3)}, "steps": FEW, "events": [branch_point()]}
+    asked = {"within": {"mu": (-1, 0.3)}, "steps": FEW, "events": [cb.branch_point()]}
     tree = diagram(mine, "mu", **asked, save=tmp_path / "tree.nc")
     found = written()
     counts = [len(one) for one in found]
@@ -120,28 +108,26 @@ def test_longer_work_keeps_all_of_it(written: Callable[[], list[Any]], tmp_path:
     assert all(one.interrupted for one in found[:-1])
 
 
-def test_extended_branch_keeps_its_beginning(
-    written: Callable[[], list[Any]], tmp_path: Path
-) -> None:
-    short = trace(parabola(), "mu", within={"x": (0.9, 1.1)})
-    longer = extend(short, within={"x": (0.5, 1.5)}, save=tmp_path / "run.nc")
+def test_extended_branch_keeps_its_beginning(written: Callable[[], list[Any]], tmp_path: Path):
+    short = cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)})
+    longer = cb.extend(short, within={"x": (0.5, 1.5)}, save=tmp_path / "run.nc")
     found = written()
     assert all(len(one) >= len(short) for one in found)
     assert repr(found[-1]) == repr(longer)
 
 
 def test_a_closed_curve_goes_once_around_however_often_it_is_extended() -> None:
-    circle = Problem(lambda x, p: x**2 + p["mu"] ** 2 - 1, {"x": 1.0}, {"mu": 0.0})
+    circle = cb.Problem(lambda x, p: x**2 + p["mu"] ** 2 - 1, {"x": 1.0}, {"mu": 0.0})
     for end, most in (("last", 20), ("first", 7), ("both", 33)):
-        piece = trace(circle, "mu", events=[fold()], steps=Steps(most=most))
+        piece = cb.trace(circle, "mu", events=[cb.fold()], steps=cb.Steps(most=most))
         while piece.stop is Stop.MOST or piece.began is Stop.MOST:
-            piece = extend(piece, end=end)
+            piece = cb.extend(piece, end=end)
         assert (piece.stop, piece.began) == (Stop.CLOSED, None)
         assert sorted(round(point["mu"], 9) for point in piece.special) == [-1.0, 1.0]
         assert piece["arclength"][-1] == pytest.approx(2 * np.pi, rel=1e-3)
         assert np.array_equal(piece[0].z, piece[-1].z)
         with pytest.raises(BadInput, match="at its first point it is closed"):
-            extend(piece, end="first")
+            cb.extend(piece, end="first")
 
 
 def test_interrupted_work_is_kept(tmp_path: Path) -> None:
@@ -150,31 +136,27 @@ def test_interrupted_work_is_kept(tmp_path: Path) -> None:
             raise KeyboardInterrupt
         return x**2 - p["mu"]
 
-    own = Problem(residual, {"x": 1.0}, {"mu": 1.0})
+    own = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0})
     with pytest.raises(Interrupted) as caught:
-        trace(own, "mu", within={"mu": (0.5, 2.0)}, save=tmp_path / "run.nc")
-    assert repr(load(tmp_path / "run.nc")) == repr(caught.value.partial)
+        cb.trace(own, "mu", within={"mu": (0.5, 2.0)}, save=tmp_path / "run.nc")
+    assert repr(cb.load(tmp_path / "run.nc")) == repr(caught.value.partial)
 
 
-def test_place_that_cannot_be_written_is_refused_before_anything_is_computed(
-    tmp_path: Path,
-) -> None:
+def test_place_that_cannot_be_written_is_refused_before_anything_is_computed(tmp_path: Path):
     def never(x: Any, p: Any) -> Any:
         raise AssertionError
 
-    own = Problem(never, {"x": 1.0}, {"mu": 1.0})
+    own = cb.Problem(never, {"x": 1.0}, {"mu": 1.0})
     for place, sentence in (
         (tmp_path / "nowhere" / "run.nc", "there is no directory"),
         (tmp_path, "it is a directory"),
         (3, "save takes the name of a file, 'run.nc' for instance; got 3|a number|an int"),
     ):
         with pytest.raises(BadInput, match=sentence):
-            trace(own, "mu", save=place)  # type: ignore[arg-type]
+            cb.trace(own, "mu", save=place)  # type: ignore[arg-type]
 
 
-def test_writing_takes_its_share_of_the_time_and_no_more(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_writing_takes_its_share_of_the_time_and_no_more(monkeypatch, tmp_path):
     """A file that takes a second to write is written every 33 seconds; special points hurry it, but
     not beyond its share."""
     clock, times = Clock(), list[float]()
@@ -195,9 +177,7 @@ def test_writing_takes_its_share_of_the_time_and_no_more(
     assert len(times) == 3
 
 
-def test_quick_files_are_written_every_few_seconds_and_at_special_points(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_quick_files_are_written_every_few_seconds_and_at_special_points(monkeypatch, tmp_path):
     clock, times = Clock(), list[float]()
     clock.tick = 0.0
     monkeypatch.setattr(checkpoint, "time", clock)
@@ -234,10 +214,10 @@ def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
 
         until(lambda: rewritten() or process.poll() is not None)
         process.send_signal(signal.SIGKILL)
-    branch = load(path, problem=parabola())
-    assert isinstance(branch, Branch)
+    branch = cb.load(path, problem=parabola())
+    assert isinstance(branch, cb.Branch)
     assert np.abs(branch["x"] ** 2 - branch["mu"]).max() < 1e-12
-    longer = extend(branch, within={"mu": (0.5, branch["mu"].max() + 0.1)}, steps=Steps())
+    longer = cb.extend(branch, within={"mu": (0.5, branch["mu"].max() + 0.1)}, steps=cb.Steps())
     assert longer["mu"].max() == branch["mu"].max() + 0.1
 
 
@@ -247,8 +227,8 @@ def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
 def test_what_is_kept_is_not_called_a_table(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     for wrong in (
-        lambda: trace(parabola(), "mu", within={"x": (0.9, 1.1)}, save=path),
-        lambda: save(path, trace(parabola(), "mu", within={"x": (0.9, 1.1)})),
+        lambda: cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)}, save=path),
+        lambda: cb.save(path, cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)})),
     ):
         with pytest.raises(BadInput, match=r"netCDF-4 file, call it run\.nc; tables are .* to_csv"):
             wrong()
@@ -256,12 +236,12 @@ def test_what_is_kept_is_not_called_a_table(tmp_path: Path) -> None:
 
 
 def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
-    curve = trace(parabola(), "mu", within={"x": (0.5, 1.5)})
-    run = Run(tmp_path / "study")
+    curve = cb.trace(parabola(), "mu", within={"x": (0.5, 1.5)})
+    run = cb.Run(tmp_path / "study")
     assert (list(run), repr(run)) == ([], f"<Run {tmp_path / 'study'}: nothing yet>")
     run.keep(curve=curve)
     (tmp_path / "study" / "inner").mkdir()
-    save(tmp_path / "study" / "inner" / "two.nc", curve, other=curve)
+    cb.save(tmp_path / "study" / "inner" / "two.nc", curve, other=curve)
     (tmp_path / "study" / "notes.txt").write_text("not a result")
     assert list(run) == ["curve", "inner/two/branch1", "inner/two/other"]
     assert repr(run["inner/two/other"]) == repr(curve)
@@ -269,35 +249,31 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"no 'LP9' in .*study; there are \['curve', 'inner"):
         run["LP9"]
     with pytest.raises(BadInput, match=r"'EP1' is a point of several: curve, inner/two/branch1"):
-        Run(tmp_path / "study")["EP1"]
+        cb.Run(tmp_path / "study")["EP1"]
     assert run["inner/two/other/EP1"].arclength == run["inner/two/other"].first("EP1").arclength
-    run.keep(curve=trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
+    run.keep(curve=cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
     assert run["curve"]["x"].max() == 1.1  # read anew, for the file has changed
     with pytest.raises(BadInput, match="is one file; a folder is expected"):
-        Run(tmp_path / "study" / "curve.nc").keep(more=curve)
+        cb.Run(tmp_path / "study" / "curve.nc").keep(more=curve)
 
 
-def test_file_of_a_later_version_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_of_a_later_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     from contbreather.storage import netcdf
 
-    branch = trace(parabola(), "mu", within={"x": (0.9, 1.1)})
+    branch = cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)})
     with monkeypatch.context() as patch:
         patch.setattr(netcdf, "NUMBER", netcdf.NUMBER + 1)
-        save(tmp_path / "new.nc", branch)
+        cb.save(tmp_path / "new.nc", branch)
     with pytest.raises(BadInput, match=r"new.nc was written by a later version \(Python 3.*update"):
-        load(tmp_path / "new.nc")
+        cb.load(tmp_path / "new.nc")
     with pytest.raises(BadInput, match="a later version"):
-        dict(Run(tmp_path))
+        dict(cb.Run(tmp_path))
 
 
-def test_full_disk_ends_no_run_and_loses_no_result(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_full_disk_ends_no_run_and_loses_no_result(monkeypatch, tmp_path, caplog):
     """Nor does it touch what was there."""
     path = tmp_path / "run.nc"
-    save(path, trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
+    cb.save(path, cb.trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
     before = path.read_bytes()
 
     def full(_: int) -> None:
@@ -309,7 +285,7 @@ def test_full_disk_ends_no_run_and_loses_no_result(
     with pytest.raises(
         checkpoint.NotKept, match=r"^cannot write .*No space left on device"
     ) as caught:
-        trace(parabola(), "mu", within={"x": (0.5, 1.5)}, save=path)
+        cb.trace(parabola(), "mu", within={"x": (0.5, 1.5)}, save=path)
     assert caught.value.result["x"].max() == 1.5
     assert "No space left on device; choose another place; the run goes on" in caplog.text
     assert path.read_bytes() == before
@@ -320,7 +296,7 @@ def test_cycles_of_a_map_come_back_from_the_map(tmp_path: Path) -> None:
     """The arms of a doubling solve the equations of an iterate, which the map has."""
     start = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     tree = diagram(start, "r", within={"r": (2.4, 3.5)}, depth=2, save=tmp_path / "tree.nc")
-    again = load(tmp_path / "tree.nc", problem=start)
+    again = cb.load(tmp_path / "tree.nc", problem=start)
     assert [repr(branch) for branch in again] == [repr(branch) for branch in tree]
-    longer = extend(again[2], within={"r": (2.4, 3.55)})
+    longer = cb.extend(again[2], within={"r": (2.4, 3.55)})
     assert longer.first("PD")["r"] == pytest.approx(3.5440903596, abs=1e-9)

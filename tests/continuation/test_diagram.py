@@ -95,9 +95,7 @@ def test_a_tree_of_two_levels() -> None:
 @pytest.mark.parametrize(
     ("depth", "branches", "left"), [(0, 1, 1), (1, 3, 2), (2, 7, 0), (5, 7, 0)]
 )
-def test_depth_says_how_often_to_switch_and_what_is_left_is_told(
-    depth: int, branches: int, left: int
-) -> None:
+def test_depth_says_how_often_to_switch_and_what_is_left_is_told(depth, branches, left):
     tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), depth=depth)
     assert len(tree) == branches
     assert len(tree.left) == left
@@ -200,15 +198,6 @@ def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() ->
         tree = diagram(problem, "r", within={"r": (edge - 1.0, edge)}, events=events)
         assert (len(tree), tree.meetings, tree.failed, tree.left) == (1, (), (), ())
         assert tree[0].special[-1]["r"] == pytest.approx(edge)
-
-
-def test_the_cascade_grows_by_itself() -> None:
-    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    tree = diagram(logistic, "r", within={"r": (1.5, 4.0)}, depth=4)
-    labels = [branch.problem.label for branch in tree]
-    assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 5))]
-    assert [place.point.kind for place in tree.left] == ["PD"]
-    assert tree.failed == ()
 
 
 def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
@@ -343,12 +332,6 @@ def test_the_tree_is_shown_as_it_grew() -> None:
     assert "2 branches, 4 special points" in text
     assert text.index("BP1: mu = -1") < text.index("branch 1") < text.index("BP2: mu = 1, x")
     assert "meets branch 0: BP2" in text
-
-
-def test_progress_counts_over_all_branches(capsys: pytest.CaptureFixture[str]) -> None:
-    tree = grown(PITCHFORK.problem, progress=True)
-    assert len(tree) == 3  # silent for a second; what is shown goes to standard error only
-    assert capsys.readouterr().out == ""
 
 
 def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:

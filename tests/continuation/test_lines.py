@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,42 +17,18 @@ import sympy
 import contbreather as cb
 from contbreather.continuation import Point, Stop
 
-from .lines import (
-    BAUTIN,
-    CHENCINER,
-    COEXISTING,
-    DOUBLED_PREY,
-    DYING,
-    FLIPS,
-    FOLD_HOPF,
-    HENON,
-    LINES,
-    PREY,
-    TAKENS,
-    TAKENS_HB,
-    TAKENS_LP,
-    UNIT,
-    XY,
-    Field,
-    Line,
-    Params,
-    at,
-    eaten,
-    flow,
-    kinds,
-    symmetric_takens,
-    walked,
-)
+from . import lines
+from .lines import eaten
 from .zoo import ALL, Array, events_of
 
 
-@pytest.mark.parametrize("name", LINES)
+@pytest.mark.parametrize("name", lines.LINES)
 def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> None:
-    line, curve = LINES[name], walked(LINES[name])
+    line, curve = lines.LINES[name], lines.walked(lines.LINES[name])
     found = sorted(events_of(curve), key=lambda point: point[line.pair[0]])
     assert [point.kind for point in found] == [kind for kind, _ in line.known]
     for point, (_, values) in zip(found, line.known, strict=True):
-        at(point, **values)
+        lines.at(point, **values)
     if line.course is not None:
         assert np.max(np.abs(line.course(curve))) < line.accuracy
     reasons = " ".join(point.detail["reason"] for point in curve.doubtful)
@@ -62,27 +38,25 @@ def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> 
 @pytest.mark.parametrize(
     ("line", "kind", "other", "accuracy"),
     [
-        (TAKENS_LP, "BT", TAKENS_HB, 1e-12),
-        (TAKENS_HB, "BT", TAKENS_LP, 1e-12),
-        (FOLD_HOPF["LP"], "ZH", FOLD_HOPF["HB"], 0),
-        (FOLD_HOPF["HB"], "ZH", FOLD_HOPF["LP"], 0),
-        (HENON["LP"], "R1", HENON["NS"], 1e-9),
-        (HENON["PD"], "R2", HENON["NS"], 1e-9),
-        (HENON["NS"], "R1", HENON["LP"], 1e-9),
-        (HENON["NS"], "R2", HENON["PD"], 1e-9),
-        (DOUBLED_PREY, "PD-BP", DYING, 1e-12),
-        (DYING, "BP-PD", DOUBLED_PREY, 0),
+        (lines.TAKENS_LP, "BT", lines.TAKENS_HB, 1e-12),
+        (lines.TAKENS_HB, "BT", lines.TAKENS_LP, 1e-12),
+        (lines.FOLD_HOPF["LP"], "ZH", lines.FOLD_HOPF["HB"], 0),
+        (lines.FOLD_HOPF["HB"], "ZH", lines.FOLD_HOPF["LP"], 0),
+        (lines.HENON["LP"], "R1", lines.HENON["NS"], 1e-9),
+        (lines.HENON["PD"], "R2", lines.HENON["NS"], 1e-9),
+        (lines.HENON["NS"], "R1", lines.HENON["LP"], 1e-9),
+        (lines.HENON["NS"], "R2", lines.HENON["PD"], 1e-9),
+        (lines.DOUBLED_PREY, "PD-BP", lines.DYING, 1e-12),
+        (lines.DYING, "BP-PD", lines.DOUBLED_PREY, 0),
     ],
-    ids=lambda given: given.name if isinstance(given, Line) else None,
+    ids=lambda given: given.name if isinstance(given, lines.Line) else None,
 )
-def test_from_a_meeting_the_other_curve_is_followed(
-    line: Line, kind: str, other: Line, accuracy: float
-) -> None:
-    curve = line.from_(walked(line).first(kind), events=())
+def test_from_a_meeting_the_other_curve_is_followed(line, kind, other, accuracy):
+    curve = line.from_(lines.walked(line).first(kind), events=())
     assert curve.problem.label == f"{other.kind} boundary"
     if other.course is not None:
         assert abs(other.course(curve)).max() < accuracy
-    if line is TAKENS_LP:
+    if line is lines.TAKENS_LP:
         assert curve["b2"].min() == -2
 
 
@@ -90,51 +64,56 @@ def test_from_a_meeting_the_other_curve_is_followed(
 
 
 def test_hopf_curve_ends_at_takens_bogdanov_as_neutral_saddles_are_no_hopf_points() -> None:
-    for curve in (walked(TAKENS_HB), TAKENS_HB.from_(TAKENS_HB.first, events=())):
+    for curve in (
+        lines.walked(lines.TAKENS_HB),
+        lines.TAKENS_HB.from_(lines.TAKENS_HB.first, events=()),
+    ):
         assert Stop.EVENT in (curve.stop, curve.began)
         assert curve["b2"].max() < 1e-12
         assert abs(curve["omega2"] + curve["b2"]).max() < 1e-12
 
 
-@pytest.mark.parametrize("line", [TAKENS_LP, TAKENS_HB], ids=lambda line: line.name)
-def test_an_ordinary_bt_is_not_called_degenerate(line: Line) -> None:
-    assert "degenerate" not in walked(line).first("BT").detail
+@pytest.mark.parametrize("line", [lines.TAKENS_LP, lines.TAKENS_HB], ids=lambda line: line.name)
+def test_an_ordinary_bt_is_not_called_degenerate(line: lines.Line) -> None:
+    assert "degenerate" not in lines.walked(line).first("BT").detail
 
 
 def test_without_hopf_among_the_events_a_fold_curve_knows_no_flow() -> None:
-    line = replace(TAKENS_LP, problem=replace(TAKENS, events=(cb.fold(),)))
-    assert kinds(line.from_(line.first)) == []
+    line = replace(lines.TAKENS_LP, problem=replace(lines.TAKENS, events=(cb.fold(),)))
+    assert lines.kinds(line.from_(line.first)) == []
 
 
 @pytest.mark.parametrize(
     ("line", "shuffle"),
-    [(TAKENS_LP, lambda u: u[::-1]), (TAKENS_HB, lambda u: -u), (TAKENS_LP, lambda u: 3.0 * u)],
+    [
+        (lines.TAKENS_LP, lambda u: u[::-1]),
+        (lines.TAKENS_HB, lambda u: -u),
+        (lines.TAKENS_LP, lambda u: 3.0 * u),
+    ],
     ids=["turned round", "mirrored", "three times as large"],
 )
-def test_names_do_not_depend_on_the_coordinates(
-    line: Line, shuffle: Callable[[Array], Array]
-) -> None:
+def test_names_do_not_depend_on_the_coordinates(line, shuffle):
     """The same flow in other coordinates; ``3 u`` slows nothing down."""
     factor = 3.0 if abs(shuffle(np.ones(2))[0]) == 3.0 else 1.0
 
-    def residual(u: Array, p: Params) -> Array:
-        return shuffle(TAKENS.residual(shuffle(u) / factor**2, p))
+    def residual(u: Array, p: lines.Params) -> Array:
+        return shuffle(lines.TAKENS.residual(shuffle(u) / factor**2, p))
 
     start = {"u": shuffle(np.array([0.5 + math.sqrt(0.3), 0.0]))}
-    other = replace(line, problem=cb.Problem(residual, start, TAKENS.params, events=ALL))
-    curve = walked(other)
-    assert kinds(curve) == ["BT"]
-    at(curve.first("BT"), b1=0, b2=0)
+    other = replace(line, problem=cb.Problem(residual, start, lines.TAKENS.params, events=ALL))
+    curve = lines.walked(other)
+    assert lines.kinds(curve) == ["BT"]
+    lines.at(curve.first("BT"), b1=0, b2=0)
 
 
 def test_the_first_lyapunov_coefficient_of_bautin() -> None:
-    assert BAUTIN.first.detail["l1"] == pytest.approx(-0.6, rel=1e-9)
+    assert lines.BAUTIN.first.detail["l1"] == pytest.approx(-0.6, rel=1e-9)
 
 
 # --- Hopf curves that end where branches cross ------------------------------------------------
 
 
-def transcritical_takens(u: Array, p: Params) -> list[Any]:
+def transcritical_takens(u: Array, p: lines.Params) -> list[Any]:
     x, y = u
     return [y, p["b1"] * x + p["b2"] * y - x**2 - x * y]
 
@@ -142,36 +121,34 @@ def transcritical_takens(u: Array, p: Params) -> list[Any]:
 @pytest.mark.parametrize(
     ("field", "events", "pair"),
     [
-        (symmetric_takens, ALL, ("b1", "b2")),
-        (symmetric_takens, (), ("b2", "b1")),
+        (lines.symmetric_takens, ALL, ("b1", "b2")),
+        (lines.symmetric_takens, (), ("b2", "b1")),
         (transcritical_takens, ALL[2:], ("b1", "b2")),
         (transcritical_takens, ALL, ("b2", "b1")),
     ],
     ids=["all", "none", "HB", "all of a transcritical one"],
 )
-def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
-    field: Field, events: tuple[cb.Event, ...], pair: tuple[str, str]
-) -> None:
-    mine = flow(field, XY, b1=-0.5, b2=-0.5)
-    point = cb.trace(mine, "b2", within=UNIT, events=[cb.hopf()]).first("HB")
-    curve = cb.boundary(point, pair, within=UNIT, events=events)
-    assert kinds(curve) == ["BT"]
+def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(field, events, pair):
+    mine = lines.flow(field, lines.XY, b1=-0.5, b2=-0.5)
+    point = cb.trace(mine, "b2", within=lines.UNIT, events=[cb.hopf()]).first("HB")
+    curve = cb.boundary(point, pair, within=lines.UNIT, events=events)
+    assert lines.kinds(curve) == ["BT"]
     assert curve.doubtful == ()
     end = curve.first("BT")
-    at(end, b1=0, b2=0)
+    lines.at(end, b1=0, b2=0)
     assert "branches cross here" in end.detail["degenerate"]
     assert curve["b1"].max() < 1e-9  # beyond are neutral saddles
     assert Stop.EVENT in (curve.stop, curve.began)
 
 
 def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
-    curve = walked(LINES["other HB of a symmetric BT"])
+    curve = lines.walked(lines.LINES["other HB of a symmetric BT"])
     assert curve["x"].min() > -1e-8  # not on to the mirror image
     assert curve.first("BT").detail["degenerate"]
 
 
 def test_a_curve_of_neimark_sacker_points_ends_at_a_degenerate_r1() -> None:
-    end = walked(LINES["NS that ends at a degenerate R1"]).first("R1")
+    end = lines.walked(lines.LINES["NS that ends at a degenerate R1"]).first("R1")
     assert "branches cross here" in end.detail["degenerate"]
 
 
@@ -183,7 +160,7 @@ def brusselator(N: int) -> cb.Problem:
     ends[[0, -1]] = 1.0
     inside = 1 - ends
 
-    def residual(u: Array, p: Params) -> Array:
+    def residual(u: Array, p: lines.Params) -> Array:
         x, y = np.split(u, 2)
         first = p["de"] * second @ x + 1 - (p["be"] + 1) * x + x**2 * y
         other = p["de"] * second @ y + p["be"] * x - x**2 * y
@@ -191,7 +168,7 @@ def brusselator(N: int) -> cb.Problem:
             [inside * first + ends * (1 - x), inside * other + ends * (p["be"] - y)]
         )
 
-    def jacobian(u: Array, p: Params) -> Array:
+    def jacobian(u: Array, p: lines.Params) -> Array:
         x, y = np.split(u, 2)
         column = inside[:, None]
         diffusion = p["de"] * second
@@ -217,8 +194,8 @@ def test_the_hopf_curve_of_a_brusselator_ends_at_its_bt() -> None:
     branch = cb.trace(brusselator(N), "be", within={"be": (2.5, 4.5)}, events=ALL[1:])
     window = {"de": (0.05, 0.2), "be": (2.0, 7.0)}
     curve = cb.boundary(branch.first("HB"), ("de", "be"), within=window)
-    assert kinds(curve) == ["BT"]
-    at(curve.first("BT"), de=1 / (4 * N**2 * math.sin(math.pi / 2 / N) ** 2), be=4.0)
+    assert lines.kinds(curve) == ["BT"]
+    lines.at(curve.first("BT"), de=1 / (4 * N**2 * math.sin(math.pi / 2 / N) ** 2), be=4.0)
     assert curve.first("BT").detail["degenerate"]
 
 
@@ -226,7 +203,7 @@ def test_the_hopf_curve_of_a_brusselator_ends_at_its_bt() -> None:
 
 
 def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None:
-    curve = walked(HENON["NS"])
+    curve = lines.walked(lines.HENON["NS"])
     assert [point.label for point in curve.special] == ["R1.1", "R4.1", "R3.1", "R2.1"]
     assert (curve.began, curve.stop) == (Stop.EVENT, Stop.EVENT)
     assert curve["angle"].min() >= -1e-9
@@ -234,7 +211,7 @@ def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None
 
 
 def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> None:
-    flip, pair = FLIPS.first.detail, CHENCINER.first.detail
+    flip, pair = lines.FLIPS.first.detail, lines.CHENCINER.first.detail
     assert flip["c"] == pytest.approx(0.09 - 1, rel=1e-9)
     assert flip["criticality"] == "subcritical"
     assert pair["d"] == pytest.approx(2 * -0.5, abs=1e-9)
@@ -242,15 +219,15 @@ def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> 
 
 @pytest.mark.parametrize(("p2", "largest"), [(0.1, 0.02), (0.2, 0.1), (0.1, 1.0)])
 def test_doublings_that_cross_have_one_label_that_names_both(p2: float, largest: float) -> None:
-    line = replace(DOUBLED_PREY, problem=eaten(p2))
+    line = replace(lines.DOUBLED_PREY, problem=eaten(p2))
     curve = line.from_(line.first, steps=cb.Steps(largest=largest))
-    assert kinds(curve) == ["PD-BP"]
+    assert lines.kinds(curve) == ["PD-BP"]
     assert curve.doubtful == ()
-    at(curve.first("PD-BP"), p2=0.15, p1=3.0)
+    lines.at(curve.first("PD-BP"), p2=0.15, p1=3.0)
 
 
 def test_where_doublings_cross_one_leads_to_the_other() -> None:
-    for arm in cb.switch(walked(COEXISTING).first("PD-BP"), within=PREY):
+    for arm in cb.switch(lines.walked(lines.COEXISTING).first("PD-BP"), within=lines.PREY):
         assert abs(arm["p1"] - 3).max() < 1e-9  # without predators
         assert abs(arm["v"]).max() < 1e-9
 
@@ -266,9 +243,7 @@ def test_where_doublings_cross_one_leads_to_the_other() -> None:
     ],
 )
 @pytest.mark.parametrize("pair", [("l", "h"), ("h", "l")])
-def test_branch_points_that_another_parameter_breaks_are_refused(
-    broken: Callable[[Array, Params], Array], start: float, pair: tuple[str, str]
-) -> None:
+def test_branch_points_that_another_parameter_breaks_are_refused(broken, start, pair):
     mine = cb.Problem(broken, {"x": start}, {"l": -0.5, "h": 0.0}, events=ALL)
     point = cb.trace(mine, "l", within={"l": (-1, 1)}).first("BP")
     with pytest.raises(cb.BadInput, match="needs a third parameter"):
@@ -285,14 +260,14 @@ def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() 
 
 
 def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_path: Path) -> None:
-    problem = DOUBLED_PREY.problem
-    cb.save(tmp_path / "pd.nc", walked(DOUBLED_PREY))
+    problem = lines.DOUBLED_PREY.problem
+    cb.save(tmp_path / "pd.nc", lines.walked(lines.DOUBLED_PREY))
     kept = cb.load(tmp_path / "pd.nc", problem=problem)
-    assert kinds(kept) == ["PD-BP"]
-    line = cb.boundary(kept.first("PD-BP"), ("p2", "p1"), within=PREY)
+    assert lines.kinds(kept) == ["PD-BP"]
+    line = cb.boundary(kept.first("PD-BP"), ("p2", "p1"), within=lines.PREY)
     cb.save(tmp_path / "bp.nc", line)
     again = cb.load(tmp_path / "bp.nc", problem=problem)
-    assert kinds(again) == kinds(line) == ["BP-PD"]
+    assert lines.kinds(again) == lines.kinds(line) == ["BP-PD"]
     assert np.array_equal(again["p2"], line["p2"])
 
 
@@ -376,7 +351,7 @@ def check(point: Point) -> None:
 def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
     curve = bazykin_folds()
     assert curve.stop is Stop.CLOSED
-    assert kinds(curve) == ["CP", "BT", "CP", "BT"]
+    assert lines.kinds(curve) == ["CP", "BT", "CP", "BT"]
     for point in curve.special:
         check(point)
 
@@ -385,7 +360,7 @@ def test_generalised_hopf_of_bazykin_on_the_curve_that_starts_at_takens_bogdanov
     """There the criticality changes."""
     far = max((p for p in bazykin_folds().special if p.kind == "BT"), key=lambda p: p["x"])
     curve = cb.boundary(far, ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
-    assert kinds(curve) == ["BT", "GH"]
+    assert lines.kinds(curve) == ["BT", "GH"]
     check(curve.first("GH"))
     place = list(curve).index(curve.first("GH"))
     test = next(event.test for event in curve.problem.events if event.kind == "GH")

@@ -45,9 +45,7 @@ AREA_PRESERVING = {
 
 
 @pytest.mark.parametrize("name", AREA_PRESERVING)
-def test_all_multipliers_of_area_preserving_maps_have_product_one_which_is_no_event(
-    name: str,
-) -> None:
+def test_all_multipliers_of_area_preserving_maps_have_product_one_which_is_no_event(name: str):
     map_, x, y, window = AREA_PRESERVING[name]
     branch = trace(FixedPoint(map_, {"x": x, "y": y}, {"m": 0.4}), "m", within={"m": window})
     assert (kinds(branch), branch.doubtful) == ([], ())

@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Problem, Stop, fold, trace
+from contbreather.continuation import Problem, Stop, trace
 from contbreather.continuation.algebra import derivatives
 from contbreather.continuation.algebra.newton import Dense, Undefined, approach, newton
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import NotConverged
 
-from .zoo import CIRCLE, counted, events_of, scalar
+from .zoo import CIRCLE, counted, scalar
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -337,15 +337,6 @@ def test_just_beyond_a_fold_there_is_no_solution(mu: float) -> None:
     problem = scalar(lambda x, p: x**2 + p["mu"], 0.0, {"mu": mu})
     with pytest.raises(NotConverged, match=f"is not a solution: residual {mu:g}"):
         problem.solve()
-
-
-@pytest.mark.parametrize("beyond", [1e-7, 1e-10])
-def test_a_fold_is_found_from_a_start_just_beyond_it(beyond: float) -> None:
-    problem = CIRCLE.problem.at(x=0.0, mu=1 + beyond)
-    branch = trace(problem, "mu", events=[fold()], within={"mu": (0.0, 2.0)})
-    (point,) = events_of(branch)
-    assert point["mu"] == pytest.approx(1.0, abs=1e-14)
-    assert point.residual < 1e-15
 
 
 @pytest.mark.parametrize("x", [0.0, 1e-9, 0.3, 1.0])

@@ -15,7 +15,7 @@ from contbreather.continuation.algebra.derivatives import differences, estimate,
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, knowing, scalar, trace_case
+from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, knowing, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -225,18 +225,6 @@ def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
         for name in case.problem.start:
             size = case.problem.scales.get(name, 1.0)
             assert abs(one[name] - other[name]) < 1e-9 * size
-
-
-def test_derivatives_are_taken_once_for_each_place() -> None:
-    problem, counter = counted(LINE.problem)
-    curve = Curve(problem, ("mu",))
-    curve.jacobian(curve.start)
-    before = counter.calls
-    matrix = curve.jacobian(curve.start)
-    assert counter.calls == before
-    point = trace(problem, "mu", within={"mu": (-1, 1)})[0]
-    point.jacobian()[0, 0] = 7.0  # a copy
-    assert point.jacobian()[0, 0] == matrix[0, 0] == 1.0
 
 
 def test_one_equation_may_be_a_number() -> None:

@@ -290,9 +290,7 @@ GIVEN: list[Row] = [
 
 
 @pytest.mark.parametrize(("call", "given", "named", "sentence"), GIVEN)
-def test_what_makes_no_sense_is_refused(
-    call: Callable[..., Any], given: Sequence[Any], named: dict[str, Any], sentence: str
-) -> None:
+def test_what_makes_no_sense_is_refused(call, given, named, sentence):
     with pytest.raises(BadInput, match=sentence):
         call(*given, **named)
 

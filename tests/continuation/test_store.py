@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import platform
 import re
 import sys
@@ -37,21 +36,7 @@ from contbreather.errors import BadInput, ContbreatherError
 from contbreather.storage import netcdf
 
 from ..apart import ended
-from .zoo import (
-    ARMS,
-    BRATU,
-    CIRCLE,
-    CUSP,
-    ISOLA,
-    LINE,
-    LORENZ,
-    STIFF,
-    Case,
-    brusselator,
-    knowing,
-    takens,
-    trace_case,
-)
+from . import zoo
 
 
 def same(one: Branch, other: Branch) -> None:
@@ -90,7 +75,7 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     return replace(
-        brusselator(),
+        zoo.brusselator(),
         events=(hopf(), user("X", 1.5), user("B", 1.5)),
         record={
             "sum": lambda point: point["X"] + point["Y"],
@@ -110,11 +95,18 @@ def branch(problem: Problem) -> Branch:
 # --- round trips ------------------------------------------------------------------------------
 
 
-KEPT = (ARMS, BRATU, CUSP, ISOLA, LORENZ, STIFF)  # doubtful, an array, folds, closed, HB, scales
+KEPT = (
+    zoo.ARMS,
+    zoo.BRATU,
+    zoo.CUSP,
+    zoo.ISOLA,
+    zoo.LORENZ,
+    zoo.STIFF,
+)  # doubtful, an array, folds, closed, HB, scales
 
 
 @pytest.mark.parametrize("case", KEPT, ids=lambda case: case.name)
-def test_every_bit_comes_back(case: Case, path: Path) -> None:
+def test_every_bit_comes_back(case: zoo.Case, path: Path) -> None:
     branch = case.branch
     save(path, branch)
     same(branch, load(path))
@@ -199,7 +191,7 @@ def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) 
         lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0},
         record={"square": lambda point: point.solution, "half": lambda point: point.solution / 2},
     )  # fmt: skip
-    line = knowing(line, interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2)
+    line = zoo.knowing(line, interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2)
     branch = trace(line, "mu", within={"mu": (0, 1)})
     assert len(branch) > 8
     for ask in (lambda: save(path, branch), branch.columns):
@@ -211,7 +203,7 @@ def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) 
 
 def test_several_branches_come_back_by_name(branch: Branch, path: Path) -> None:
     line = boundary(branch.first("HB"), ("A", "B"), within={"A": (0.5, 2.0)})
-    arms = trace_case(ARMS)
+    arms = zoo.trace_case(zoo.ARMS)
     save(path, branch, arms, hopf=line)
     found = load(path)
     assert list(found) == ["branch1", "branch2", "hopf"]
@@ -226,7 +218,7 @@ def test_one_point_one_side_and_trouble_come_back(path: Path) -> None:
     for given in (
         trace(root, "mu", towards="down"),
         trace(root, "mu", within={"mu": (1.0, 2.0)}, towards="down"),
-        trace_case(CUSP, towards="up").reversed(),
+        zoo.trace_case(zoo.CUSP, towards="up").reversed(),
     ):
         save(path, given)
         same(given, load(path))
@@ -235,9 +227,7 @@ def test_one_point_one_side_and_trouble_come_back(path: Path) -> None:
 # --- what a loaded branch is good for ---------------------------------------------------------
 
 
-def test_without_equations_a_branch_cannot_be_continued_and_says_so(
-    branch: Branch, path: Path
-) -> None:
+def test_without_equations_a_branch_cannot_be_continued_and_says_so(branch: Branch, path: Path):
     save(path, branch)
     found = load(path)
     assert found.first("HB")["B"] == branch.first("HB")["B"]
@@ -262,9 +252,7 @@ def test_with_its_equations_a_branch_goes_on(branch: Branch, problem: Problem, p
     same(branch.join(on), found.join(on))
 
 
-def test_other_values_of_fixed_parameters_are_those_of_the_file(
-    branch: Branch, problem: Problem, path: Path
-) -> None:
+def test_other_values_of_fixed_parameters_are_those_of_the_file(branch, problem, path):
     save(path, branch)
     found = load(path, problem=problem.at(A=7.0))
     assert (found["A"] == 1.0).all()
@@ -274,12 +262,12 @@ def test_other_values_of_fixed_parameters_are_those_of_the_file(
 def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
     window = {"b2": (-1.5, 1.5)}
     events = [fold(), hopf()]
-    planar = trace(takens(), "b1", within={"b1": (-1.0, 1.0)}, events=events)
+    planar = trace(zoo.takens(), "b1", within={"b1": (-1.0, 1.0)}, events=events)
     folds = boundary(planar.first("LP"), ("b2", "b1"), within=window, events=events)
     hopfs = boundary(planar.first("HB"), ("b2", "b1"), within=window, events=events)
     save(path, folds=folds, hopfs=hopfs)
     for name, before in (("folds", folds), ("hopfs", hopfs)):
-        found = load(path, problem=takens())[name]
+        found = load(path, problem=zoo.takens())[name]
         same(before, found)
         assert found[3].base_point["x"] == before[3]["x"]
         # its conditions are those of the point that it was born from, along all of it
@@ -287,17 +275,15 @@ def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
         again = boundary(found[3], ("b2", "b1"), within=window, events=())
         exact = again["b1"] - (again["b2"] ** 2 / 4 if name == "folds" else 0)
         assert abs(exact).max() < 1e-13
-    (meeting,) = [p for p in load(path, problem=takens())["folds"].special if p.kind != "EP"]
+    (meeting,) = [p for p in load(path, problem=zoo.takens())["folds"].special if p.kind != "EP"]
     other = boundary(meeting, ("b2", "b1"), within=window, events=())
     assert abs(other["b1"]).max() < 1e-13
 
 
-def test_equations_that_do_not_fit_are_refused(
-    branch: Branch, problem: Problem, path: Path
-) -> None:
+def test_equations_that_do_not_fit_are_refused(branch: Branch, problem: Problem, path: Path):
     save(path, branch)
     with pytest.raises(BadInput, match=r"the problem has \['x', 'mu'\], which the file has not"):
-        load(path, problem=LINE.problem)
+        load(path, problem=zoo.LINE.problem)
 
     def off(by: float) -> Problem:
         return replace(problem, residual=lambda u, p: problem.residual(u, p) + by)
@@ -364,9 +350,9 @@ def test_others_read_the_file_by_its_names(branch: Branch, path: Path) -> None:
 
 def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
     """As the page on files lists them; others read by these names."""
-    start = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    start = trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
     line = boundary(start, ("mu", "h"), within={"mu": (0.9, 1.1)})
-    save(path, line=line, arms=trace_case(ARMS))
+    save(path, line=line, arms=zoo.trace_case(zoo.ARMS))
     columns = {"arclength", "residual"} | {
         f"point_{name}" for name in ("tangent", "kind", "bracket", "located")
     }
@@ -388,27 +374,6 @@ def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
                 *columns, *own, "about_in_json",
             }  # fmt: skip
             assert group.dataset["arclength"].dims == ("point",)
-
-
-class Broken(Exception):
-    pass
-
-
-@pytest.mark.parametrize("error", [Broken, KeyboardInterrupt, OSError])
-def test_a_failure_while_writing_leaves_the_old_file(
-    branch: Branch, path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
-) -> None:
-    save(path, branch)
-    before = path.read_bytes()
-
-    def fail(*_: object) -> None:
-        raise error
-
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(BadInput if error is OSError else error):
-        save(path, trace_case(CIRCLE))
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
 
 
 def test_a_killed_process_leaves_the_old_file(branch: Branch, path: Path) -> None:
@@ -454,9 +419,7 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
         ),
     ],
 )
-def test_what_cannot_be_written_or_read_is_refused(
-    attempt: Callable[[Path, Branch], Any], sentence: str, branch: Branch, path: Path
-) -> None:
+def test_what_cannot_be_written_or_read_is_refused(attempt, sentence, branch, path):
     with pytest.raises(BadInput, match=sentence) as caught:
         attempt(path, branch)
     assert "synchronously" not in str(caught.value)  # HDF5's word
@@ -556,9 +519,7 @@ def altered(image: bytes, rng: np.random.Generator) -> bytes:
 
 
 @pytest.mark.slow
-def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(
-    branch: Branch, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(branch, path, monkeypatch):
     """A byte of HDF5's own that is wrong may hang it, one of a number may change it in silence."""
 
     def hang(*given: Any, **more: Any) -> None:
@@ -670,9 +631,7 @@ def test_the_older_name_of_an_end_is_read(branch: Branch, path: Path) -> None:
         _put("branch1/x", np.zeros(2)),
     ],
 )
-def test_what_somebody_changed_together_with_its_checksum_is_refused(
-    change: Callable[[h5py.File], None], path: Path
-) -> None:
+def test_what_somebody_changed_together_with_its_checksum_is_refused(change, path):
     save(path, line())
     changed(change, path)
     with pytest.raises(BadInput, match="its contents are not as `save` writes them") as refused:

@@ -14,54 +14,28 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Point,
-    Problem,
-    boundary,
-    branch_point,
-    fold,
-    hopf,
-    trace,
-    user,
-)
+from contbreather.continuation import Point
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.curve import Curve
 
-from .lines import (
-    BAUTIN,
-    BAUTIN_AT_ONCE,
-    CHENCINER,
-    HENON,
-    LINES,
-    TAKENS_HB,
-    TAKENS_LP,
-    XY,
-    XYZ,
-    Line,
-    Params,
-    flow,
-    of_map,
-    walked,
-)
+from . import lines
 from .zoo import CUSP, LINE, PITCHFORK, TAKENS, Array, trace_case
 
 
-def reason(event: Event, point: Point, **detail: Any) -> str:
+def reason(event: cb.Event, point: Point, **detail: Any) -> str:
     """Why the event does not accept a point, of which it was told more."""
     assert event.examine is not None
     found = event.examine(replace(point, detail={**point.detail, **detail}))
     return found if isinstance(found, str) else ""
 
 
-def looked_for(on: Problem, kind: str) -> Event:
+def looked_for(on: cb.Problem, kind: str) -> cb.Event:
     """The event that is looked for under this name on a branch, or on a boundary."""
     (event,) = (event for event in on.events if event.kind == kind)
     return event
 
 
-def middle(branch: Branch) -> Point:
+def middle(branch: cb.Branch) -> Point:
     """A point where nothing happens."""
     return next(point for point in branch[len(branch) // 2 :] if not point.kind)
 
@@ -70,16 +44,16 @@ def middle(branch: Branch) -> Point:
 
 
 def test_a_fold_is_refused_where_it_is_none() -> None:
-    regular = middle(trace(LINE.problem, "mu", within={"mu": (-1, 1)}))
-    assert "regular" in reason(fold(), regular, null=np.ones(1))
-    branch = trace(PITCHFORK.problem, "mu", within={"mu": (-1, 1)}, events=[branch_point()])
-    assert "a branch point, not a fold" in reason(fold(), branch.first("BP"), null=np.ones(1))
-    assert reason(fold(), trace_case(CUSP).first("LP")) == ""
+    regular = middle(cb.trace(LINE.problem, "mu", within={"mu": (-1, 1)}))
+    assert "regular" in reason(cb.fold(), regular, null=np.ones(1))
+    branch = cb.trace(PITCHFORK.problem, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
+    assert "a branch point, not a fold" in reason(cb.fold(), branch.first("BP"), null=np.ones(1))
+    assert reason(cb.fold(), trace_case(CUSP).first("LP")) == ""
 
 
 def test_a_branch_point_is_refused_where_the_derivative_keeps_its_rank() -> None:
     branch = trace_case(CUSP)
-    event = branch_point()
+    event = cb.branch_point()
     for point in (middle(branch), branch.first("LP")):
         assert "no two curves" in reason(event, point)
         with pytest.raises(Undefined):
@@ -88,25 +62,25 @@ def test_a_branch_point_is_refused_where_the_derivative_keeps_its_rank() -> None
 
 def test_a_branch_point_is_refused_where_two_ranks_are_lost() -> None:
     """``mu x = mu y = 0``: at mu = 0 the plane of all x, y is crossed."""
-    mine = flow(lambda u, p: [p["mu"] * u[0], p["mu"] * u[1]], XY, mu=-1.0)
-    branch = trace(mine, "mu", within={"mu": (-1, 1)}, events=[user("mu", 0.0)])
-    event = branch_point()
+    mine = lines.flow(lambda u, p: [p["mu"] * u[0], p["mu"] * u[1]], lines.XY, mu=-1.0)
+    branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.user("mu", 0.0)])
+    event = cb.branch_point()
     _, detail = event.locus.solve(branch.first("UZ"))
     assert "loses more than one rank" in detail["reason"]
-    found = trace(mine, "mu", within={"mu": (-1, 1)}, events=[event])
+    found = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[event])
     assert [point.kind for point in found.special] == ["EP", "EP"]
     assert [point.kind for point in found.doubtful] == ["BP"]
 
 
 def test_the_count_beside_branch_points_is_that_of_unstable_directions() -> None:
     """It changes by one at each, so that a pair in one step leaves a difference of two or none."""
-    mine = flow(
+    mine = lines.flow(
         lambda u, p: [u[0] * (p["mu"] - u[0] ** 2), u[1] * (p["mu"] - 0.2 - u[1] ** 2), -u[2]],
-        XYZ,
+        lines.XYZ,
         mu=-0.5,
     )
-    event = branch_point()
-    branch = trace(mine, "mu", within={"mu": (-0.5, 0.5)}, events=[event])
+    event = cb.branch_point()
+    branch = cb.trace(mine, "mu", within={"mu": (-0.5, 0.5)}, events=[event])
     assert event.count is not None
     for point in branch:
         if not point.kind:
@@ -115,9 +89,10 @@ def test_the_count_beside_branch_points_is_that_of_unstable_directions() -> None
 
 def test_a_hopf_point_is_refused_where_both_eigenvalues_are_zero() -> None:
     there = replace(
-        walked(TAKENS_LP).first("BT").base_point, tangent=middle(trace_case(TAKENS)).tangent
+        lines.walked(lines.TAKENS_LP).first("BT").base_point,
+        tangent=middle(trace_case(TAKENS)).tangent,
     )
-    assert "a double 0: BT" in reason(hopf(), there)
+    assert "a double 0: BT" in reason(cb.hopf(), there)
 
 
 # --- on boundaries --------------------------------------------------------------------------------
@@ -126,38 +101,36 @@ def test_a_hopf_point_is_refused_where_both_eigenvalues_are_zero() -> None:
 @pytest.mark.parametrize(
     ("line", "kind", "words"),
     [
-        (TAKENS_LP, "ZH", "where only 0 and a pair should be: a neutral saddle"),
-        (TAKENS_LP, "BT", "no double zero eigenvalue"),
-        (TAKENS_HB, "ZH", "where only 0 and a pair should be"),
-        (BAUTIN, "GH", "the first Lyapunov coefficient -1 is not zero"),
-        (BAUTIN, "HH", "where only a pair and a pair should be"),
-        (HENON["LP"], "R1", "multipliers are 1; two were expected"),
-        (HENON["PD"], "R2", "multipliers are -1; two were expected"),
-        (HENON["NS"], "R1", "multipliers are 1; two were expected"),
-        (HENON["NS"], "R2", "multipliers are -1; two were expected"),
-        (HENON["LP"], "LPPD", "where only +1 and -1 should be"),
-        (HENON["PD"], "LPPD", "where only +1 and -1 should be"),
-        (HENON["LP"], "LPNS", "where only +1 and a pair should be"),
-        (HENON["PD"], "PDNS", "where only -1 and a pair should be"),
-        (HENON["PD"], "GPD", "the coefficient c = "),
-        (CHENCINER, "CH", "Re d = "),
+        (lines.TAKENS_LP, "ZH", "where only 0 and a pair should be: a neutral saddle"),
+        (lines.TAKENS_LP, "BT", "no double zero eigenvalue"),
+        (lines.TAKENS_HB, "ZH", "where only 0 and a pair should be"),
+        (lines.BAUTIN, "GH", "the first Lyapunov coefficient -1 is not zero"),
+        (lines.BAUTIN, "HH", "where only a pair and a pair should be"),
+        (lines.HENON["LP"], "R1", "multipliers are 1; two were expected"),
+        (lines.HENON["PD"], "R2", "multipliers are -1; two were expected"),
+        (lines.HENON["NS"], "R1", "multipliers are 1; two were expected"),
+        (lines.HENON["NS"], "R2", "multipliers are -1; two were expected"),
+        (lines.HENON["LP"], "LPPD", "where only +1 and -1 should be"),
+        (lines.HENON["PD"], "LPPD", "where only +1 and -1 should be"),
+        (lines.HENON["LP"], "LPNS", "where only +1 and a pair should be"),
+        (lines.HENON["PD"], "PDNS", "where only -1 and a pair should be"),
+        (lines.HENON["PD"], "GPD", "the coefficient c = "),
+        (lines.CHENCINER, "CH", "Re d = "),
     ],
-    ids=lambda given: given.name if isinstance(given, Line) else None,
+    ids=lambda given: given.name if isinstance(given, lines.Line) else None,
 )
-def test_a_point_of_a_boundary_where_nothing_is_met_has_no_name(
-    line: Line, kind: str, words: str
-) -> None:
-    curve, away = walked(line), line in (HENON["LP"], HENON["PD"])
+def test_a_point_of_a_boundary_where_nothing_is_met_has_no_name(line, kind, words):
+    curve, away = lines.walked(line), line in (lines.HENON["LP"], lines.HENON["PD"])
     ordinary = (
         curve[0]
-        if line is BAUTIN
+        if line is lines.BAUTIN
         else next(p for p in curve if not p.kind and (not away or 0.2 < p["beta"] < 0.9))
     )
     assert words in reason(looked_for(curve.problem, kind), ordinary)
 
 
 def test_a_double_zero_is_no_zero_hopf() -> None:
-    curve = walked(TAKENS_LP)
+    curve = lines.walked(lines.TAKENS_LP)
     assert "where only 0 and a pair should be" in reason(
         looked_for(curve.problem, "ZH"), curve.first("BT")
     )
@@ -165,22 +138,22 @@ def test_a_double_zero_is_no_zero_hopf() -> None:
 
 def test_a_degenerate_takens_bogdanov_point_is_said_to_be() -> None:
     """``x' = y, y' = b1 + b2 y + x^2 + x^2 y``: there is no term ``x y``, b = 0."""
-    mine = flow(
+    mine = lines.flow(
         lambda u, p: [u[1], p["b1"] + p["b2"] * u[1] + u[0] ** 2 * (1.0 + u[1])],
-        XY, b1=0.0, b2=0.0,
+        lines.XY, b1=0.0, b2=0.0,
     )  # fmt: skip
     both = Curve(mine, ("b2", "b1"))
-    words = reason(looked_for(walked(TAKENS_LP).problem, "BT"), Point(both, both.start))
+    words = reason(looked_for(lines.walked(lines.TAKENS_LP).problem, "BT"), Point(both, both.start))
     assert words.startswith("degenerate: a = 1, b = ")
 
 
 def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
     """``h + mu x + x^5``: the quadratic coefficient changes sign, the cubic one is zero there."""
-    mine = flow(lambda u, p: p["h"] + p["mu"] * u + u**5, {"x": 0.9}, mu=-1.0, h=0.3)
-    first = trace(mine, "h", within={"x": (-1, 1)}, events=[fold()]).first("LP")
-    curve = boundary(first, ("mu", "h"), within={"mu": (-1, 0.5), "x": (-0.6, 0.9)})
+    mine = lines.flow(lambda u, p: p["h"] + p["mu"] * u + u**5, {"x": 0.9}, mu=-1.0, h=0.3)
+    first = cb.trace(mine, "h", within={"x": (-1, 1)}, events=[cb.fold()]).first("LP")
+    curve = cb.boundary(first, ("mu", "h"), within={"mu": (-1, 0.5), "x": (-0.6, 0.9)})
     assert [p for p in curve.special if p.kind == "CP"] == []
-    cusp, cusps = looked_for(curve.problem, "CP"), walked(LINES["cusp"])
+    cusp, cusps = looked_for(curve.problem, "CP"), lines.walked(lines.LINES["cusp"])
     assert reason(cusp, cusps.first("CP")) == ""
     assert "the quadratic coefficient" in reason(cusp, cusps[0])
     flat = replace(curve[0], z=np.where(np.arange(curve[0].z.size) == 1, 1.0, 0.0))
@@ -188,7 +161,7 @@ def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
 
 
 def test_a_vanishing_lyapunov_coefficient_beside_another_pair_is_no_generalised_hopf() -> None:
-    point, wide = walked(BAUTIN).first("GH"), walked(BAUTIN_AT_ONCE)
+    point, wide = lines.walked(lines.BAUTIN).first("GH"), lines.walked(lines.BAUTIN_AT_ONCE)
     there = replace(wide[0], z=np.where(abs(point.z) < 1e-9, 0.0, point.z))
     assert "where only a pair should be" in reason(looked_for(wide.problem, "GH"), there)
 
@@ -198,11 +171,11 @@ def test_a_vanishing_lyapunov_coefficient_beside_another_pair_is_no_generalised_
 
 def linear(one: float, other: float, shear: float = 0.0) -> Point:
     """The fixed point 0 of a map with these multipliers."""
-    problem = of_map(
+    problem = lines.of_map(
         lambda u, p: [(one + p["m"]) * u[0] + shear * u[1], other * u[1] + p["m"] * u[1]],
-        XY, m=0.0, n=0.0,
+        lines.XY, m=0.0, n=0.0,
     )  # fmt: skip
-    branch = trace(problem, "m", within={"m": (-0.01, 0.01)}, events=[user("m", 0.0)])
+    branch = cb.trace(problem, "m", within={"m": (-0.01, 0.01)}, events=[cb.user("m", 0.0)])
     return next(p for p in branch if p["m"] == 0.0 or p.kind == "UZ")
 
 
@@ -216,9 +189,7 @@ def linear(one: float, other: float, shear: float = 0.0) -> Point:
         ("NS", (-1.0, -1.0, 1.0), "a double -1: R2, no pair on the unit circle"),
     ],
 )
-def test_fixed_points_of_maps_are_told_from_others(
-    kind: str, multipliers: tuple[float, ...], words: str
-) -> None:
+def test_fixed_points_of_maps_are_told_from_others(kind, multipliers, words):
     point = linear(*multipliers)
     found = reason(looked_for(point.problem, kind), point)
     assert found.startswith(words)
@@ -226,7 +197,7 @@ def test_fixed_points_of_maps_are_told_from_others(
 
 
 def test_two_multipliers_one_with_two_eigenvectors_are_no_resonance() -> None:
-    words = reason(looked_for(walked(HENON["LP"]).problem, "R1"), linear(1.0, 1.0))
+    words = reason(looked_for(lines.walked(lines.HENON["LP"]).problem, "R1"), linear(1.0, 1.0))
     assert words == "two multipliers are 1, with two eigenvectors"
 
 
@@ -234,14 +205,14 @@ def test_two_multipliers_one_with_two_eigenvectors_are_no_resonance() -> None:
 def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(third) -> None:
     c, s = np.cos(1.1), np.sin(1.1)
 
-    def image(u: Array, p: Params) -> Any:
+    def image(u: Array, p: lines.Params) -> Any:
         x, y, z = u
         grow = 1 + p["m"] + 0.1 * z
         return [grow * (c * x - s * y), grow * (s * x + c * y), third * z + x * x]
 
-    mine = of_map(image, XYZ, m=-0.31)
+    mine = lines.of_map(image, lines.XYZ, m=-0.31)
     events = [looked_for(mine, "NS")]
-    branch = trace(mine, "m", within={"m": (-0.4, 0.35)}, events=events)
+    branch = cb.trace(mine, "m", within={"m": (-0.4, 0.35)}, events=events)
     (point,) = (p for p in branch.special if p.kind == "NS")
     assert point["m"] == pytest.approx(0.0, abs=1e-10)
     assert point.detail["angle"] == pytest.approx(1.1, abs=1e-9)
@@ -253,12 +224,12 @@ def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(t
 
 
 @cache
-def single_arm() -> Branch:
+def single_arm() -> cb.Branch:
     """Unequal flights of a single oscillator, up to its period doubling at a = 0.925512006293."""
     from contbreather.orbits.constructors import asymmetric
 
     arm = asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem
-    return trace(arm, "a", towards="up", within={"a": (0.8, 0.95)})
+    return cb.trace(arm, "a", towards="up", within={"a": (0.8, 0.95)})
 
 
 def test_a_period_doubling_of_an_orbit_is_one_and_no_other_point_is() -> None:
@@ -274,7 +245,7 @@ def test_a_pair_that_turns_real_is_no_neimark_sacker_point_of_an_orbit() -> None
 
     arm = asymmetric(0.82, 0.04, 0.8).problem
     (event,) = (event for event in arm.events if event.kind == "NS")
-    point = trace(arm, "a", within={"a": (0.819, 0.821)}, events=())[0]
+    point = cb.trace(arm, "a", within={"a": (0.819, 0.821)}, events=())[0]
     assert "no angle solves" in reason(event, point)
     for nu in (0.0, 1e-8, 1.0, 1.0 - 1e-9):
         assert "a real multiplier passes the circle" in reason(event, point, nu=nu)
@@ -284,23 +255,23 @@ def test_a_pair_that_turns_real_is_no_neimark_sacker_point_of_an_orbit() -> None
 # --- the start ----------------------------------------------------------------------------------
 
 
-def circle(u: Array, p: Params) -> Any:
+def circle(u: Array, p: lines.Params) -> Any:
     return [3.0 * (u[0] ** 2 + p["mu"] ** 2 - 1.0)]
 
 
 @pytest.mark.parametrize(("x", "tolerance"), [(0.7, 1e-3), (0.6 + 2e-15, 1e-12)])
 def test_the_first_point_has_the_residual_of_the_equations_there(x, tolerance) -> None:
     """Of a start that is solved for, and of one that is a solution to rounding."""
-    problem = flow(circle, {"x": x}, mu=0.8)
+    problem = lines.flow(circle, {"x": x}, mu=0.8)
     steps = cb.Steps(tolerance=tolerance)
-    branch = trace(problem, "mu", towards="up", within={"mu": (0.7, 0.9)}, steps=steps)
+    branch = cb.trace(problem, "mu", towards="up", within={"mu": (0.7, 0.9)}, steps=steps)
     assert branch[0]["mu"] == 0.8
     assert branch[0].residual == float(abs(branch[0].curve.equations(branch[0].z)).max()) > 0
 
 
 def test_a_start_in_a_given_direction_keeps_its_residual() -> None:
-    problem = flow(circle, {"x": 0.6 + 1e-8}, mu=0.8)
-    branch = trace(problem, "mu", along=(-0.8, 0.6), within={"mu": (0.7, 0.9)})
+    problem = lines.flow(circle, {"x": 0.6 + 1e-8}, mu=0.8)
+    branch = cb.trace(problem, "mu", along=(-0.8, 0.6), within={"mu": (0.7, 0.9)})
     off = abs(circle([0.6 + 1e-8], {"mu": 0.8})[0])
     assert branch[0].residual == pytest.approx(off, rel=1e-6)
 
@@ -312,8 +283,8 @@ def test_a_start_in_a_given_direction_keeps_its_residual() -> None:
 @pytest.mark.parametrize(("first", "edge"), [("x", (0.31, 0.6)), ("y", (0.6, 0.31))])
 def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first, edge) -> None:
     """On ``x = y = mu`` from 0; both windows are left within a step of 0.5 or 2."""
-    mine = flow(lambda u, p: [u[0] - p["mu"], u[1] - p["mu"]], XY, mu=0.0)
-    branch = trace(
+    mine = lines.flow(lambda u, p: [u[0] - p["mu"], u[1] - p["mu"]], lines.XY, mu=0.0)
+    branch = cb.trace(
         mine,
         "mu",
         towards="up",
@@ -330,8 +301,8 @@ def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first
 def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: float) -> None:
     """On ``y = x^2/10`` the window of y ends a little before that of x; along the tangent at the
     start y does not change at all."""
-    mine = flow(lambda u, p: [u[0] - p["mu"], u[1] - 0.1 * u[0] ** 2], XY, mu=0.0)
-    branch = trace(
+    mine = lines.flow(lambda u, p: [u[0] - p["mu"], u[1] - 0.1 * u[0] ** 2], lines.XY, mu=0.0)
+    branch = cb.trace(
         mine,
         "mu",
         towards="up",
@@ -344,21 +315,23 @@ def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: fl
 
 @pytest.mark.parametrize("scales", [{}, {"scales": {"x": 1e-6, "mu": 1e-6}}])
 def test_a_fold_of_tiny_unknowns_is_found_in_any_units(scales: dict[str, Any]) -> None:
-    def residual(x: Array, p: Params) -> Array:
+    def residual(x: Array, p: lines.Params) -> Array:
         return np.array([p["mu"] - 1e6 * x[0] ** 2])
 
-    tiny = Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
-    branch = trace(tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[fold(), cb.branch_point()])
+    tiny = cb.Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
+    branch = cb.trace(
+        tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[cb.fold(), cb.branch_point()]
+    )
     assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-15)
     assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]
 
 
 @pytest.mark.parametrize("offset", [1e3, 1e6, -1e8])
 def test_a_fold_is_found_where_its_unknown_is_large_beside_it(offset: float) -> None:
-    def residual(x: Array, p: Params) -> Array:
+    def residual(x: Array, p: lines.Params) -> Array:
         return np.array([(x[0] - offset) ** 2 - p["mu"]])
 
-    far = Problem(residual, {"x": offset + 0.7}, {"mu": 0.49})
-    branch = trace(far, "mu", within={"mu": (-1, 1)}, events=[fold(), cb.branch_point()])
+    far = cb.Problem(residual, {"x": offset + 0.7}, {"mu": 0.49})
+    branch = cb.trace(far, "mu", within={"mu": (-1, 1)}, events=[cb.fold(), cb.branch_point()])
     assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-9)
     assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]

@@ -26,26 +26,7 @@ from contbreather.continuation import (
 )
 from contbreather.errors import Interrupted, NotConverged
 
-from .zoo import (
-    ALL,
-    ARMS,
-    BRUSSELATOR,
-    CIRCLE,
-    CUSP,
-    ISOLA,
-    LINE,
-    LORENZ,
-    PITCHFORK,
-    STATIC,
-    TRANSCRITICAL,
-    Case,
-    Counted,
-    counted,
-    crowded,
-    events_of,
-    scalar,
-    trace_case,
-)
+from . import zoo
 
 TIP = 1 / math.sqrt(3)  # of the folds of the cusp case, h = -+ 2 TIP^3
 WIDE = {"mu": (-2.0, 2.0)}
@@ -53,7 +34,7 @@ WIDE = {"mu": (-2.0, 2.0)}
 
 def ending(equation, x=1.0, mu=1.0, within=WIDE, towards="down", **given):
     """A branch in mu that runs into trouble, and how many residuals that took."""
-    problem, counter = counted(scalar(equation, x, {"mu": mu}))
+    problem, counter = zoo.counted(zoo.scalar(equation, x, {"mu": mu}))
     return trace(problem, "mu", within=within, towards=towards, **given), counter.calls
 
 
@@ -61,45 +42,45 @@ def ending(equation, x=1.0, mu=1.0, within=WIDE, towards="down", **given):
 
 
 def test_a_start_that_is_no_solution_is_refused_with_its_residual() -> None:
-    none = scalar(lambda x, p: x**2 + p["mu"], 1.0, {"mu": 1.0})
+    none = zoo.scalar(lambda x, p: x**2 + p["mu"], 1.0, {"mu": 1.0})
     with pytest.raises(NotConverged, match=r"x=1, mu=1 is not a solution: residual 2") as refused:
         trace(none, "mu")
     assert refused.value.residual == 2.0
 
 
 def test_a_start_exactly_on_a_fold_is_taken_as_it_is() -> None:
-    case = replace(CUSP, problem=CUSP.problem.at(x=-TIP, h=2 * TIP**3))
+    case = replace(zoo.CUSP, problem=zoo.CUSP.problem.at(x=-TIP, h=2 * TIP**3))
     for towards in ("up", "down", "both"):
-        branch = trace_case(case, towards=towards)
+        branch = zoo.trace_case(case, towards=towards)
         assert branch.first("LP")["x"] == pytest.approx(-TIP, abs=1e-15)
         assert branch.stop is Stop.BOUND
 
 
 @pytest.mark.parametrize("h", [0.384900179, 0.384900180])
 def test_a_fold_typed_with_nine_digits_is_a_start_on_either_side_of_it(h: float) -> None:
-    branch = trace_case(replace(CUSP, problem=CUSP.problem.at(x=-0.577350269, h=h)))
-    assert [point.kind for point in events_of(branch)] == ["LP", "LP"]
+    branch = zoo.trace_case(replace(zoo.CUSP, problem=zoo.CUSP.problem.at(x=-0.577350269, h=h)))
+    assert [point.kind for point in zoo.events_of(branch)] == ["LP", "LP"]
     assert branch[0]["x"] in (-2.0, 2.0)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e-17, -1e-16])
-@pytest.mark.parametrize("case", [PITCHFORK, TRANSCRITICAL, LORENZ], ids=lambda case: case.name)
-def test_from_a_branch_point_the_curve_along_the_parameter_is_followed(
-    case: Case, shift: float
-) -> None:
-    r = 1.0 if case is LORENZ else 0.0
+@pytest.mark.parametrize(
+    "case", [zoo.PITCHFORK, zoo.TRANSCRITICAL, zoo.LORENZ], ids=lambda case: case.name
+)
+def test_from_a_branch_point_the_curve_along_the_parameter_is_followed(case, shift):
+    r = 1.0 if case is zoo.LORENZ else 0.0
     start = dict.fromkeys(case.problem.start, shift)
     problem = case.problem.at(**start, **{case.free: r})
-    branch = trace(problem, case.free, events=STATIC, within={case.free: (r - 0.9, r + 1.0)})
+    branch = trace(problem, case.free, events=zoo.STATIC, within={case.free: (r - 0.9, r + 1.0)})
     assert [point.kind for point in branch.special] == ["EP", "BP", "EP"]
     assert abs(branch.first("BP")[case.free] - r) < 1e-12
-    if case is not TRANSCRITICAL:
+    if case is not zoo.TRANSCRITICAL:
         assert abs(branch["x"]).max() < 1e-15
 
 
 def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
     for x, mu in ((0.0, 1.0), (0.0, -1.0), (1.0, 0.0)):
-        problem = CIRCLE.problem.at(x=x, mu=mu)
+        problem = zoo.CIRCLE.problem.at(x=x, mu=mu)
         up, down = (
             list(itertools.islice(iterate(problem, "mu", towards=s), 3)) for s in ("up", "down")
         )
@@ -115,7 +96,7 @@ def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
 @given(st.floats(-1.9, -1.0), st.floats(1.0, 1.9), st.floats(0.02, 2.0))
 def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: float) -> None:
     steps = Steps(first=0.01, largest=largest)
-    branch = trace(CUSP.problem, "h", within={"x": (low, high)}, steps=steps, events=())
+    branch = trace(zoo.CUSP.problem, "h", within={"x": (low, high)}, steps=steps, events=())
     assert branch.stop is branch.began is Stop.BOUND
     assert branch["x"][0] == low
     assert branch["x"][-1] == high
@@ -125,23 +106,23 @@ def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: f
 
 def test_the_first_of_several_bounds_ends_the_branch() -> None:
     within = {"x": (-1.0, 1.0), "mu": (-0.25, 0.4)}
-    branch = trace(LINE.problem, "mu", within=within, steps=Steps(first=1.0, largest=5.0))
+    branch = trace(zoo.LINE.problem, "mu", within=within, steps=Steps(first=1.0, largest=5.0))
     assert (branch["mu"][0], branch["mu"][-1]) == (-0.25, 0.4)
 
 
 def test_two_bounds_at_one_corner_end_the_branch_there() -> None:
-    branch = trace(LINE.problem, "mu", within={"x": (-1.0, 1.0), "mu": (-0.5, 0.5)})
+    branch = trace(zoo.LINE.problem, "mu", within={"x": (-1.0, 1.0), "mu": (-0.5, 0.5)})
     assert branch.stop is branch.began is Stop.BOUND
     assert branch[-1]["x"] == pytest.approx(1.0, abs=1e-15)
     assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-15)
 
 
 def test_a_start_on_a_bound_goes_inwards_only() -> None:
-    branch = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)})
+    branch = trace(zoo.LINE.problem, "mu", within={"mu": (0.0, 1.0)})
     assert branch[0]["mu"] == 0.0
     assert branch[-1]["mu"] == 1.0
     assert [point.label for point in branch.special] == ["EP1", "EP2"]
-    alone = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="down")
+    alone = trace(zoo.LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="down")
     assert len(alone) == 1
     assert alone.stop is Stop.BOUND
 
@@ -149,25 +130,25 @@ def test_a_start_on_a_bound_goes_inwards_only() -> None:
 @pytest.mark.parametrize("depth", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_a_window_that_a_curve_leaves_only_for_a_moment_still_ends_it(depth: float) -> None:
     within = {"h": (-9.0, 2 * TIP**3 - depth), "x": (-2.0, 2.0)}
-    branch = trace(CUSP.problem, "h", within=within, events=[fold()])
+    branch = trace(zoo.CUSP.problem, "h", within=within, events=[fold()])
     assert branch.stop is Stop.BOUND
     assert branch[-1]["h"] == within["h"][1]
     assert branch[-1]["x"] < -TIP
-    assert not events_of(branch)
+    assert not zoo.events_of(branch)
 
 
 def test_an_event_exactly_at_a_bound_is_found() -> None:
-    at_fold = trace(CUSP.problem, "h", within={"x": (-2.0, -TIP)}, events=ALL)
+    at_fold = trace(zoo.CUSP.problem, "h", within={"x": (-2.0, -TIP)}, events=zoo.ALL)
     assert [point.label for point in at_fold.special] == ["EP1", "LP1"]
-    at_hopf = trace(BRUSSELATOR.problem, "B", within={"B": (0.5, 2.0)}, events=ALL)
+    at_hopf = trace(zoo.BRUSSELATOR.problem, "B", within={"B": (0.5, 2.0)}, events=zoo.ALL)
     assert [point.label for point in at_hopf.special] == ["EP1", "HB1"]
     assert at_hopf[-1]["B"] == 2.0
-    at_branch_point = trace(PITCHFORK.problem, "mu", within={"mu": (-1.0, 0.0)}, events=ALL)
+    at_branch_point = trace(zoo.PITCHFORK.problem, "mu", within={"mu": (-1.0, 0.0)}, events=zoo.ALL)
     assert [point.label for point in at_branch_point.special] == ["EP1", "BP1"]
 
 
 def test_the_domain_of_a_problem_is_a_window_too() -> None:
-    problem = replace(LINE.problem, domain={"x": (-1.0, math.inf)})
+    problem = replace(zoo.LINE.problem, domain={"x": (-1.0, math.inf)})
     branch = trace(problem, "mu", within={"mu": (-3.0, 3.0), "x": (-2.0, 2.0)})
     assert (branch[0]["x"], branch[-1]["x"]) == (-1.0, 2.0)
     assert branch.began is branch.stop is Stop.BOUND
@@ -178,7 +159,7 @@ def test_the_domain_of_a_problem_is_a_window_too() -> None:
 
 @pytest.mark.parametrize("last", [0.5, 0.99])
 def test_the_reason_names_the_domain_that_ended_a_branch_even_just_beyond_an_event(last) -> None:
-    problem = replace(LINE.problem, domain={"x": (-1.0, 1.0)})
+    problem = replace(zoo.LINE.problem, domain={"x": (-1.0, 1.0)})
     steps, events = Steps(first=0.4, largest=0.4), [user("x", last)]
     branch = trace(problem, "mu", within={"mu": (-3, 3)}, events=events, steps=steps, towards="up")
     assert branch.first("UZ")["x"] == pytest.approx(last)
@@ -202,9 +183,7 @@ def test_the_reason_names_the_domain_that_ended_a_branch_even_just_beyond_an_eve
         (lambda x, p: x**3 - p["mu"] ** 2, 1.0, Stop.NO_CONVERGENCE, "", 0.0),
     ],
 )
-def test_trouble_ends_a_branch_with_a_reason_and_bounded_work(
-    equation, x, stop, reason, there
-) -> None:
+def test_trouble_ends_a_branch_with_a_reason_and_bounded_work(equation, x, stop, reason, there):
     branch, calls = ending(equation, x)
     assert branch.stop is stop
     assert re.search(reason, branch.reason)
@@ -243,17 +222,17 @@ def test_a_walk_that_gets_nowhere_ends() -> None:
 
 
 def test_overflow_ends_a_branch_without_a_warning() -> None:
-    start = scalar(lambda x, p: np.exp(x) - np.exp(p["mu"]), 0.0, {"mu": 0.0})
+    start = zoo.scalar(lambda x, p: np.exp(x) - np.exp(p["mu"]), 0.0, {"mu": 0.0})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        branch = trace(start, "mu", towards="up", steps=Steps(largest=1e3), events=ALL)
+        branch = trace(start, "mu", towards="up", steps=Steps(largest=1e3), events=zoo.ALL)
     assert branch.stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE)
     assert branch[-1]["mu"] > 300
-    assert events_of(branch) == []
+    assert zoo.events_of(branch) == []
 
 
 def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -> None:
-    problem = scalar(lambda x, p: x - np.sqrt(p["mu"]), 1.0, {"mu": 1.0})
+    problem = zoo.scalar(lambda x, p: x - np.sqrt(p["mu"]), 1.0, {"mu": 1.0})
     before = np.geterr()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -262,7 +241,7 @@ def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -
 
 
 def test_a_failed_start_still_is_a_branch_of_one_point() -> None:
-    branch = trace(scalar(lambda x, p: x - abs(p["mu"]), 0.0, {"mu": 0.0}), "mu", towards="up")
+    branch = trace(zoo.scalar(lambda x, p: x - abs(p["mu"]), 0.0, {"mu": 0.0}), "mu", towards="up")
     assert len(branch) == 1
     assert branch.stop is Stop.NO_CONVERGENCE
     assert branch.special[0].label == "MX1"
@@ -270,9 +249,9 @@ def test_a_failed_start_still_is_a_branch_of_one_point() -> None:
 
 def test_equations_that_hold_everywhere_or_twice_end_or_walk_but_never_hang() -> None:
     for equation in (lambda x, p: 0 * x, lambda x, p: (x - p["mu"]) ** 2):
-        problem, counter = counted(scalar(equation, 0.0, {"mu": 0.0}))
-        branch = trace(problem, "mu", within=WIDE, events=ALL)
-        assert events_of(branch) == []
+        problem, counter = zoo.counted(zoo.scalar(equation, 0.0, {"mu": 0.0}))
+        branch = trace(problem, "mu", within=WIDE, events=zoo.ALL)
+        assert zoo.events_of(branch) == []
         assert counter.calls < 6000
 
 
@@ -291,7 +270,7 @@ def traced(residual) -> Branch:
 @pytest.mark.parametrize("after", [60, 150, 700])
 def test_an_interruption_hands_over_the_points(after: int) -> None:
     with pytest.raises(Interrupted, match="interrupted; the points up to here are kept") as stop:
-        traced(Counted(sine, interrupted=after))
+        traced(zoo.Counted(sine, interrupted=after))
     branch = stop.value.partial
     assert branch.stop is Stop.INTERRUPTED
     assert len(branch) > 1
@@ -302,12 +281,12 @@ def test_an_interruption_hands_over_the_points(after: int) -> None:
 
 @pytest.mark.slow
 def test_whenever_it_comes_the_interrupted_branch_is_a_piece_of_the_whole_one() -> None:
-    whole = Counted(sine)
+    whole = zoo.Counted(sine)
     branch = traced(whole)
     places = set(branch["mu"].round(9))
     for after in range(20, whole.calls, 83):
         with pytest.raises(Interrupted) as stop:
-            traced(Counted(sine, interrupted=after))
+            traced(zoo.Counted(sine, interrupted=after))
         kept = stop.value.partial
         if kept is not None:
             assert kept.stop is Stop.INTERRUPTED
@@ -319,7 +298,7 @@ def test_an_interruption_ends_a_loop_of_walks_and_the_finished_ones_are_kept() -
 
     def study() -> None:
         for after in (math.inf, 100, math.inf):
-            done.append(traced(Counted(sine, interrupted=after)).stop)
+            done.append(traced(zoo.Counted(sine, interrupted=after)).stop)
 
     with pytest.raises(KeyboardInterrupt):
         study()
@@ -336,7 +315,7 @@ def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> No
 
 
 def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
-    inner = Counted(sine, interrupted=150)
+    inner = zoo.Counted(sine, interrupted=150)
 
     def residual(x, p):
         return np.array([x[0] - traced(inner)["x"][-1] * p["mu"]])
@@ -353,17 +332,17 @@ def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
 @pytest.mark.parametrize("scale", [0.3, 10.0])
 @pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, math.pi])
 def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale: float) -> None:
-    problem = CIRCLE.problem.at(x=math.cos(angle), mu=math.sin(angle))
+    problem = zoo.CIRCLE.problem.at(x=math.cos(angle), mu=math.sin(angle))
     events = [fold(), user("x", 0.5), user("mu", math.sin(angle)), user("x", math.cos(angle))]
     for towards in ("up", "down", "both"):
-        branch = trace_case(CIRCLE, scale, start=problem, events=events, towards=towards)
+        branch = zoo.trace_case(zoo.CIRCLE, scale, start=problem, events=events, towards=towards)
         assert branch.stop is Stop.CLOSED
         assert np.array_equal(branch[0].z, branch[-1].z)
         length = branch[-1].arclength
         assert length == pytest.approx(2 * math.pi, rel=1e-2)
-        kinds = [point.kind for point in events_of(branch)]
+        kinds = [point.kind for point in zoo.events_of(branch)]
         assert kinds.count("LP") == 2
-        tests = [id(point.event) for point in events_of(branch)]
+        tests = [id(point.event) for point in zoo.events_of(branch)]
         assert tests.count(id(events[1])) == 2
         for event, folded in ((events[2], math.cos(angle)), (events[3], math.sin(angle))):
             assert tests.count(id(event)) == (1 if abs(folded) < 1e-12 else 2)
@@ -382,16 +361,16 @@ def test_a_spiral_is_not_taken_for_a_closed_curve(pitch: float) -> None:
 
 
 def test_a_curve_that_crosses_itself_at_its_start_closes_only_when_it_is_through() -> None:
-    eight = scalar(lambda x, p: x**4 - x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0})
-    branch = trace(eight, "mu", events=STATIC)
+    eight = zoo.scalar(lambda x, p: x**4 - x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0})
+    branch = trace(eight, "mu", events=zoo.STATIC)
     assert branch.stop is Stop.CLOSED
-    assert [point.kind for point in events_of(branch)] == ["BP", "LP", "LP", "BP", "LP", "LP"]
+    assert [point.kind for point in zoo.events_of(branch)] == ["BP", "LP", "LP", "BP", "LP", "LP"]
 
 
 def test_isola_is_seen_whole_from_any_of_its_points() -> None:
-    whole = trace_case(ISOLA)
+    whole = zoo.trace_case(zoo.ISOLA)
     for i in range(0, len(whole), 7):
-        again = trace_case(ISOLA, start=whole[i])
+        again = zoo.trace_case(zoo.ISOLA, start=whole[i])
         assert again.stop is Stop.CLOSED
         assert again[-1].arclength == pytest.approx(whole[-1].arclength, rel=1e-3)
 
@@ -401,7 +380,7 @@ def test_isola_is_seen_whole_from_any_of_its_points() -> None:
 
 def test_steps_keep_to_their_sizes() -> None:
     steps = Steps(first=0.01, largest=0.05, growth=1.3)
-    branch = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="up", steps=steps)
+    branch = trace(zoo.LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="up", steps=steps)
     lengths = np.diff(branch["arclength"])
     assert lengths[0] == pytest.approx(0.01)
     assert lengths.max() <= 0.05 * (1 + 1e-12)
@@ -409,7 +388,7 @@ def test_steps_keep_to_their_sizes() -> None:
 
 
 def test_most_ends_a_walk() -> None:
-    branch = trace(LINE.problem, "mu", steps=Steps(most=7))
+    branch = trace(zoo.LINE.problem, "mu", steps=Steps(most=7))
     assert branch.stop is branch.began is Stop.MOST
     assert len(branch) == 15
 
@@ -436,20 +415,20 @@ def test_a_walk_does_not_jump_to_a_parallel_curve(distance: float, largest: floa
         return off * (off - distance) * (off + distance)
 
     branch = trace(
-        scalar(equation, 0.0, {"mu": 0.0}),
+        zoo.scalar(equation, 0.0, {"mu": 0.0}),
         "mu",
         within={"mu": (-1.1, 1.1)},
         steps=Steps(first=0.1 * largest, largest=largest),
-        events=STATIC,
+        events=zoo.STATIC,
     )
     assert branch.stop is branch.began is Stop.BOUND
     assert abs(branch["x"] - np.sin(3 * branch["mu"])).max() < 1e-13
-    assert events_of(branch) == []
+    assert zoo.events_of(branch) == []
 
 
 def test_a_walk_passes_branch_points_of_any_kind_without_events() -> None:
-    for case in (PITCHFORK, ARMS, TRANSCRITICAL, crowded(1e-4), LORENZ):
-        branch = trace_case(case, events=())
+    for case in (zoo.PITCHFORK, zoo.ARMS, zoo.TRANSCRITICAL, zoo.crowded(1e-4), zoo.LORENZ):
+        branch = zoo.trace_case(case, events=())
         assert branch.stop is case.stop
         assert len(branch) < 1000
 
@@ -462,11 +441,11 @@ def test_a_walk_passes_branch_points_of_any_kind_without_events() -> None:
     ],
 )
 def test_a_walk_passes_degenerate_crossings_and_gives_them_no_label(equation) -> None:
-    problem, counter = counted(scalar(equation, 0.49, {"mu": 0.7}))
+    problem, counter = zoo.counted(zoo.scalar(equation, 0.49, {"mu": 0.7}))
     problem = problem.at(x=0.7 if equation(0.7, {"mu": 0.7}) == 0 else 0.49)
-    branch = trace(problem, "mu", within={"mu": (-1.0, 1.0)}, events=STATIC)
+    branch = trace(problem, "mu", within={"mu": (-1.0, 1.0)}, events=zoo.STATIC)
     assert branch.stop is branch.began is Stop.BOUND
-    assert events_of(branch) == []
+    assert zoo.events_of(branch) == []
     assert counter.calls < 3000
 
 
@@ -481,7 +460,7 @@ def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
         tests += 1
         return point["mu"] > 0.3217
 
-    branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[Event("UP", above)])
+    branch = trace(zoo.LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[Event("UP", above)])
     assert branch.first("UP")["mu"] == pytest.approx(0.3217, abs=1e-13)
     assert tests < 2 * len(branch) + 60
 

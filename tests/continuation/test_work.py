@@ -195,9 +195,7 @@ def along_doubling(residual: Counted, events: list[cb.Event] | None) -> cb.Branc
 
 
 @pytest.mark.parametrize(("analytic", "most"), [(True, 600), (False, 2400)])
-def test_a_point_of_a_hopf_curve_of_lorenz_costs_no_more_than_so_many_calls(
-    analytic: bool, most: int
-) -> None:
+def test_a_point_of_a_hopf_curve_of_lorenz_costs_no_more_than_so_many_calls(analytic, most):
     """4103 real calls a point once, 3120 of them for the test of GH."""
     for events in ([cb.fold(), cb.branch_point(), cb.hopf()], [own_hopf()]):
         residual = Counted(lorenz, analytic=analytic)
@@ -208,9 +206,7 @@ def test_a_point_of_a_hopf_curve_of_lorenz_costs_no_more_than_so_many_calls(
 
 
 @pytest.mark.parametrize(("analytic", "most"), [(True, 400), (False, 1600)])
-def test_a_point_of_a_doubling_of_a_map_costs_no_more_than_so_many_calls(
-    analytic: bool, most: int
-) -> None:
+def test_a_point_of_a_doubling_of_a_map_costs_no_more_than_so_many_calls(analytic: bool, most: int):
     """2576 real calls a point once."""
     for events in (None, [own_doubling()]):
         residual = Counted(henon, analytic=analytic)

@@ -11,65 +11,43 @@ from hypothesis import strategies as st
 
 from contbreather.continuation import Problem, Steps, fold, iterate, trace
 
-from .zoo import (
-    ARMS,
-    BRATU,
-    CUSP,
-    PITCHFORK,
-    SMALL,
-    STIFF,
-    ZOO,
-    Case,
-    analytic_bratu,
-    bratu_fold,
-    chebyshev,
-    counted,
-    crowded,
-    events_of,
-    imperfect,
-    mesh,
-    mesh_fold,
-    trace_case,
-    wrong,
-)
+from . import zoo
 
-every = pytest.mark.parametrize("case", ZOO, ids=lambda case: case.name)
-small = pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+every = pytest.mark.parametrize("case", zoo.ZOO, ids=lambda case: case.name)
+small = pytest.mark.parametrize("case", zoo.SMALL, ids=lambda case: case.name)
 
 
 @every
-def test_all_events_are_found_and_no_false_one(case: Case) -> None:
-    assert wrong(case, case.branch) == ""
+def test_all_events_are_found_and_no_false_one(case: zoo.Case) -> None:
+    assert zoo.wrong(case, case.branch) == ""
 
 
 @pytest.mark.slow
 @every
 @pytest.mark.parametrize("scale", [0.3, 10.0])
-def test_neither_short_nor_long_steps_change_that_and_the_work_per_point_is_bounded(
-    case: Case, scale: float
-) -> None:
-    problem, counter = counted(case.problem)
-    branch = trace_case(case, scale, start=problem)
-    assert wrong(case, branch) == ""
+def test_neither_short_nor_long_steps_change_that_and_the_work_per_point_is_bounded(case, scale):
+    problem, counter = zoo.counted(case.problem)
+    branch = zoo.trace_case(case, scale, start=problem)
+    assert zoo.wrong(case, branch) == ""
     assert counter.calls < (30 + 14 * (problem.x.size + 1)) * len(branch) + 400
     assert len(branch.doubtful) <= 4
 
 
 @pytest.mark.slow
 @settings(max_examples=12, derandomize=True)
-@given(st.sampled_from(SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
-@example(crowded(1e-6), 10.0, 0.1)
-@example(crowded(1e-8), 3.0, 0.1)
-@example(imperfect(1e-8)[0], 10.0, 0.1)
-@example(imperfect(1e-8)[1], 0.5, 0.1)
-@example(imperfect(1e-8)[1], 3.0, 0.1)
-@example(ARMS, 0.3, 0.1)
-def test_first_and_largest_step_do_not_matter(case: Case, scale: float, first: float) -> None:
-    assert wrong(case, trace_case(case, scale, first)) == ""
+@given(st.sampled_from(zoo.SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
+@example(zoo.crowded(1e-6), 10.0, 0.1)
+@example(zoo.crowded(1e-8), 3.0, 0.1)
+@example(zoo.imperfect(1e-8)[0], 10.0, 0.1)
+@example(zoo.imperfect(1e-8)[1], 0.5, 0.1)
+@example(zoo.imperfect(1e-8)[1], 3.0, 0.1)
+@example(zoo.ARMS, 0.3, 0.1)
+def test_first_and_largest_step_do_not_matter(case: zoo.Case, scale: float, first: float) -> None:
+    assert zoo.wrong(case, zoo.trace_case(case, scale, first)) == ""
 
 
 @small
-def test_every_point_solves_the_equations(case: Case) -> None:
+def test_every_point_solves_the_equations(case: zoo.Case) -> None:
     for point in case.branch:
         value = case.problem.residual(point.x, point.params)
         assert abs(value).max() <= 1e-12
@@ -78,31 +56,31 @@ def test_every_point_solves_the_equations(case: Case) -> None:
 
 @pytest.mark.slow
 @small
-def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> None:
-    for point in events_of(case.branch):
-        if point.kind == "BP" and case is not PITCHFORK:
+def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: zoo.Case) -> None:
+    for point in zoo.events_of(case.branch):
+        if point.kind == "BP" and case is not zoo.PITCHFORK:
             continue  # several curves leave a branch point: see the tests of walks
-        again = trace_case(case, start=point)
-        assert wrong(case, again) == "", point
+        again = zoo.trace_case(case, start=point)
+        assert zoo.wrong(case, again) == "", point
 
 
 @pytest.mark.slow
 @small
-def test_both_directions_together_are_what_both_gives(case: Case) -> None:
+def test_both_directions_together_are_what_both_gives(case: zoo.Case) -> None:
     whole = case.branch
-    up, down = (trace_case(case, towards=side) for side in ("up", "down"))
+    up, down = (zoo.trace_case(case, towards=side) for side in ("up", "down"))
     if case.known and whole.began is None:  # closed
-        assert len(events_of(up)) == len(events_of(down)) == len(events_of(whole))
+        assert len(zoo.events_of(up)) == len(zoo.events_of(down)) == len(zoo.events_of(whole))
         return
     assert len(up) + len(down) == len(whole) + 1
-    assert len(events_of(up)) + len(events_of(down)) == len(events_of(whole))
+    assert len(zoo.events_of(up)) + len(zoo.events_of(down)) == len(zoo.events_of(whole))
     joined = down.reversed().join(up)
     assert [p.label for p in joined.special] == [p.label for p in whole.special]
     assert np.array_equal(joined["arclength"], whole["arclength"])
 
 
 @every
-def test_up_is_up_and_down_is_down(case: Case) -> None:
+def test_up_is_up_and_down_is_down(case: zoo.Case) -> None:
     for side, sign in (("up", 1), ("down", -1)):
         walker = iterate(case.problem, case.free, towards=side, events=())
         start, after = next(walker), next(walker)
@@ -110,7 +88,7 @@ def test_up_is_up_and_down_is_down(case: Case) -> None:
 
 
 @every
-def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
+def test_arclength_grows_and_tangents_are_of_unit_length(case: zoo.Case) -> None:
     branch = case.branch
     assert (np.diff(branch["arclength"]) > 0).all()
     lengths = [branch.curve.length(point.tangent) for point in branch]
@@ -124,8 +102,8 @@ def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
 
 
 @every
-def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(case: Case) -> None:
-    for point in events_of(case.branch):
+def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(case: zoo.Case):
+    for point in zoo.events_of(case.branch):
         assert point.located
         low, high = point.bracket
         assert low <= point.arclength <= high
@@ -138,12 +116,12 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 
 
 def test_fold_of_bratu_is_the_closed_form_to_the_accuracy_of_the_collocation() -> None:
-    assert bratu_fold() == pytest.approx(3.513830719125161, abs=1e-15)
+    assert zoo.bratu_fold() == pytest.approx(3.513830719125161, abs=1e-15)
     errors = []
     for nodes in (8, 12, 16):
-        problem = analytic_bratu(chebyshev(nodes)).at(lam=1.0)
-        branch = trace_case(replace(BRATU, problem=problem), events=[fold()])
-        errors.append(abs(branch.first("LP")["lam"] - bratu_fold()))
+        problem = zoo.analytic_bratu(zoo.chebyshev(nodes)).at(lam=1.0)
+        branch = zoo.trace_case(replace(zoo.BRATU, problem=problem), events=[fold()])
+        errors.append(abs(branch.first("LP")["lam"] - zoo.bratu_fold()))
     assert errors[0] < 1e-4
     assert errors[1] < 1e-6
     assert errors[2] < 1e-8
@@ -151,56 +129,60 @@ def test_fold_of_bratu_is_the_closed_form_to_the_accuracy_of_the_collocation() -
 
 @pytest.mark.parametrize("nodes", [50, 200])
 def test_fold_of_a_large_system_is_that_of_its_own_recurrence(nodes: int) -> None:
-    problem = analytic_bratu(mesh(nodes)).at(lam=1.0)
+    problem = zoo.analytic_bratu(zoo.mesh(nodes)).at(lam=1.0)
     steps = Steps(first=0.1, largest=0.5)
     branch = trace(problem, "lam", within={"lam": (1.0, 4.0)}, events=[fold()], steps=steps)
-    assert branch.first("LP")["lam"] == pytest.approx(mesh_fold(nodes), abs=2e-11)
+    assert branch.first("LP")["lam"] == pytest.approx(zoo.mesh_fold(nodes), abs=2e-11)
     assert len(branch) < 40  # arclength does not grow with the mesh
 
 
 def test_folds_on_both_sides_of_a_branch_point_within_one_step() -> None:
     for eps in (1e-2, 1e-4, 1e-6):
-        case = crowded(eps)
-        branch = trace_case(case, 10.0)
-        folds = [point.arclength for point in events_of(branch) if point.kind == "LP"]
+        case = zoo.crowded(eps)
+        branch = zoo.trace_case(case, 10.0)
+        folds = [point.arclength for point in zoo.events_of(branch) if point.kind == "LP"]
         assert folds[1] - folds[0] < np.diff(branch["arclength"]).max()
-        assert wrong(case, branch) == ""
+        assert zoo.wrong(case, branch) == ""
 
 
 def test_imperfection_is_followed_however_small_and_never_jumped() -> None:
     for h in (1e-3, 1e-6, 1e-9):
-        above, below = imperfect(h)
+        above, below = zoo.imperfect(h)
         for case in (above, below):
-            branch = trace_case(case, 10.0)
-            assert wrong(case, branch) == ""
+            branch = zoo.trace_case(case, 10.0)
+            assert zoo.wrong(case, branch) == ""
             assert abs(branch["x"] * (branch["mu"] - branch["x"] ** 2) + h).max() < 1e-14
             assert (branch["x"] > 0).all() if case is above else (branch["x"] < 0).all()
 
 
 def test_stiff_scales_change_nothing_but_the_units() -> None:
-    plain, stiff = (trace_case(case) for case in (CUSP, STIFF))
+    plain, stiff = (zoo.trace_case(case) for case in (zoo.CUSP, zoo.STIFF))
     assert len(plain) == len(stiff)
     assert np.allclose(stiff["x"], 1e6 * plain["x"], rtol=1e-9)
     assert np.allclose(stiff["arclength"], plain["arclength"], rtol=1e-9)
 
 
 def test_without_scales_stiff_events_are_still_told_apart() -> None:
-    bare = replace(STIFF.problem, scales={})
+    bare = replace(zoo.STIFF.problem, scales={})
     branch = trace(
-        bare, "h", within=STIFF.within, events=STIFF.events, steps=Steps(first=1e4, largest=1e5)
+        bare,
+        "h",
+        within=zoo.STIFF.within,
+        events=zoo.STIFF.events,
+        steps=Steps(first=1e4, largest=1e5),
     )
-    assert wrong(STIFF, branch) == ""
+    assert zoo.wrong(zoo.STIFF, branch) == ""
 
 
 def test_an_unknown_may_be_an_array() -> None:
-    branch = trace_case(BRATU)
+    branch = zoo.trace_case(zoo.BRATU)
     assert branch["u"].shape == (len(branch), 19)
     assert branch[3]["u"].shape == (19,)
     assert np.allclose(branch["u"], branch["u"][:, ::-1], atol=1e-9)  # the solution is even
 
 
 def test_array_and_numbers_may_be_unknown_together() -> None:
-    second = chebyshev(12)
+    second = zoo.chebyshev(12)
 
     def residual(y, p):
         u, top = y[:-1], y[-1]
@@ -209,4 +191,4 @@ def test_array_and_numbers_may_be_unknown_together() -> None:
     problem = Problem(residual, {"u": np.zeros(11), "top": 0.0}, {"lam": 1.0})
     branch = trace(problem, "lam", within={"top": (0.0, 2.0)}, events=[fold()])
     assert branch["top"][-1] == 2.0 or branch["top"][0] == 2.0
-    assert branch.first("LP")["lam"] == pytest.approx(bratu_fold(), abs=1e-6)
+    assert branch.first("LP")["lam"] == pytest.approx(zoo.bratu_fold(), abs=1e-6)

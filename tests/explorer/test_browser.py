@@ -221,9 +221,7 @@ SLIDE = """to => {
 }"""
 
 
-def test_of_two_tabs_that_move_a_slider_at_once_both_show_the_last(
-    tab: Tab, browser: Any, address: str
-) -> None:
+def test_of_two_tabs_that_move_a_slider_at_once_both_show_the_last(tab, browser, address):
     """What one is told by the server passes on its way what is done there."""
     page = browser.new_page(color_scheme="dark", viewport=WIDE)
     late: list[Any] | None = None

@@ -94,9 +94,7 @@ def test_a_click_where_nothing_is_says_so_below_the_figure(bare: Page) -> None:
         ("root", "1.5", "not a whole number"),
     ],
 )
-def test_bad_input_is_refused_beside_its_field(
-    bare: Page, name: str, typed: str, words: str
-) -> None:
+def test_bad_input_is_refused_beside_its_field(bare: Page, name: str, typed: str, words: str):
     field = bare.forms.breather[name]
     before, field.input.value = field.input.value, typed
     press(bare, "Show")
@@ -310,9 +308,7 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
         ("length", "Simulate from here", {"push": "nan"}, "is not finite"),
     ],
 )
-def test_other_ranges_are_those_of_the_library_which_says_so(
-    bare: Page, form: str, button: str, typed: dict[str, str], said: str
-) -> None:
+def test_other_ranges_are_those_of_the_library_which_says_so(bare, form, button, typed, said):
     press(bare, "Show")
     fields = getattr(bare.forms, form)
     before = {name: fields[name].input.value for name in typed}
@@ -342,9 +338,7 @@ def test_every_button_says_what_it_does(bare: Page) -> None:
     ]  # fmt: skip
 
 
-def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(
-    bare: Page,
-) -> None:
+def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(bare: Page):
     areas = re.findall(r"grid-area: (\w+)", GRID)
     cards = [[area for area in areas if area in one.css_classes] for one in bare.layout[0]]
     assert sorted(cards) == sorted([area] for area in areas)
@@ -504,9 +498,7 @@ def test_stable_is_said_of_a_lattice_that_is_named_beside_it(page: Page) -> None
         ({"lattice": "open:9", "site": "4", "damping": "0.02", "gamma": "0.03"}, cb.OpenChain(9)),
     ],
 )
-def test_a_simulation_as_it_is_offered_confirms_the_verdict(
-    page: Page, texts: Any, on: Any
-) -> None:
+def test_a_simulation_as_it_is_offered_confirms_the_verdict(page: Page, texts: Any, on: Any):
     """On the lattice that is judged, damped as is set; the push is small and stays so."""
     typed(page, **texts)
     orbit = page.explorer.chosen.orbit

@@ -255,9 +255,7 @@ def test_zones_follow_a_chosen_point_to_what_it_lives_on() -> None:
     assert there[1].lattice == on["lattice"]
 
 
-def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(session, "PATIENCE", 0.0)
     explorer, said = Explorer(k=0.8), threading.Event()
     explorer.listen(lambda _: said.set() if "points" in explorer.drawing else None)

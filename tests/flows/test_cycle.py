@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -474,9 +473,7 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
         assert place["b"] == pytest.approx(-place.base_point.solution.min["x"], abs=1e-10)
 
 
-def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
-    tmp_path: Path, ball: cb.Problem
-) -> None:
+def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_path, ball):
     branch = cb.trace(ball, "A", within={"A": (0.5, 0.7)})
     cb.save(tmp_path / "ball.nc", branch)
     again = cb.load(tmp_path / "ball.nc")
@@ -526,8 +523,7 @@ SLIPPING = cb.Flow(slipping, until=lambda t, x, p: p["v"] - x[1], reset=lambda t
 
 
 @pytest.mark.parametrize(
-    ("flows", "start"),
-    [([STUCK, SLIPPING], {"x": 0.2}), ([SLIPPING, STUCK], {"x": 1.0, "y": 0.5})],
+    ("flows", "start"), [([STUCK, SLIPPING], {"x": 0.2}), ([SLIPPING, STUCK], {"x": 1.0, "y": 0.5})]
 )
 def test_a_flow_of_one_state_may_end_on_its_section_wherever_the_cycle_begins(flows, start) -> None:
     """A mass on a belt that is let go at 1 slips on a circle around c: it is there again, at
@@ -543,9 +539,7 @@ def test_a_flow_of_one_state_may_end_on_its_section_wherever_the_cycle_begins(fl
         assert abs(orbit.multipliers[1:]).max(initial=0.0) < 1e-12
 
 
-def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_of_its_flows() -> (
-    None
-):
+def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_of_its_flows():
     """Thrown up at 1 it comes back after 2, leaks from e to g, and is filled up to 1."""
     thrown = cb.Flow(
         lambda t, x, p: [x[1], -1.0],

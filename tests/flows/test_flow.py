@@ -76,9 +76,7 @@ def test_slopes_beside_a_kink_are_one_sided_differences_apart() -> None:
 @pytest.mark.parametrize(
     ("f", "way"), [(smooth, "complex steps"), (kinked, "differences"), (written_for_one, "diff")]
 )
-def test_how_a_function_is_differentiated_is_logged(
-    f: Any, way: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_how_a_function_is_differentiated_is_logged(f, way, caplog):
     def fresh(t: Any, x: Any, p: Any) -> Any:
         return f(t, x, p)
 
@@ -118,9 +116,7 @@ def test_small_and_large_units_are_differentiated_alike() -> None:
     np.testing.assert_allclose(slope[0, :2], 1.0, rtol=1e-9)
 
 
-def test_what_takes_one_state_at_a_time_is_logged_and_has_the_same_values(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_what_takes_one_state_at_a_time_is_logged_and_has_the_same_values(caplog):
     def turning(t: Any, x: Any, p: Any) -> Any:
         return [x[1], -(p["k"] if x[0].real > -9.0 else 0.0) * np.sin(x[0]) * x[2]
                 + np.cos(p["w"] * t), -1.0]  # fmt: skip
@@ -185,9 +181,7 @@ def test_a_mass_matrix_is_divided_out() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_sentence(
-    wrong: Callable[[], Any], sentence: str
-) -> None:
+def test_what_does_not_fit_is_refused_with_a_sentence(wrong: Callable[[], Any], sentence: str):
     with pytest.raises(cb.BadInput, match=sentence):
         wrong()
 

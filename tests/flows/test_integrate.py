@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -210,9 +209,7 @@ def relayed(h: Any) -> Any:
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_followed_is_refused_with_a_sentence(
-    run: Callable[[], Any], error: type[Exception], sentence: str
-) -> None:
+def test_what_cannot_be_followed_is_refused_with_a_sentence(run, error, sentence):
     with pytest.raises(error, match=sentence):
         run()
 

@@ -33,9 +33,7 @@ def test_a_branch_on_a_finer_mesh_begins_at_the_parameter_that_was_given(refined
     assert refined[0]["mu"] == 0.5
 
 
-def test_a_branch_on_a_finer_mesh_gets_its_equations_back_from_a_file(
-    tmp_path: Path, ring, refined
-) -> None:
+def test_a_branch_on_a_finer_mesh_gets_its_equations_back_from_a_file(tmp_path, ring, refined):
     cb.save(tmp_path / "ring.nc", refined)
     again = cb.load(tmp_path / "ring.nc", problem=ring)
     assert again[-1].solution.period == refined[-1].solution.period
@@ -59,9 +57,7 @@ def test_a_branch_that_gets_no_finer_mesh_says_where_it_is_too_coarse(tmp_path: 
     assert cb.load(tmp_path / "coarse.nc").doubtful[0].detail == place.detail
 
 
-def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(
-    tmp_path: Path,
-) -> None:
+def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(tmp_path: Path):
     def f(t, x, p):
         growth = p["mu"] - x[0] ** 2 - x[1] ** 2
         return [growth * x[0] - x[1], growth * x[1] + x[0]]

@@ -288,9 +288,7 @@ def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing
 
 @pytest.mark.parametrize("forcing", GRAZING)
 @pytest.mark.parametrize("site", [1, 2])
-def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
-    forcing, site
-) -> None:
+def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(forcing, site):
     gamma, k = 0.1, 0.8
     low = 1.1 * smallest_amplitude(gamma, k, forcing)
     b, t = touching(site, gamma, k, low, forcing=forcing)

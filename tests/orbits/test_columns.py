@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -137,9 +136,7 @@ def test_a_whole_column_of_counts_is_that_of_its_points(free: str) -> None:
 
 
 @pytest.mark.parametrize("forcing", [{"spring": 0.1}, {"forcing": cb.Fourier(cos={1: -1, 3: 0.1})}])
-def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_points(
-    forcing: dict[str, Any],
-) -> None:
+def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_points(forcing):
     start = cb.symmetric(0.5, 0.05, 0.8, **forcing)
     for free in ("gamma", start.problem.names[-1]):
         branch = cb.trace(start, free, within={free: (0.0, 0.11)}, events=(), towards="both")

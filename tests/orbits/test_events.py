@@ -132,9 +132,7 @@ def test_pitchfork_is_the_closed_form(gamma: float, k: float, lattice: Any) -> N
     ("a", "k", "gamma", "tolerance"),
     [(0.2, 0.8, 0.0969709, 5e-8), (0.5, 0.8, 0.1144314, 5e-8), (0.2, 0.4, 0.1763913, 5e-8)],
 )
-def test_neimark_sacker_points_of_the_infinite_chain(
-    a: float, k: float, gamma: float, tolerance: float
-) -> None:
+def test_neimark_sacker_points_of_the_infinite_chain(a, k, gamma, tolerance):
     branch = cb.trace(cb.symmetric(a, gamma - 0.01, k), "gamma", towards="up")
     (point,) = only(branch, "NS")
     assert point["gamma"] == pytest.approx(gamma, abs=tolerance)
@@ -149,9 +147,7 @@ def test_neimark_sacker_points_of_the_infinite_chain(
 
 @pytest.mark.parametrize("largest", [0.003, 0.02, 0.1, 0.7])
 @pytest.mark.parametrize("first", [0.001, 0.05])
-def test_one_neimark_sacker_and_no_other_event_whatever_the_step(
-    largest: float, first: float
-) -> None:
+def test_one_neimark_sacker_and_no_other_event_whatever_the_step(largest: float, first: float):
     steps = cb.Steps(first=min(first, largest), largest=largest)
     branch = cb.trace(cb.symmetric(0.2, 0.05, 0.8), "gamma", steps=steps)
     assert kinds(branch) == ["EP", "NS", "GR"]
@@ -267,9 +263,7 @@ def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None
 
 
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
-def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(
-    pair: tuple[str, str],
-) -> None:
+def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(pair: tuple[str, str]):
     start = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "gamma").first("NS")
     line = cb.boundary(start, pair)
     assert not line.stop.failed

@@ -23,9 +23,7 @@ LIFTED = ", walls lifted"
         ("NS", True, RING + LIFTED, ["margin"]),
     ],
 )
-def test_the_label_names_what_differs_from_the_plain_problem(
-    events, inadmissible, end, columns
-) -> None:
+def test_the_label_names_what_differs_from_the_plain_problem(events, inadmissible, end, columns):
     asked = {"LP": [cb.fold()], "NS": [cb.neimark_sacker(threshold=1.01)]}.get(events)
     b = cb.symmetric(**HERE)
     b = b.on(cb.Ring(50)) if events == "NS" else b

@@ -126,9 +126,7 @@ def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> Non
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
-def test_margins_of_other_contacts_are_between_minus_one_and_one(
-    orbit: Orbit, mirrored: bool
-) -> None:
+def test_margins_of_other_contacts_are_between_minus_one_and_one(orbit: Orbit, mirrored: bool):
     for site in list(orbit.motion.idle)[:3]:
         time, _ = neighbour_peak(orbit, site)
         others = other_contacts(orbit.motion, site, time, mirrored=mirrored)

@@ -285,9 +285,7 @@ def test_clearance_is_what_the_integrated_motion_keeps(case: str) -> None:
 
 
 @cells
-def test_multipliers_and_verdict_are_the_same_by_every_representation(
-    case: str, representation: str
-) -> None:
+def test_multipliers_and_verdict_are_the_same_by_every_representation(case, representation):
     orbit, wanted = solved(case, representation), given(case)
     own, other = orbit.stability(), wanted.stability()
     assert (own.stable, own.unstable) == (other.stable, other.unstable)
@@ -330,9 +328,7 @@ def walked(case: str, representation: str) -> cb.Branch:
 
 
 @cells
-def test_an_event_can_be_asked_for_or_the_sentence_says_why_not(
-    case: str, representation: str
-) -> None:
+def test_an_event_can_be_asked_for_or_the_sentence_says_why_not(case: str, representation: str):
     orbit = solved(case, representation)
     known = {event.kind for event in orbit.problem.events}
     assert known >= {"LP", "NS", "GR", "PF" if orbit.symmetric else "PD"}
@@ -362,9 +358,7 @@ def places(case: str, representation: str) -> list[tuple[str, float]]:
 
 
 @cells
-def test_special_points_are_the_same_by_every_representation(
-    case: str, representation: str
-) -> None:
+def test_special_points_are_the_same_by_every_representation(case: str, representation: str):
     found = places(case, representation)
     assert [kind for kind, _ in found] == sorted(CASES[case].special)
     for own, other in zip(found, places(case, first_representation(case)), strict=True):
@@ -413,9 +407,7 @@ def ends_of_curves(case: str, representation: str, kind: str) -> list[float]:
 
 
 @each("case, representation, kind", FOLLOWED)
-def test_curves_of_special_points_are_the_same_by_every_representation(
-    case, representation, kind
-) -> None:
+def test_curves_of_special_points_are_the_same_by_every_representation(case, representation, kind):
     ends = ends_of_curves(case, representation, kind)
     assert len(ends) == CASES[case].special.count(kind)
     assert ends == pytest.approx(ends_of_curves(case, first_representation(case), kind), abs=1e-8)
@@ -425,9 +417,7 @@ LEFT = [row for row in FOLLOWED if row[2] in ("PF", "PD")]
 
 
 @each("case, representation, kind", LEFT)
-def test_branches_that_leave_are_the_same_by_every_representation(
-    case, representation, kind
-) -> None:
+def test_branches_that_leave_are_the_same_by_every_representation(case, representation, kind):
     def arms(by: str) -> list[list[float]]:
         found = []
         for point in named(case, by, kind):

@@ -58,9 +58,7 @@ def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
 
 
 @pytest.mark.parametrize("late", [0.3, 3e-3, 1e-4, -1e-3])
-def test_equations_of_impacts_at_one_wall_are_smooth_where_these_are_one(
-    twice, late: float
-) -> None:
+def test_equations_of_impacts_at_one_wall_are_smooth_where_these_are_one(twice, late: float):
     """The derivative fits differences, before, at and beyond the place, both ways."""
     half = twice.first("LP").solution
     on = Conditions(half.a, 0.01, half.k, lattice=cb.Ring(3))

@@ -208,9 +208,7 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
 @pytest.mark.parametrize(
     ("made", "sentence"), QUESTIONS, ids=[words[:50] for _, words in QUESTIONS]
 )
-def test_it_is_refused_in_a_sentence(
-    made: Callable[..., Any], sentence: str, half: Any, whole: Any
-) -> None:
+def test_it_is_refused_in_a_sentence(made, sentence, half, whole):
     with pytest.raises(BadInput, match=sentence):
         made(BREATHER, half, whole)
 

@@ -126,9 +126,7 @@ def line(branch: cb.Branch) -> cb.Branch:
     return cb.boundary(branch.first("PF"), ("gamma", "a"), within={"gamma": (0.03, 0.05)})
 
 
-def test_work_goes_on_from_any_label_of_a_folder(
-    branch: cb.Branch, line: cb.Branch, tmp_path: Path
-) -> None:
+def test_work_goes_on_from_any_label_of_a_folder(branch, line, tmp_path):
     run = cb.Run(tmp_path / "study")
     run.keep(symmetric=branch, pitchforks=line)
     found = cb.load(tmp_path / "study")
@@ -165,9 +163,7 @@ def test_boundary_goes_on_from_a_file(line: cb.Branch, tmp_path: Path) -> None:
     assert len(longer) > len(line)
 
 
-def test_extended_branch_is_the_one_that_was_walked_further(
-    branch: cb.Branch, tmp_path: Path
-) -> None:
+def test_extended_branch_is_the_one_that_was_walked_further(branch: cb.Branch, tmp_path: Path):
     cb.save(tmp_path / "short.nc", branch)
     longer = cb.extend(cb.load(tmp_path / "short.nc"), within={"a": (0.6, 1.0)})
     whole = cb.trace(symmetric(), "a", within={"a": (0.6, 1.0)})
@@ -273,9 +269,7 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
         ({"kind": "symmetric breather"}, "cannot be made again"),
     ],
 )
-def test_nothing_in_a_file_is_executed(
-    branch: cb.Branch, tmp_path: Path, equations: dict[str, Any], sentence: str
-) -> None:
+def test_nothing_in_a_file_is_executed(branch, tmp_path, equations, sentence):
     """A formula that calls, and a kind that is the name of a function."""
     content = branch_to_dict(branch) | {"equations": equations}
     netcdf.write_file(tmp_path / "evil.nc", {"evil": content}, alone=True)

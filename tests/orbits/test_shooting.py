@@ -337,9 +337,7 @@ def cascade() -> list[cb.continuation.Point]:
     return points
 
 
-def test_cascade_has_multiplier_minus_one_of_an_independent_map(
-    cascade: list[cb.continuation.Point],
-) -> None:
+def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade):
     """Impact to impact at 25 digits, its derivative by differences: |a - a_PD| < 1e-8 follows."""
     for point in cascade:
         orbit = point.solution
@@ -363,9 +361,7 @@ def test_cascade_has_multiplier_minus_one_of_an_independent_map(
             assert abs(1 + trace + det) < 1e-8
 
 
-def test_doubled_orbit_grows_with_the_root_of_the_parameter(
-    cascade: list[cb.continuation.Point],
-) -> None:
+def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.continuation.Point]):
     lifted = lift(cascade[0])
     curvature = []
     for size in (0.005, 0.01):

@@ -36,9 +36,7 @@ def test_a_lower_breather_is_found_where_no_upper_one_is_in_the_window() -> None
     assert upper == find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8, root=1)
 
 
-def test_nothing_is_printed_while_searching(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_printed_while_searching(capsys, monkeypatch):
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     assert find_event("LP", ("gamma", "a"), gamma=0.04, k=0.8).kind == "LP"
     # on an arm, which leaves the branch at its pitchfork

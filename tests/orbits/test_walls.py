@@ -43,9 +43,7 @@ def random_forcing(seed: int) -> cb.Fourier:
         (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.249, 0.2499)),
     ],
 )
-def test_no_point_of_a_grazing_curve_is_behind_another_wall(
-    k: float, forcing: cb.Forcing, window: tuple[float, float]
-) -> None:
+def test_no_point_of_a_grazing_curve_is_behind_another_wall(k, forcing, window):
     lines = cb.zones(k=k, forcing=forcing, within={"gamma": window})["GR"]
     assert lines
     for line in lines:

@@ -228,9 +228,7 @@ def several() -> cb.orbits.Zones:
 
 
 @pytest.mark.parametrize("gamma", [0.005, 0.03])
-def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(
-    gamma: float,
-) -> None:
+def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(gamma: float):
     """The curve lies beyond k = 0.97, and the counts on both sides of it differ by a pair."""
     (line,) = cb.zones(gamma=gamma)["NS"]
     assert line["k"].min() > 0.97
@@ -298,9 +296,7 @@ def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]
             sin={3: -0.8762287207172476}), {"NS": 2, "GR": 3}),
     ],
 )  # fmt: skip
-def test_curves_of_upper_breathers_are_followed_up_to_the_fold_alone(
-    k: float, forcing: cb.Forcing, curves: dict[str, int]
-) -> None:
+def test_curves_of_upper_breathers_are_followed_up_to_the_fold_alone(k, forcing, curves):
     diagram = cb.zones(k=k, forcing=forcing)
     assert {kind: len(diagram[kind]) for kind in curves} == curves
     inner = [point.solution for kind in curves for line in diagram[kind] for point in line[5:-5:10]]
@@ -390,9 +386,7 @@ def test_zones_next_to_elastic_impacts_are_drawn_under_any_forcing() -> None:
 
 
 @pytest.mark.parametrize("shown", [True, False])
-def test_zones_show_their_progress_only_where_it_is_asked_for(
-    shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_zones_show_their_progress_only_where_it_is_asked_for(shown, capsys, monkeypatch):
     from contbreather import progress
 
     monkeypatch.setattr(progress, "PATIENCE", 0.0)

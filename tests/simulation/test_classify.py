@@ -8,17 +8,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather.orbits import symmetric
-from contbreather.simulation import (
-    Kind,
-    classify,
-    judge,
-    periodic,
-    rotation,
-    simulate,
-    simulate_smooth,
-    sweep,
-)
 from contbreather.simulation.measures import weighted_mean
 from tests.simulation.zoo import breather
 
@@ -39,7 +30,7 @@ def curve(turns):
 @pytest.mark.parametrize("number", [GOLDEN, 0.391599979, 0.0123, 1 / 3 + 0.01])
 def test_rotation_number_of_a_curve_is_found_to_eight_digits(number):
     x = curve(number * np.arange(4000))
-    found = rotation(x[:, :3], x[:, 3:])
+    found = sim.rotation(x[:, :3], x[:, 3:])
     assert found.number == pytest.approx(min(number % 1, 1 - number % 1), abs=1e-9)
     assert found.error < 1e-8
     assert found.hole > 0.05
@@ -60,13 +51,13 @@ TORUS = {"a": 0.15, "gamma": 0.106, "k": 0.8, "damping": 0.02}
 @pytest.fixture(scope="module")
 def torus():
     state = symmetric(0.15, 0.106, 0.8).state(20)
-    return simulate(state, **TORUS, periods=16000)
+    return sim.simulate(state, **TORUS, periods=16000)
 
 
 def test_torus_has_the_rotation_number_known_of_it(torus):
     """Two stretches of the run that share no state give the same eight digits, and 0.39160."""
     u, v = torus.strobe
-    early, late = rotation(u[8000:12000], v[8000:12000]), rotation(u[12000:], v[12000:])
+    early, late = sim.rotation(u[8000:12000], v[8000:12000]), sim.rotation(u[12000:], v[12000:])
     assert early.number == pytest.approx(0.39160, abs=5e-6)
     assert early.number == pytest.approx(late.number, abs=1e-9)
 
@@ -80,7 +71,7 @@ def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
     fine = peak + np.linspace(-1, 1, 1001) / len(x)
     power = np.abs(np.exp(-2j * math.pi * np.outer(fine, j)) @ x)
     frequency = fine[power.argmax()]
-    number = rotation(torus.strobe.u[-4096:], torus.strobe.v[-4096:]).number
+    number = sim.rotation(torus.strobe.u[-4096:], torus.strobe.v[-4096:]).number
     assert min(frequency, 1 - frequency) == pytest.approx(number, abs=2e-6)
 
 
@@ -88,11 +79,11 @@ def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
 
 
 PAPER = [
-    (0.82, 0.04, 0.005, 3000, Kind.PERIODIC),  # Fig. 7, asymmetric
-    (0.1, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 6 (a): nobody hits any more
-    (0.2, 0.104, 0.005, 6000, Kind.SYNCHRONISED),  # Fig. 6 (b): all hit together
-    (0.7, 0.104, 0.005, 1500, Kind.DELOCALISED),  # Fig. 6 (c)
-    (0.15, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 8
+    (0.82, 0.04, 0.005, 3000, sim.Kind.PERIODIC),  # Fig. 7, asymmetric
+    (0.1, 0.104, 0.005, 2000, sim.Kind.SYNCHRONISED),  # Fig. 6 (a): nobody hits any more
+    (0.2, 0.104, 0.005, 6000, sim.Kind.SYNCHRONISED),  # Fig. 6 (b): all hit together
+    (0.7, 0.104, 0.005, 1500, sim.Kind.DELOCALISED),  # Fig. 6 (c)
+    (0.15, 0.104, 0.005, 2000, sim.Kind.SYNCHRONISED),  # Fig. 8
 ]
 
 
@@ -100,14 +91,14 @@ PAPER = [
     ("a", "gamma", "damping", "settle", "kind"),
     [
         *(pytest.param(*one, marks=pytest.mark.slow) for one in PAPER),
-        (0.1, 0.082, 0.005, 6000, Kind.PERIODIC),  # a slow spiral into a fixed point
-        (0.1, 0.084, 0.005, 500, Kind.UNDECIDED),  # not settled
+        (0.1, 0.082, 0.005, 6000, sim.Kind.PERIODIC),  # a slow spiral into a fixed point
+        (0.1, 0.084, 0.005, 500, sim.Kind.UNDECIDED),  # not settled
     ],
 )
 def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
     state = symmetric(a, gamma, 0.8).state(20)
     conditions = {"a": a, "gamma": gamma, "k": 0.8, "damping": damping}
-    found = classify(state, **conditions, settle=settle, periods=300 if settle == 500 else 1000)
+    found = sim.classify(state, **conditions, settle=settle, periods=300 if settle == 500 else 1000)
     assert found.kind is kind, str(found)
     assert found.kind.value in str(found)
     assert found.reason
@@ -116,8 +107,8 @@ def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
 
 
 def test_verdict_on_the_torus_carries_its_evidence(torus):
-    found = classify(torus.final, **TORUS, settle=0, periods=3000)
-    assert found.kind is Kind.QUASI_PERIODIC
+    found = sim.classify(torus.final, **TORUS, settle=0, periods=3000)
+    assert found.kind is sim.Kind.QUASI_PERIODIC
     assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
     assert abs(found.evidence["exponent"]) < 1e-9
     assert found.evidence["frequencies"] == 1
@@ -127,8 +118,8 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
 
 
 def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
-    found = classify(torus.final, **TORUS, settle=0, periods=100)
-    assert found.kind is Kind.UNDECIDED, str(found)
+    found = sim.classify(torus.final, **TORUS, settle=0, periods=100)
+    assert found.kind is sim.Kind.UNDECIDED, str(found)
     assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
     assert "largest exponent" in found.reason
 
@@ -137,8 +128,8 @@ def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
     """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
     conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
     state = symmetric(0.1, 0.082, 0.8).state(20)
-    found = classify(state, **conditions, settle=20000, periods=3000)
-    assert found.kind is Kind.QUASI_PERIODIC
+    found = sim.classify(state, **conditions, settle=20000, periods=3000)
+    assert found.kind is sim.Kind.QUASI_PERIODIC
     assert found.evidence["rotation"] == pytest.approx(0.4590294719, abs=1e-9)
     assert found.evidence["frequencies"] <= 1
 
@@ -147,8 +138,8 @@ def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
     """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
     conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
     state = symmetric(0.2, 0.1087, 0.8).state(20)
-    found = classify(state, **conditions, settle=9000, periods=5000)
-    assert found.kind is Kind.QUASI_PERIODIC
+    found = sim.classify(state, **conditions, settle=9000, periods=5000)
+    assert found.kind is sim.Kind.QUASI_PERIODIC
     assert found.evidence["frequencies"] == 2
     assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
 
@@ -171,8 +162,8 @@ def test_run_next_to_a_motion_that_repels_is_undecided(
     t0 = 0.5 * math.pi if k == 1.0 else 0.0  # with k = 1 it hits at t = 0
     own = breather(sites, t0=t0, **conditions)
     assert own.largest > 1.01
-    found = classify(own.state, settle=settle, periods=periods, t0=t0, **conditions)
-    assert found.kind is Kind.UNDECIDED, str(found)
+    found = sim.classify(own.state, settle=settle, periods=periods, t0=t0, **conditions)
+    assert found.kind is sim.Kind.UNDECIDED, str(found)
     assert found.evidence["multiplier"] == pytest.approx(own.largest, rel=1e-6)
     assert "it repels" in found.reason
 
@@ -182,9 +173,11 @@ def test_small_torus_around_a_motion_that_repels_is_a_torus():
     conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
     own = breather(20, **conditions)
     assert own.largest > 1.0 + 1e-7
-    found = classify((0.999 * own.state.u, own.state.v), settle=15000, periods=2000, **conditions)
+    found = sim.classify(
+        (0.999 * own.state.u, own.state.v), settle=15000, periods=2000, **conditions
+    )
     assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1
-    assert found.kind is Kind.QUASI_PERIODIC, str(found)
+    assert found.kind is sim.Kind.QUASI_PERIODIC, str(found)
     assert abs(found.evidence["exponent"]) < 1e-5
 
 
@@ -195,30 +188,30 @@ BANDS = [(1.0409, 0.0086), (1.04115, 0.0104)]
 def test_bands_of_chaos_visited_in_turn_are_chaotic():
     """Two rows of bands: a rotation number of 1/2 to ten digits, and repelling orbits within."""
     a, exponent = BANDS[0]
-    found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
-    assert found.kind is Kind.CHAOTIC, str(found)
+    found = sim.classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
+    assert found.kind is sim.Kind.CHAOTIC, str(found)
     assert found.evidence["rotation"] == pytest.approx(0.5, abs=1e-6)
     assert found.evidence["exponent"] == pytest.approx(exponent, abs=2e-3)
-    later = simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=4000).strobe.u[:, 0]
+    later = sim.simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=4000).strobe.u[:, 0]
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
 def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked():
     for a, _ in BANDS:
-        found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=500, periods=400)
-        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
+        found = sim.classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=500, periods=400)
+        assert found.kind in (sim.Kind.CHAOTIC, sim.Kind.UNDECIDED), str(found)
 
 
 @pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
 def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
     """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
     slowly = np.linspace(0.93, a, 30)
-    start = sweep(
+    start = sim.sweep(
         symmetric(0.93, 0.0, 0.8).state(1), "a", slowly, periods=60, a=a, gamma=0.0, k=0.8
     )
-    found = classify(start.final, a=a, gamma=0.0, k=0.8, periods=500)
-    own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
-    assert found.kind is Kind.LOCKED
+    found = sim.classify(start.final, a=a, gamma=0.0, k=0.8, periods=500)
+    own = sim.periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
+    assert found.kind is sim.Kind.LOCKED
     assert own.largest < 1.0
     # from wall to wall of the two arms by turns: half a turn a period
     assert (found.evidence["p"], found.evidence["q"]) == (q / 2, q)
@@ -232,9 +225,9 @@ def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(
 def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its_spectrum():
     """A single site without losses, weakly driven: its section is a closed curve."""
     shared = {"a": 0.02, "gamma": 0.0, "k": 1.0, "m": 2}
-    run = simulate_smooth(([0.05], [1.0]), periods=500, **shared)
-    found = judge(run)
-    assert found.kind is Kind.QUASI_PERIODIC, found.reason
+    run = sim.simulate_smooth(([0.05], [1.0]), periods=500, **shared)
+    found = sim.judge(run)
+    assert found.kind is sim.Kind.QUASI_PERIODIC, found.reason
     assert found.evidence["exponent"] < 2e-3
     x = run.strobe.u[:, 0] - run.strobe.u[:, 0].mean()
     fine = np.linspace(0.3, 0.5, 4001)
@@ -246,16 +239,16 @@ def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its
 @pytest.mark.slow
 def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map():
     shared, periods = {"a": 1.0, "gamma": 0.0, "k": 0.7, "m": 30}, 2
-    settled = simulate_smooth(([-0.31], [-0.16]), periods=200, **shared).final
-    run = simulate_smooth(settled, periods=100, **shared)
-    found = judge(run)
-    assert found.kind is Kind.LOCKED, found.reason
+    settled = sim.simulate_smooth(([-0.31], [-0.16]), periods=200, **shared).final
+    run = sim.simulate_smooth(settled, periods=100, **shared)
+    found = sim.judge(run)
+    assert found.kind is sim.Kind.LOCKED, found.reason
     assert found.evidence["periods"] == periods
     first = np.array(run.final).ravel()
     exactly = {**shared, "periods": periods, "tolerance": 1e-13}
     columns = []
     for push in 1e-5 * np.eye(2):  # the period map by central differences
-        ends = [simulate_smooth((first + s * push)[:, None], **exactly).final for s in (1, -1)]
+        ends = [sim.simulate_smooth((first + s * push)[:, None], **exactly).final for s in (1, -1)]
         columns.append(np.subtract(*ends).ravel() / 2e-5)
     largest = np.abs(np.linalg.eigvals(np.array(columns))).max()
     assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
@@ -264,8 +257,8 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map():
 def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
     shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
     orbit = breather(20, a=0.2, gamma=0.104, k=0.8, m=6, damping=0.005)
-    found = judge(simulate_smooth(orbit.state, periods=50, **shared))
-    assert found.kind is Kind.UNDECIDED
+    found = sim.judge(sim.simulate_smooth(orbit.state, periods=50, **shared))
+    assert found.kind is sim.Kind.UNDECIDED
     assert "it repels" in found.reason
 
 
@@ -273,7 +266,7 @@ def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
 def test_a_few_periods_are_looked_at_and_none_is_refused(periods: int) -> None:
     values = {"a": 0.5, "gamma": 0.08, "k": 0.8}
     state = cb.symmetric(**values).state(6)
-    seen = judge(cb.simulate(state, periods=periods, **values))
+    seen = sim.judge(cb.simulate(state, periods=periods, **values))
     assert seen.evidence["return"] < 1e-12
     with pytest.raises(cb.BadInput, match="about whole periods"):
-        judge(cb.simulate(state, periods=0.5, **values))
+        sim.judge(cb.simulate(state, periods=0.5, **values))

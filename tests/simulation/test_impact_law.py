@@ -9,17 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather.errors import BadInput
 from contbreather.lattice.impact_law import ImpactLaw
-from contbreather.simulation import (
-    Sample,
-    lyapunov,
-    periodic,
-    record,
-    simulate,
-    simulate_smooth,
-    variation,
-)
 
 ON = {"a": 0.5, "gamma": 0.08}
 LAWS = {
@@ -63,7 +55,7 @@ def by_solve_ivp(state, law, t_end, damping):
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_it_is_that_of_an_integrator_from_impact_to_impact(state, law, damping):
-    run = simulate(state, **ON, restitution=law, damping=damping, periods=4.4)
+    run = sim.simulate(state, **ON, restitution=law, damping=damping, periods=4.4)
     end, hits = by_solve_ivp(state, law, 4.4 * 2.0 * math.pi, damping)
     assert len(run.impacts) == len(hits) > 7
     for name, column in zip(
@@ -76,12 +68,12 @@ def test_it_is_that_of_an_integrator_from_impact_to_impact(state, law, damping):
 def test_a_function_that_is_constant_is_the_number_bit_for_bit(state):
     """Dense samples, a chatter that ends in a rest, and noise among what periods are asked for."""
     for start, on, k, more in (
-        (state, ON, 0.8, {"sample": Sample((0, 2), 16), "periods": 20.5}),
+        (state, ON, 0.8, {"sample": sim.Sample((0, 2), 16), "periods": 20.5}),
         (([0.2, 0.0], [0.0, 0.0]), {"a": 3.0, "gamma": 0.05}, 0.3, {"periods": 30}),
         (state, ON, 0.8, {"periods": 5, "noise": 0.01}),
     ):
-        one = simulate(start, **on, k=k, **more)
-        other = simulate(start, **on, restitution=lambda _, k=k: k, **more)
+        one = sim.simulate(start, **on, k=k, **more)
+        other = sim.simulate(start, **on, restitution=lambda _, k=k: k, **more)
         for name, (_, values) in one.variables().items():
             assert np.array_equal(other.variables()[name][1], values), name
         assert on is ON or len(one.rests) > 10
@@ -90,7 +82,7 @@ def test_a_function_that_is_constant_is_the_number_bit_for_bit(state):
 def test_many_sites_that_hit_together_have_each_its_own_speed():
     u, v = np.array([1.0, 1.0, 0.5]), np.array([0.4, 0.8, 0.0])
     law = LAWS["softer when fast"]
-    run = simulate((u, v), a=0.1, gamma=0.0, restitution=law, periods=0.01)
+    run = sim.simulate((u, v), a=0.1, gamma=0.0, restitution=law, periods=0.01)
     assert run.impacts["site"].tolist() == [0, 1]
     np.testing.assert_allclose(run.impacts["after"], [-law(x) * x for x in (0.4, 0.8)], rtol=1e-14)
 
@@ -98,10 +90,10 @@ def test_many_sites_that_hit_together_have_each_its_own_speed():
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_perturbations_grow_as_differences_say(state, law):
     on = {**ON, "restitution": law, "damping": 0.03, "periods": 2.3}
-    matrix, x, h = variation(simulate(state, **on)), np.concatenate(state), 1e-5
+    matrix, x, h = sim.variation(sim.simulate(state, **on)), np.concatenate(state), 1e-5
     for j in range(len(x)):
         ends = [
-            np.concatenate(simulate(np.split(x + s * h * np.eye(len(x))[j], 2), **on).final)
+            np.concatenate(sim.simulate(np.split(x + s * h * np.eye(len(x))[j], 2), **on).final)
             for s in (1.0, -1.0)
         ]
         np.testing.assert_allclose(matrix[:, j], (ends[0] - ends[1]) / (2.0 * h), atol=2e-7)
@@ -109,7 +101,7 @@ def test_perturbations_grow_as_differences_say(state, law):
 
 def test_periodic_motions_have_multipliers_of_the_law():
     law = LAWS["softer when fast"]
-    found = periodic(cb.symmetric(**ON, k=0.8).state(5), **ON, restitution=law, damping=0.1)
+    found = sim.periodic(cb.symmetric(**ON, k=0.8).state(5), **ON, restitution=law, damping=0.1)
     hits = found.run().impacts
     assert found.residual < 1e-12
     ratios = -np.array([ImpactLaw(math.nan, law).slope(x) for x in hits["before"]])
@@ -117,7 +109,7 @@ def test_periodic_motions_have_multipliers_of_the_law():
     # Liouville: volumes shrink by damping between impacts, and by k (-R') at each of them
     volume = math.exp(-0.1 * 5 * 2.0 * math.pi) * np.prod(k * ratios)
     assert np.prod(found.multipliers).real == pytest.approx(volume, rel=1e-8)
-    rates = lyapunov(found.state, **ON, restitution=law, damping=0.1, periods=200, count=1)
+    rates = sim.lyapunov(found.state, **ON, restitution=law, damping=0.1, periods=200, count=1)
     assert rates.exponents[0] == pytest.approx(found.growth, abs=1e-3)
     branch = cb.trace(found, "a", within={"a": (0.49, 0.51)}, towards="both")
     assert branch["a"].tolist()[0] == 0.49
@@ -143,11 +135,11 @@ def test_what_is_no_law_is_a_sentence(state, tmp_path):
         ({}, "missing k"),
     ):
         with pytest.raises(BadInput, match=words):
-            simulate(state, **ON, **on, periods=1)
+            sim.simulate(state, **ON, **on, periods=1)
     with pytest.raises(BadInput, match="on rigid walls; leave out k and m"):
-        simulate_smooth(state, **ON, m=6, restitution=law, periods=1)
+        sim.simulate_smooth(state, **ON, m=6, restitution=law, periods=1)
     with pytest.raises(BadInput, match="a file holds numbers only"):
-        record(tmp_path / "run.nc", state, **ON, restitution=law, periods=1)
+        sim.record(tmp_path / "run.nc", state, **ON, restitution=law, periods=1)
     assert not list(tmp_path.iterdir())
     with pytest.raises(BadInput, match="in place of k"):
         cb.simulation.sweep(state, "k", [0.8, 0.7], **ON, restitution=law, periods=2)
@@ -155,8 +147,8 @@ def test_what_is_no_law_is_a_sentence(state, tmp_path):
 
 def test_an_orbit_is_let_go_under_another_law():
     orbit, law = cb.symmetric(**ON, k=0.8, lattice=cb.Ring(5)), LAWS["softer when fast"]
-    run = simulate(orbit, restitution=law, periods=2)
+    run = sim.simulate(orbit, restitution=law, periods=2)
     assert np.array_equal(
-        run.final, simulate(orbit.state(), **ON, restitution=law, periods=2).final
+        run.final, sim.simulate(orbit.state(), **ON, restitution=law, periods=2).final
     )
     assert "nan" not in str(run.table())

@@ -10,24 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contbreather.simulation as sim
 from contbreather.cli import INTERRUPTED, main
 from contbreather.errors import deferred
 from contbreather.orbits import symmetric
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.lifetimes import growth
-from contbreather.simulation import (
-    Axis,
-    Outcome,
-    RunStop,
-    attraction,
-    classify,
-    integrator,
-    periodic,
-    simulate,
-    simulate_smooth,
-    smooth,
-    sweep,
-)
 from contbreather.simulation.classify import judge
 
 from ..apart import begun, until, workers_of
@@ -53,8 +41,8 @@ def ctrl_c(monkeypatch):
             return called
 
         for owner, name in (
-            (integrator.EventDriven, "advance"),
-            (smooth.SmoothIntegrator, "advance"),
+            (sim.integrator.EventDriven, "advance"),
+            (sim.smooth.SmoothIntegrator, "advance"),
         ):
             monkeypatch.setattr(owner, name, counting(name, getattr(owner, name)))
         return seen
@@ -63,8 +51,8 @@ def ctrl_c(monkeypatch):
 
 
 CALLS = {
-    "classify": lambda: classify(STATE, settle=300, periods=300, **SET),
-    "growth": lambda: growth(periodic(STATE, symmetric=True, **SET), 40),
+    "classify": lambda: sim.classify(STATE, settle=300, periods=300, **SET),
+    "growth": lambda: growth(sim.periodic(STATE, symmetric=True, **SET), 40),
     "figure 6": figure6,
     "figure 7": figure7,
     "figure 8": figure8,
@@ -81,7 +69,7 @@ def test_ctrl_c_in_an_inner_simulation_ends_the_call_around_it(ctrl_c, call, cou
 
 
 def test_ctrl_c_while_judging_a_finished_run_gives_no_verdict(ctrl_c):
-    run = simulate(STATE, periods=200, **SET)
+    run = sim.simulate(STATE, periods=200, **SET)
     ctrl_c(1)
     with pytest.raises(KeyboardInterrupt):
         judge(run)
@@ -98,41 +86,41 @@ def test_interrupted_figure_says_so_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
+@pytest.mark.parametrize("run", [sim.simulate, partial(sim.simulate_smooth, m=6)])
 def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
     ctrl_c(2)
     cut = run(STATE, periods=1000, **SET)
-    assert cut.stop is RunStop.INTERRUPTED
+    assert cut.stop is sim.RunStop.INTERRUPTED
     assert 0 < cut.periods < 1000
     assert np.array_equal(cut.final.u, cut.strobe.u[-1])
     assert np.array_equal(cut.strobe, run(STATE, periods=cut.periods, **SET).strobe)
 
 
-@pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
+@pytest.mark.parametrize("run", [sim.simulate, partial(sim.simulate_smooth, m=6)])
 def test_ctrl_c_in_the_fraction_at_the_end_keeps_all_whole_periods(ctrl_c, run):
     whole = run(STATE, periods=4, **SET)
     ctrl_c(4 if isinstance(run, partial) else 1)  # smooth runs go period by period
     cut = run(STATE, periods=4.5, **SET)
-    assert cut.stop is RunStop.INTERRUPTED
+    assert cut.stop is sim.RunStop.INTERRUPTED
     assert (cut.periods, cut.end) == (4, whole.end)
     assert np.array_equal(cut.final, whole.final)
 
 
 def test_interrupted_sweep_has_the_values_done_and_says_so(ctrl_c):
     ctrl_c(2)
-    found = sweep(STATE, "a", [0.2, 0.19, 0.18, 0.17], periods=4, **SET)
-    assert (found.stop, found.value.tolist()) == (RunStop.INTERRUPTED, [0.2, 0.19])
+    found = sim.sweep(STATE, "a", [0.2, 0.19, 0.18, 0.17], periods=4, **SET)
+    assert (found.stop, found.value.tolist()) == (sim.RunStop.INTERRUPTED, [0.2, 0.19])
 
 
 def test_start_that_was_interrupted_has_no_outcome(ctrl_c):
-    u, v = Axis("u", 0, [0.1]), Axis("v", 0, [0.0, 0.1, 0.2])
+    u, v = sim.Axis("u", 0, [0.1]), sim.Axis("v", 0, [0.0, 0.1, 0.2])
     ctrl_c(2)
     with ThreadPoolExecutor(1) as one:
-        basin = attraction(STATE, u, v, periods=20, executor=one, **SET)
+        basin = sim.attraction(STATE, u, v, periods=20, executor=one, **SET)
     assert not basin.complete
     assert "cut short" in repr(basin)
-    assert int(np.sum(basin.outcome == Outcome.PENDING)) >= 1
-    assert Outcome.SPREAD not in basin.outcome
+    assert int(np.sum(basin.outcome == sim.Outcome.PENDING)) >= 1
+    assert sim.Outcome.SPREAD not in basin.outcome
 
 
 BASIN = """
@@ -190,7 +178,7 @@ def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
 @pytest.mark.apart
 def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
     """A real signal, at any moment of the compiled solver and what it calls."""
-    advance = smooth.SmoothIntegrator.advance
+    advance = sim.smooth.SmoothIntegrator.advance
     signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     for delay in np.linspace(0.005, 0.06, 12):
 
@@ -199,7 +187,7 @@ def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
                 signal.setitimer(signal.ITIMER_REAL, delay)
             return advance(flight, periods, first, **more)
 
-        monkeypatch.setattr(smooth.SmoothIntegrator, "advance", winds_the_alarm)
-        run = simulate_smooth(STATE, m=6, periods=10**7, **SET)  # as long as it takes to come
-        assert run.stop is RunStop.INTERRUPTED
+        monkeypatch.setattr(sim.smooth.SmoothIntegrator, "advance", winds_the_alarm)
+        run = sim.simulate_smooth(STATE, m=6, periods=10**7, **SET)  # as long as it takes to come
+        assert run.stop is sim.RunStop.INTERRUPTED
         assert np.array_equal(run.final.u, run.strobe.u[-1])

@@ -12,26 +12,9 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit import orbit_at
-from contbreather.simulation import (
-    Axis,
-    Kind,
-    Outcome,
-    Sample,
-    attraction,
-    classify,
-    localisation,
-    lyapunov,
-    open_recording,
-    periodic,
-    record,
-    rotation,
-    simulate,
-    simulate_smooth,
-    sweep,
-    variation,
-)
 from tests.orbits.field import Field, dense
 
 PI = math.pi
@@ -83,13 +66,13 @@ def test_shot_orbit_comes_back_with_its_impacts_and_its_multipliers(name):
     orbit, on = one_wall() if name == "one wall" else orbit_on(name)
     t0 = 0.37
     state = orbit.state(t=t0)
-    run = simulate(state, periods=1, t0=t0, **on)
+    run = sim.simulate(state, periods=1, t0=t0, **on)
     assert np.abs(np.subtract(run.final, state)).max() < 1e-11
     times = sorted(one.time % (2 * PI) for one in orbit.hits)
     assert np.allclose(np.sort(run.impacts["phase"]), times, rtol=0, atol=1e-11)
-    own = np.sort(np.abs(np.linalg.eigvals(variation(run))))
+    own = np.sort(np.abs(np.linalg.eigvals(sim.variation(run))))
     assert np.allclose(own, np.sort(np.abs(orbit.multipliers())), rtol=0, atol=1e-6)
-    middle = simulate(state, periods=0.3, t0=t0, **on)
+    middle = sim.simulate(state, periods=0.3, t0=t0, **on)
     there = orbit.state(t=t0 + 0.6 * PI)
     assert np.abs(np.subtract(middle.final, there)).max() < 1e-11
 
@@ -103,7 +86,7 @@ RINGS = [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3)]
 def test_any_motion_is_that_of_a_general_solver_with_events(lattice, on):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-0.7, 0.7, lattice.sites), rng.normal(0.0, 1.0, lattice.sites)
-    run = simulate((u, v), a=0.7, gamma=0.2, k=0.7, lattice=lattice, periods=0.8, t0=1.0, **on)
+    run = sim.simulate((u, v), a=0.7, gamma=0.2, k=0.7, lattice=lattice, periods=0.8, t0=1.0, **on)
     end, hits, _ = Field(lattice, run.conditions).run(np.append(u, v), 1.0, 1.0 + 1.6 * PI)
     assert len(hits) >= min(3, 2 * lattice.sites)
     found = run.impacts[["site", "time", "wall", "before"]].tolist()
@@ -122,7 +105,7 @@ def test_a_ring_written_as_a_matrix_moves_like_the_ring_rests_included(k, size, 
     state = rng.uniform(-0.9, 0.9, 60), size * rng.normal(size=60)
     on = {"a": 1.2, "gamma": 0.2, "k": k, "damping": damping, "periods": 0.75}
     lattice = cb.Lattice(dense(cb.Ring(60)))
-    runs = [simulate(state, **on, lattice=one) for one in (None, lattice)]
+    runs = [sim.simulate(state, **on, lattice=one) for one in (None, lattice)]
     assert len(runs[0].impacts) == len(runs[1].impacts) > 60
     assert len(runs[0].rests) == len(runs[1].rests)
     assert (len(runs[0].rests) > 0) == (k < 0.1)
@@ -130,8 +113,8 @@ def test_a_ring_written_as_a_matrix_moves_like_the_ring_rests_included(k, size, 
     assert np.allclose(hits[0]["time"], hits[1]["time"], rtol=0, atol=1e-9)
     assert np.abs(np.subtract(runs[0].final, runs[1].final)).max() < 1e-9
     if seed == 0:
-        late = (simulate(state, t0=0.1, **on, lattice=one) for one in (None, lattice))
-        one, other = map(variation, late)
+        late = (sim.simulate(state, t0=0.1, **on, lattice=one) for one in (None, lattice))
+        one, other = map(sim.variation, late)
         assert np.abs(one - other).max() <= 1e-6 * np.abs(one).max()
 
 
@@ -139,7 +122,7 @@ def test_a_site_at_rest_is_let_go_when_spring_and_drive_of_its_own_pull_it_off()
     """k = 0: it sticks at its wall of 0.8 until a d cos t < -(spring u + gamma (u - 0))."""
     lattice = cb.Lattice([[1.0, -1.0], [-1.0, 1.0]], drive=[0.5, 0.0], masses=[1.0, 1e12])
     on = {"a": 2.0, "gamma": 0.1, "k": 0.0, "spring": 0.25, "lattice": lattice}
-    run = simulate(([0.8, 0.0], [0.0, 0.0]), walls={0: (-5.0, 0.8)}, t0=PI, periods=0.5, **on)
+    run = sim.simulate(([0.8, 0.0], [0.0, 0.0]), walls={0: (-5.0, 0.8)}, t0=PI, periods=0.5, **on)
     assert run.rests["begins"].tolist() == [False]
     wanted = math.acos(-(0.25 + 0.1) * 0.8 / 1.0)  # after t = pi the push falls through it
     assert run.rests["time"][0] == pytest.approx(2 * PI - wanted, abs=1e-9)
@@ -164,9 +147,9 @@ def test_no_site_is_ever_beyond_a_wall_of_its_own(seed, gamma, k, spring, dampin
     walls = {n: (low[n], high[n] if rng.uniform() < 0.7 else None) for n in range(sites)}
     high[[walls[n][1] is None for n in range(sites)]] = np.inf
     u = np.where(rng.uniform(size=sites) < 0.3, low, rng.uniform(low, np.minimum(high, 1.0)))
-    run = simulate(
+    run = sim.simulate(
         (u, rng.normal(size=sites)), a=1.5, gamma=gamma, k=k, spring=spring, damping=damping,
-        lattice=lattice, walls=walls, periods=2, sample=Sample(range(sites), 200),
+        lattice=lattice, walls=walls, periods=2, sample=sim.Sample(range(sites), 200),
     )  # fmt: skip
     assert np.all(run.record.u <= high + 1e-12)
     assert np.all(run.record.u >= low - 1e-12)
@@ -176,8 +159,8 @@ def test_no_site_is_ever_beyond_a_wall_of_its_own(seed, gamma, k, spring, dampin
 def test_everything_scales_with_the_walls():
     lattice, rng = cb.Grid(3, 3), np.random.default_rng(0)
     state = rng.uniform(-0.9, 0.9, 9), rng.normal(size=9)
-    one = simulate(state, a=0.5, gamma=0.1, k=0.8, lattice=lattice, periods=2)
-    far = simulate(
+    one = sim.simulate(state, a=0.5, gamma=0.1, k=0.8, lattice=lattice, periods=2)
+    far = sim.simulate(
         np.multiply(state, 1000.0), a=500.0, gamma=0.1, k=0.8, lattice=lattice, periods=2,
         walls=(-1000.0, 1000.0),
     )  # fmt: skip
@@ -191,28 +174,28 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     orbit = cb.symmetric(0.6, site=1, **on)
     state = orbit.state(t=0.1)
     shared = {"a": 0.6, "t0": 0.1, **on}
-    whole = simulate(state, periods=30, **shared)
-    record(tmp_path / "run.nc", state, periods=10, **shared)
+    whole = sim.simulate(state, periods=30, **shared)
+    sim.record(tmp_path / "run.nc", state, periods=10, **shared)
     assert np.array_equal(
-        record(tmp_path / "run.nc", state, periods=30, **shared).final, whole.final
+        sim.record(tmp_path / "run.nc", state, periods=30, **shared).final, whole.final
     )
-    kept = open_recording(tmp_path / "run.nc")
+    kept = sim.open_recording(tmp_path / "run.nc")
     assert kept.conditions.lattice == lattice
     assert len(kept.impacts) == len(whole.impacts)
     with pytest.raises(BadInput, match="lattice is graph, 6 sites there and ring of 6"):
-        record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": None})
+        sim.record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": None})
     other = cb.Lattice.from_graph(nx.path_graph(6))
     with pytest.raises(BadInput, match="another run: lattice is another graph, 6 sites than here"):
-        record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": other})
-    found = classify(state, settle=300, periods=100, **shared)
-    assert found.kind is Kind.PERIODIC
+        sim.record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": other})
+    found = sim.classify(state, settle=300, periods=100, **shared)
+    assert found.kind is sim.Kind.PERIODIC
     largest = np.abs(orbit.multipliers()).max()
     assert found.evidence["multiplier"] == pytest.approx(largest, rel=1e-6)
-    rates = lyapunov(state, periods=1500, settle=200, count=1, **shared)
+    rates = sim.lyapunov(state, periods=1500, settle=200, count=1, **shared)
     assert rates.exponents[0] == pytest.approx(math.log(largest) / (2 * PI), abs=1e-4)
-    own = periodic(state, symmetric=True, **shared)
+    own = sim.periodic(state, symmetric=True, **shared)
     assert np.abs(np.subtract(own.state, state)).max() < 1e-10
-    down = sweep(state, "spring", [0.1, 0.15, 0.2], periods=200, **shared)
+    down = sim.sweep(state, "spring", [0.1, 0.15, 0.2], periods=200, **shared)
     shifted = cb.symmetric(0.6, site=1, **{**on, "spring": 0.2})
     assert np.abs(np.subtract(down.final, shifted.state(t=0.1))).max() < 1e-6
     assert down.p[-1] == pytest.approx(shifted.p, abs=1e-6)
@@ -223,26 +206,26 @@ def test_a_breather_attracts_on_its_lattice():
     on = {"a": 0.6, "gamma": 0.05, "k": 0.6, "damping": 0.2, "lattice": cb.OpenChain(4)}
     on |= {"walls": {0: (-0.8, 0.8)}}
     orbit = cb.symmetric(site=0, **on)
-    basin = attraction(
-        orbit.state(), Axis("u", 0, [-0.9, 0.0]), Axis("v", 3, [0.0, 0.1]), periods=60,
+    basin = sim.attraction(
+        orbit.state(), sim.Axis("u", 0, [-0.9, 0.0]), sim.Axis("v", 3, [0.0, 0.1]), periods=60,
         executor=1, **on,
     )  # fmt: skip
-    assert (basin.outcome[:, 0] == Outcome.OUTSIDE).all()
-    assert basin.outcome[0, 1] in (Outcome.RETURNED, Outcome.QUIET)
+    assert (basin.outcome[:, 0] == sim.Outcome.OUTSIDE).all()
+    assert basin.outcome[0, 1] in (sim.Outcome.RETURNED, sim.Outcome.QUIET)
 
 
 def test_energy_is_all_of_the_lattice_and_falls_along_its_bonds():
     lattice = weighted_graph()
     rng = np.random.default_rng(2)
     u, v = rng.normal(size=(2, 6))
-    seen = localisation(u, v, a=0.0, gamma=0.3, spring=0.2, lattice=lattice)
+    seen = sim.localisation(u, v, a=0.0, gamma=0.3, spring=0.2, lattice=lattice)
     kinetic = 0.5 * lattice.masses @ v**2
     pull = 0.3 * lattice.stiffness + 0.2 * np.diag(lattice.masses)
     assert seen.energy.sum() == pytest.approx(kinetic + 0.5 * u @ pull @ u, rel=1e-13)
     chain = cb.symmetric(0.5, gamma=0.08, k=0.8, lattice=cb.OpenChain(21), site=10)
-    far = localisation(*chain.state(), a=0.5, gamma=0.08, lattice=cb.OpenChain(21))
+    far = sim.localisation(*chain.state(), a=0.5, gamma=0.08, lattice=cb.OpenChain(21))
     infinite = cb.symmetric(0.5, gamma=0.08, k=0.8)
-    near = localisation(*infinite.state(21), a=0.5, gamma=0.08)
+    near = sim.localisation(*infinite.state(21), a=0.5, gamma=0.08)
     assert int(far.centre) == 10
     assert far.decay() == pytest.approx(near.decay(), rel=0.02)
 
@@ -253,7 +236,7 @@ def test_smooth_walls_harden_into_the_rigid_ones_on_any_lattice():
     state = orbit.state(t=0.3)
     off = []
     for m in (10, 40, 160):
-        run = simulate_smooth(
+        run = sim.simulate_smooth(
             state, a=A, gamma=GAMMA, k=K, m=m, periods=1, t0=0.3, lattice=lattice, **on
         )
         off.append(np.abs(np.subtract(run.final, state)).max())
@@ -264,15 +247,18 @@ def test_smooth_walls_harden_into_the_rigid_ones_on_any_lattice():
 def test_a_ring_may_be_coupled_below_a_quarter_only_other_lattices_at_will():
     state = [0.0] * 3, [0.1] * 3
     with pytest.raises(BadInput, match="gamma"):
-        simulate(state, a=0.1, gamma=0.3, k=0.8, periods=1)
-    assert simulate(state, a=0.1, gamma=3.0, k=0.8, periods=1, lattice=cb.OpenChain(3)).periods == 1
+        sim.simulate(state, a=0.1, gamma=0.3, k=0.8, periods=1)
+    assert (
+        sim.simulate(state, a=0.1, gamma=3.0, k=0.8, periods=1, lattice=cb.OpenChain(3)).periods
+        == 1
+    )
 
 
 def test_rotation_of_a_torus_on_an_open_chain():
     """Far from any impact the modes turn: the slowest one of them with its own frequency."""
     lattice, gamma = cb.OpenChain(2), 0.2
-    run = simulate(
+    run = sim.simulate(
         ([0.1, -0.1], [0.0, 0.0]), a=0.0, gamma=gamma, k=0.5, lattice=lattice, periods=500
     )
     turns = math.sqrt(2 * gamma)
-    assert rotation(*run.strobe).number == pytest.approx(min(turns, 1 - turns), abs=1e-9)
+    assert sim.rotation(*run.strobe).number == pytest.approx(min(turns, 1 - turns), abs=1e-9)

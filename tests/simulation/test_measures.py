@@ -10,26 +10,9 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather.errors import NotConverged
 from contbreather.progress import Bar
-from contbreather.simulation import (
-    Axis,
-    Kind,
-    Outcome,
-    Record,
-    RunStop,
-    Sample,
-    attraction,
-    classify,
-    localisation,
-    lyapunov,
-    periodic,
-    rotation,
-    simulate,
-    simulate_smooth,
-    sweep,
-    there_and_back,
-)
 from contbreather.simulation.states import PERIOD
 
 STILL = {"a": 0.0, "gamma": 0.0}
@@ -48,12 +31,12 @@ def around(sites: int, ratio: float, centre: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0e-3])
 def test_decay_is_the_factor_from_site_to_site(sites: int, ratio: float) -> None:
     v = around(sites, ratio)
-    assert localisation(0 * v, v, **STILL).decay() == pytest.approx(ratio, rel=1e-9)
+    assert sim.localisation(0 * v, v, **STILL).decay() == pytest.approx(ratio, rel=1e-9)
 
 
 def test_a_site_alone_has_all_of_the_energy() -> None:
     v = np.array([[0.3], [0.5]])
-    seen = localisation(0 * v, v, a=0.0, gamma=0.1, lattice=cb.Lattice([[0.0]]))
+    seen = sim.localisation(0 * v, v, a=0.0, gamma=0.1, lattice=cb.Lattice([[0.0]]))
     assert (seen.participation.tolist(), seen.centre.tolist()) == ([1.0, 1.0], [0, 0])
     assert seen.energy == pytest.approx(0.5 * v**2)
     assert np.isnan(seen.decay()).all()
@@ -61,7 +44,7 @@ def test_a_site_alone_has_all_of_the_energy() -> None:
 
 def test_decay_of_several_states_counts_from_the_centre_of_each() -> None:
     v = np.array([around(9, 0.3, centre) for centre in (0, 4, 7)])
-    seen = localisation(0 * v, v, **STILL)
+    seen = sim.localisation(0 * v, v, **STILL)
     assert seen.centre.tolist() == [0, 4, 7]
     assert seen.decay() == pytest.approx(0.3, rel=1e-9)
 
@@ -71,33 +54,33 @@ def test_decay_is_that_of_the_inner_two_thirds_of_half_a_ring() -> None:
     for n, counts in ((4, True), (5, False), (6, False), (7, False), (8, True)):
         v = plain.copy()
         v[n] *= 3.0
-        assert (abs(localisation(0 * v, v, **STILL).decay() - 0.5) > 1e-3) == counts, n
+        assert (abs(sim.localisation(0 * v, v, **STILL).decay() - 0.5) > 1e-3) == counts, n
     small = around(4, 0.5)  # of which the far side is all there is
     small[2] *= 3.0
-    assert localisation(0 * small, small, **STILL).decay() != pytest.approx(0.5, abs=1e-3)
+    assert sim.localisation(0 * small, small, **STILL).decay() != pytest.approx(0.5, abs=1e-3)
 
 
 def test_energies_that_are_rounding_do_not_count_for_the_decay() -> None:
     v = np.maximum(around(12, 1e-5), 1e-14)
-    assert localisation(0 * v, v, **STILL).decay() == pytest.approx(1e-5, rel=1e-6)
+    assert sim.localisation(0 * v, v, **STILL).decay() == pytest.approx(1e-5, rel=1e-6)
 
 
 def test_where_decay_cannot_be_told() -> None:
     for sites in (1, 2, 3):
-        assert math.isnan(localisation(np.zeros(sites), np.ones(sites), **STILL).decay())
+        assert math.isnan(sim.localisation(np.zeros(sites), np.ones(sites), **STILL).decay())
     alone = np.eye(8)[0]
-    assert localisation(0 * alone, alone, **STILL).decay() == 0.0
+    assert sim.localisation(0 * alone, alone, **STILL).decay() == 0.0
 
 
 def test_half_of_each_bond_belongs_to_each_of_its_sites() -> None:
     u = np.array([0.0, 0.5, 0.0, 0.0, 0.0])
-    energy = localisation(u, 0 * u, a=0.0, gamma=0.2).energy
+    energy = sim.localisation(u, 0 * u, a=0.0, gamma=0.2).energy
     assert energy == pytest.approx(0.25 * 0.2 * 0.25 * np.array([1.0, 2.0, 1.0, 0.0, 0.0]))
-    assert localisation([0.5], [0.3], a=0.0, gamma=0.2).energy == pytest.approx([0.5 * 0.3**2])
+    assert sim.localisation([0.5], [0.3], a=0.0, gamma=0.2).energy == pytest.approx([0.5 * 0.3**2])
 
 
 def test_a_ring_without_energy_takes_part_as_a_whole() -> None:
-    seen = localisation(np.zeros((3, 5)), np.zeros((3, 5)), a=0.0, gamma=0.1)
+    seen = sim.localisation(np.zeros((3, 5)), np.zeros((3, 5)), a=0.0, gamma=0.1)
     assert seen.participation.tolist() == [5.0, 5.0, 5.0]
 
 
@@ -106,7 +89,10 @@ def test_a_ring_without_energy_takes_part_as_a_whole() -> None:
 
 def test_a_row_of_states_is_a_table_of_one_site() -> None:
     t = 2.0 * math.pi * 0.2345 * np.arange(500)
-    one, two = rotation(np.cos(t), np.sin(t)), rotation(np.cos(t)[:, None], np.sin(t)[:, None])
+    one, two = (
+        sim.rotation(np.cos(t), np.sin(t)),
+        sim.rotation(np.cos(t)[:, None], np.sin(t)[:, None]),
+    )
     assert one == two
     assert one.number == pytest.approx(0.2345, abs=1e-9)
     assert one.hole > 0.9
@@ -118,7 +104,7 @@ def test_number_error_and_drift_say_what_their_names_say() -> None:
     rate = np.repeat([0.2, 0.21], 1000)
     size = np.repeat([1.0, 1.1], 1000)
     t = 2.0 * math.pi * np.cumsum(rate)
-    found = rotation(size * np.cos(t), size * np.sin(t))
+    found = sim.rotation(size * np.cos(t), size * np.sin(t))
     assert found.number == pytest.approx(0.205, abs=1e-4)
     assert found.error == pytest.approx(0.01, abs=1e-4)
     assert found.drift == pytest.approx(1.1**2 - 1.0, abs=1e-2)
@@ -128,13 +114,13 @@ def test_number_error_and_drift_say_what_their_names_say() -> None:
 @pytest.mark.parametrize("rounding", [0.0, 1e-17, 1e-16])
 def test_a_section_that_stands_still_does_not_turn(rounding: float) -> None:
     noise = rounding * np.random.default_rng(0).standard_normal((2, 50, 2))
-    found = rotation(0.3 + noise[0], noise[1])
+    found = sim.rotation(0.3 + noise[0], noise[1])
     assert (found.number, found.error, found.hole, found.drift) == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_twenty_states_are_enough_for_a_rotation_number() -> None:
     t = 2.0 * math.pi * 0.3 * np.arange(20)
-    assert rotation(np.cos(t), np.sin(t)).number == pytest.approx(0.3, abs=1e-2)
+    assert sim.rotation(np.cos(t), np.sin(t)).number == pytest.approx(0.3, abs=1e-2)
 
 
 # --- verdicts -------------------------------------------------------------------------------------
@@ -143,15 +129,15 @@ def test_twenty_states_are_enough_for_a_rotation_number() -> None:
 def test_a_run_that_ends_early_is_undecided_with_its_reason() -> None:
     fast, state = {"a": 0.5, "gamma": 0.0, "k": 1.0}, ([0.1], [1e5])  # from wall to wall in 2/v
     for settle in (0, 1):
-        found = classify(state, settle=settle, periods=100, **fast)
-        assert found.kind is Kind.UNDECIDED
+        found = sim.classify(state, settle=settle, periods=100, **fast)
+        assert found.kind is sim.Kind.UNDECIDED
         assert found.reason.startswith("site 0 has more than")
         assert found.evidence == {}
-        assert str(found) == f"{Kind.UNDECIDED.value}; {found.reason}"
+        assert str(found) == f"{sim.Kind.UNDECIDED.value}; {found.reason}"
     with pytest.raises(NotConverged, match="site 0 has more than"):
-        lyapunov(state, periods=10, **fast)
+        sim.lyapunov(state, periods=10, **fast)
     with pytest.raises(NotConverged, match="site 0 has more than"):
-        periodic(state, **fast)
+        sim.periodic(state, **fast)
 
 
 # --- sweeps ---------------------------------------------------------------------------------------
@@ -159,7 +145,7 @@ def test_a_run_that_ends_early_is_undecided_with_its_reason() -> None:
 
 def test_a_sweep_is_lost_where_the_first_of_its_conditions_fails() -> None:
     start = cb.symmetric(0.2, 0.04, 0.8).state(6)
-    whole = sweep(start, "a", [0.2, 0.19, 0.18, 0.17], periods=6, a=0.2, gamma=0.04, k=0.8)
+    whole = sim.sweep(start, "a", [0.2, 0.19, 0.18, 0.17], periods=6, a=0.2, gamma=0.04, k=0.8)
     assert math.isnan(whole.lost())
     third = np.arange(4) == 2
     assert replace(whole, impacts=np.where(third, 1.6, 2.0)).lost() == 0.18
@@ -176,20 +162,24 @@ def test_a_sweep_is_lost_where_the_first_of_its_conditions_fails() -> None:
 
 def test_columns_of_a_sweep_are_those_of_the_breather_it_follows() -> None:
     b = cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(6))
-    seen = sweep(b.state(6), "a", [0.2, 0.2], periods=6, a=9.0, gamma=0.04, k=0.8, progress=False)
+    seen = sim.sweep(
+        b.state(6), "a", [0.2, 0.2], periods=6, a=9.0, gamma=0.04, k=0.8, progress=False
+    )
     assert seen.name == "a"
     assert repr(seen) == "<Sweep in a from 0.2 to 0.2: 2 values; went through all its periods>"
     assert seen.p == pytest.approx([b.p, b.p], abs=1e-9)
     assert seen.tilt == pytest.approx([0.0, 0.0], abs=1e-9)
     assert (seen.impacts.tolist(), seen.others.tolist()) == ([2.0, 2.0], [0.0, 0.0])
     assert (seen.change < 1e-9).all()
-    own = localisation(*b.state(6), a=0.2, gamma=0.04)
+    own = sim.localisation(*b.state(6), a=0.2, gamma=0.04)
     assert seen.amplitude == pytest.approx(math.sqrt(2.0 * own.energy[0]), abs=1e-9)
     assert seen.participation == pytest.approx(float(own.participation), abs=1e-9)
     heavy = cb.Lattice(12.0 * np.eye(3) - 4.0, [4.0] * 3)  # that of a ring of 3, four times
     at = {"gamma": 0.04, "k": 0.8, "periods": 4, "progress": False}
     rings = [
-        sweep(cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(3)).state(), "a", [0.2], **at, **more)
+        sim.sweep(
+            cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(3)).state(), "a", [0.2], **at, **more
+        )
         for more in ({}, {"lattice": heavy})
     ]
     assert rings[1].amplitude == pytest.approx(rings[0].amplitude)
@@ -204,23 +194,23 @@ def test_tilt_is_the_flight_to_the_lower_wall_beyond_half_a_period() -> None:
     far = min(arm, key=lambda point: abs(point["a"] - pitchfork["a"] - 0.02))
     orbit, beyond = far.solution, far["t2"] - far["t1"] - math.pi
     shared = {"a": float(far["a"]), "gamma": 0.02, "k": 0.8}
-    seen = sweep(orbit.state(8, 0.0), "damping", [0.0], periods=4, damping=0.0, **shared)
+    seen = sim.sweep(orbit.state(8, 0.0), "damping", [0.0], periods=4, damping=0.0, **shared)
     assert abs(beyond) > 0.05
     assert seen.tilt[0] == pytest.approx(math.remainder(beyond, 2.0 * math.pi), abs=1e-6)
 
 
 def test_values_of_a_sweep_there_and_back_turn_once() -> None:
-    assert there_and_back([0.5]).tolist() == [0.5]
-    assert there_and_back([1, 2]).tolist() == [1.0, 2.0, 1.0]
+    assert sim.there_and_back([0.5]).tolist() == [0.5]
+    assert sim.there_and_back([1, 2]).tolist() == [1.0, 2.0, 1.0]
 
 
 def test_a_sweep_ends_with_a_run_that_ends() -> None:
     strong = 1e12  # elastic rebounds under it take 4e-6
-    seen = sweep(([0.1], [0.0]), "a", [1.5, strong, 0.1], periods=2, gamma=0.0, k=1.0)
-    assert seen.stop is RunStop.CHATTER
+    seen = sim.sweep(([0.1], [0.0]), "a", [1.5, strong, 0.1], periods=2, gamma=0.0, k=1.0)
+    assert seen.stop is sim.RunStop.CHATTER
     assert seen.value.tolist() == [1.5]
     with pytest.raises(NotConverged, match=r"at a = 1e\+12: site 0 has more than 150000 impacts"):
-        sweep(([0.1], [0.0]), "a", [strong, 1.5], periods=2, gamma=0.0, k=1.0)
+        sim.sweep(([0.1], [0.0]), "a", [strong, 1.5], periods=2, gamma=0.0, k=1.0)
 
 
 # --- basins ---------------------------------------------------------------------------------------
@@ -229,18 +219,18 @@ def test_a_sweep_ends_with_a_run_that_ends() -> None:
 def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     """Columns are values of x, rows of y; site -1 is the last one."""
     shared = {"a": 0.0, "gamma": 0.0, "k": 0.8, "periods": 2}
-    found = attraction(
-        ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0]), Axis("u", -1, [0.0, 0.25, 1.5, -1.0]),
-        Axis("u", 1, [0.0, 0.125, -1.5]), executor=1, tolerance=0.2, **shared,
+    found = sim.attraction(
+        ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0]), sim.Axis("u", -1, [0.0, 0.25, 1.5, -1.0]),
+        sim.Axis("u", 1, [0.0, 0.125, -1.5]), executor=1, tolerance=0.2, **shared,
     )  # fmt: skip
     far = np.maximum.outer([0.0, 0.125], [0.0, 0.25, 1.0])  # nothing moves: distances as put
     inside = found.distance[:2][:, [0, 1, 3]]
     assert inside == pytest.approx(far)
     assert np.isnan(found.distance[:, 2]).all()
     assert np.isnan(found.distance[2]).all()
-    assert (found.outcome[:2, 0] == Outcome.RETURNED).all()
-    assert (found.outcome[:2, 1] == Outcome.QUIET).all()
-    assert (found.outcome[2] == Outcome.OUTSIDE).all()
+    assert (found.outcome[:2, 0] == sim.Outcome.RETURNED).all()
+    assert (found.outcome[:2, 1] == sim.Outcome.QUIET).all()
+    assert (found.outcome[2] == sim.Outcome.OUTSIDE).all()
     assert found.share == pytest.approx(2 / 6)
     assert repr(found) == (
         "<Basin of 4 x 3 starts over u_-1 and u_1: 2 back at the breather; 4 no impacts; "
@@ -250,8 +240,8 @@ def test_starts_of_a_basin_are_where_its_axes_say() -> None:
 
 
 def test_no_start_inside_the_walls_has_no_share() -> None:
-    found = attraction(
-        ([0.0], [0.0]), Axis("u", 0, [2.0, -2.0]), Axis("v", 0, [0.0]),
+    found = sim.attraction(
+        ([0.0], [0.0]), sim.Axis("u", 0, [2.0, -2.0]), sim.Axis("v", 0, [0.0]),
         a=0.0, gamma=0.0, k=0.8, periods=2, executor=1,
     )  # fmt: skip
     assert found.share == 0.0
@@ -260,22 +250,22 @@ def test_no_start_inside_the_walls_has_no_share() -> None:
 def test_another_breather_at_the_site_is_another_motion() -> None:
     """The single oscillator beyond its pitchfork has two: each is the other one's OTHER."""
     shared = {"a": 0.8, "gamma": 0.0, "k": 0.8}
-    settled = simulate(cb.symmetric(**shared).state(1), periods=400, **shared)
-    own = periodic(settled.final, **shared)
+    settled = sim.simulate(cb.symmetric(**shared).state(1), periods=400, **shared)
+    own = sim.periodic(settled.final, **shared)
     u, v = (float(x[0]) for x in own.state)
-    found = attraction(
-        own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
+    found = sim.attraction(
+        own.state, sim.Axis("u", 0, [u]), sim.Axis("v", 0, [v, -v - 0.3]),
         periods=300, executor=1, **shared,
     )  # fmt: skip
-    assert found.outcome[0, 0] == Outcome.RETURNED
-    assert set(found.outcome[:, 0].tolist()) <= {Outcome.RETURNED, Outcome.OTHER}
+    assert found.outcome[0, 0] == sim.Outcome.RETURNED
+    assert set(found.outcome[:, 0].tolist()) <= {sim.Outcome.RETURNED, sim.Outcome.OTHER}
 
 
 # --- runs -----------------------------------------------------------------------------------------
 
 
 def test_impacts_of_one_site_are_counted_around_the_ring() -> None:
-    run = simulate(cb.symmetric(0.5, 0.08, 0.8).state(5), a=0.5, gamma=0.08, k=0.8, periods=3)
+    run = sim.simulate(cb.symmetric(0.5, 0.08, 0.8).state(5), a=0.5, gamma=0.08, k=0.8, periods=3)
     assert len(run.at_site(0)) == len(run.at_site(5)) == len(run.at_site(-5)) == 6
     assert len(run.at_site(0, 1)) == len(run.at_site(0, -1)) == 3
     assert (run.at_site(0, -1)["wall"] == -1).all()
@@ -285,20 +275,18 @@ def test_impacts_of_one_site_are_counted_around_the_ring() -> None:
 
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 @pytest.mark.parametrize("periods", [0, 0.25, 1, 1.5])
-def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(
-    walls, periods
-) -> None:
-    shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "t0": 0.7, "sample": Sample((0, -1), 4)}
+def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(walls, periods):
+    shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "t0": 0.7, "sample": sim.Sample((0, -1), 4)}
     u0 = np.array([0.2, -0.1, 0.0])
     state = u0, np.zeros(3)
-    make = simulate if walls == "rigid" else simulate_smooth
+    make = sim.simulate if walls == "rigid" else sim.simulate_smooth
     run = make(state, periods=periods, **shared, **({} if walls == "rigid" else {"m": 6}))
     assert (run.sites, run.periods) == (3, int(periods))
     assert f" over {periods} periods" in repr(run)
     assert run.end == pytest.approx(0.7 + PERIOD * periods, abs=1e-12)
     assert run.times == pytest.approx(0.7 + PERIOD * np.arange(int(periods) + 1), abs=1e-12)
     assert run.strobe.u.shape == (int(periods) + 1, 3)
-    assert isinstance(run.record, Record)
+    assert isinstance(run.record, sim.Record)
     assert run.record.sites == (0, 2)
     assert run.record.times == pytest.approx(0.7 + PERIOD / 4 * np.arange(4 * int(periods)))
     if periods >= 1:
@@ -315,22 +303,22 @@ def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(
 
 
 def test_a_sample_is_of_site_0_at_64_times_unless_said() -> None:
-    assert (Sample().sites, Sample().per_period) == ((0,), 64)
-    assert Sample(np.array([0, -1])).sites == (0, -1)
+    assert (sim.Sample().sites, sim.Sample().per_period) == ((0,), 64)
+    assert sim.Sample(np.array([0, -1])).sites == (0, -1)
 
 
 def test_states_without_a_periodic_motion_nearby_say_how_far_newton_came() -> None:
     with pytest.raises(NotConverged, match="no periodic motion near this state") as caught:
-        periodic(([0.3], [2.0]), a=0.0, gamma=0.0, k=0.5)
+        sim.periodic(([0.3], [2.0]), a=0.0, gamma=0.0, k=0.5)
     assert caught.value.residual > 0.0
 
 
 def test_growth_is_the_logarithm_of_the_largest_multiplier_a_unit_of_time() -> None:
     b = cb.symmetric(0.3, 0.05, 0.8)
     shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.05}
-    own = periodic(b.state(4), periods=1, **shared)
+    own = sim.periodic(b.state(4), periods=1, **shared)
     assert math.exp(own.growth * 2.0 * math.pi) == pytest.approx(own.largest, rel=1e-12)
-    twice = periodic(b.state(4), periods=2, **shared)
+    twice = sim.periodic(b.state(4), periods=2, **shared)
     assert twice.growth == pytest.approx(own.growth, rel=1e-6)
     assert twice.run().periods == 2
     assert twice.run(periods=5).periods == 5
@@ -339,7 +327,7 @@ def test_growth_is_the_logarithm_of_the_largest_multiplier_a_unit_of_time() -> N
         "<PeriodicMotion on the ring of 4 at a = 0.3, gamma = 0.05, k = 0.8"
     )
     assert "closes after 2 x 2 pi to" in repr(twice)
-    half = periodic(b.state(4), symmetric=True, **shared)
+    half = sim.periodic(b.state(4), symmetric=True, **shared)
     assert "closes after half a period to" in repr(half)
     assert half.multipliers == pytest.approx(half.half**2)
     assert own.half is None
@@ -372,8 +360,10 @@ COLUMNS = {
 
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_a_run_has_these_variables_and_no_others(walls: str) -> None:
-    sample, t0 = Sample((0, 2), 8), 0.5
-    make: Any = simulate if walls == "rigid" else lambda *a, **b: simulate_smooth(*a, m=6, **b)
+    sample, t0 = sim.Sample((0, 2), 8), 0.5
+    make: Any = (
+        sim.simulate if walls == "rigid" else lambda *a, **b: sim.simulate_smooth(*a, m=6, **b)
+    )
     run = make(STATE, periods=2.5, t0=t0, sample=sample, damping=0.1, **ON)
     found = {name: (one.dims, one.values) for name, one in run.to_xarray().variables.items()}
     sampled, both = ("sample", "sampled_site"), ("strobe", "site")
@@ -404,7 +394,7 @@ def test_a_run_has_these_variables_and_no_others(walls: str) -> None:
 def test_every_impact_is_in_the_period_of_its_time() -> None:
     """Over more of them than a log has room for at first."""
     t0 = 0.3
-    run = simulate(STATE, periods=500, t0=t0, damping=0.1, **ON)
+    run = sim.simulate(STATE, periods=500, t0=t0, damping=0.1, **ON)
     since = run.impacts["time"] - t0
     assert len(since) > 512
     assert (np.diff(since) >= 0).all()

@@ -11,22 +11,9 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+import contbreather.simulation as sim
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation import (
-    Axis,
-    Sample,
-    attraction,
-    classify,
-    localisation,
-    lyapunov,
-    periodic,
-    record,
-    rotation,
-    simulate_smooth,
-    sweep,
-    there_and_back,
-)
 from contbreather.simulation.states import conditions_of
 
 RING = {"a": 0.5, "gamma": 0.08, "k": 0.8}
@@ -34,21 +21,21 @@ REST = np.zeros(4), np.zeros(4)
 ONE = {"state": ([0.0], [0.0]), "a": 0.5, "gamma": 0.0, "k": 0.8}
 CALLS: dict[str, tuple[Any, dict[str, Any]]] = {  # each as it would be answered
     "simulate": (cb.simulate, {"state": REST, "periods": 1, **RING}),
-    "smooth": (simulate_smooth, {"state": REST, "periods": 1, "m": 6, **RING}),
+    "smooth": (sim.simulate_smooth, {"state": REST, "periods": 1, "m": 6, **RING}),
     "lattice": (cb.simulate, {"state": ([0.0] * 5, [0.0] * 5), "periods": 1, **RING,
         "lattice": cb.OpenChain(5), "walls": {2: (-0.5, 0.5), 3: (None, 0.7)}}),
-    "record": (record, {"path": "unused", "periods": 1, **ONE}),
-    "classify": (classify, ONE),
-    "lyapunov": (lyapunov, {"periods": 10, "state": (np.zeros(3), np.zeros(3)), **RING}),
-    "sweep": (sweep, {"name": "a", "values": [0.2, 0.21], "periods": 5, **ONE}),
-    "periodic": (periodic, ONE),
-    "attraction": (attraction, {"reference": ([0.0], [0.0]), "x": Axis("u", 0, [0.1]),
-        "y": Axis("v", 0, [0.1]), "a": 0.1, "gamma": 0.0, "k": 0.8}),
-    "localisation": (localisation, {"u": [0.1, 0.2], "v": [0.3, 0.4], "a": 0.0, "gamma": 0.0}),
-    "rotation": (rotation, {"u": np.zeros(30), "v": np.zeros(30)}),
-    "sample": (Sample, {}),
-    "axis": (Axis, {"name": "u", "site": 0, "values": [0.0]}),
-    "there and back": (there_and_back, {}),
+    "record": (sim.record, {"path": "unused", "periods": 1, **ONE}),
+    "classify": (sim.classify, ONE),
+    "lyapunov": (sim.lyapunov, {"periods": 10, "state": (np.zeros(3), np.zeros(3)), **RING}),
+    "sweep": (sim.sweep, {"name": "a", "values": [0.2, 0.21], "periods": 5, **ONE}),
+    "periodic": (sim.periodic, ONE),
+    "attraction": (sim.attraction, {"reference": ([0.0], [0.0]), "x": sim.Axis("u", 0, [0.1]),
+        "y": sim.Axis("v", 0, [0.1]), "a": 0.1, "gamma": 0.0, "k": 0.8}),
+    "localisation": (sim.localisation, {"u": [0.1, 0.2], "v": [0.3, 0.4], "a": 0.0, "gamma": 0.0}),
+    "rotation": (sim.rotation, {"u": np.zeros(30), "v": np.zeros(30)}),
+    "sample": (sim.Sample, {}),
+    "axis": (sim.Axis, {"name": "u", "site": 0, "values": [0.0]}),
+    "there and back": (sim.there_and_back, {}),
 }  # fmt: skip
 SHAPE = r"u and v must have one shape \(\.\.\., sites\)"
 TABLES = "rows of states, or tables with a column for each site"
@@ -78,7 +65,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"sample": (0, 1)}, "a Sample was expected"),
         *(("simulate", {"noise": noise}, "^noise = ") for noise in (-1.0, math.nan)),
         ("simulate", {"noise": 0.1, "seed": -1}, "^seed = -1"),
-        ("simulate", {"noise": 0.1, "sample": Sample()}, "not recorded densely under noise"),
+        ("simulate", {"noise": 0.1, "sample": sim.Sample()}, "not recorded densely under noise"),
         *(
             (call, {"noise": 0.1}, r"noise = 0.1: noise is for simulate\(\) alone")
             for call in ("smooth", "record", "classify", "sweep", "attraction", "lyapunov")
@@ -114,7 +101,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("lattice", {"spring": 1e9}, "spring = 1000000000.0: .* 0 <= spring <= 1e8"),
         ("lattice", {"gamma": -0.1}, "gamma = -0.1: the coupling .* 0 <= gamma <= 1e8"),
         ("lattice", {"lattice": cb.InfiniteChain()}, "a finite one is expected"),
-        ("lattice", {"sample": Sample((7,))}, "sample: there is no site 7 among 5"),
+        ("lattice", {"sample": sim.Sample((7,))}, "sample: there is no site 7 among 5"),
         ("record", {"periods": 2.5}, "^periods = 2.5"),
         ("classify", {"periods": 50}, "^periods = 50: a whole number, at least"),
         ("classify", {"settle": -1}, "^settle = -1: a whole number, at least"),
@@ -132,8 +119,8 @@ TABLES = "rows of states, or tables with a column for each site"
         ("attraction", {"x": ("u", 0)}, "an Axis"),
         ("attraction", {"site": 0.5}, r"^site = 0\.5"),
         ("attraction", {"site": 1}, "^attraction: there is no site 1 among 1"),
-        ("attraction", {"x": Axis("u", 7, [0.1])}, "^attraction: there is no site 7 among 1"),
-        ("attraction", {"x": Axis("v", -1, [0.1])}, "^both axes are v_-1: a plane has two"),
+        ("attraction", {"x": sim.Axis("u", 7, [0.1])}, "^attraction: there is no site 7 among 1"),
+        ("attraction", {"x": sim.Axis("v", -1, [0.1])}, "^both axes are v_-1: a plane has two"),
         ("attraction", {"tolerance": -1.0}, r"^tolerance = -1\.0: a distance"),
         ("attraction", {"t0": math.inf}, r"^t0 = inf: a time"),
         ("attraction", {"periods": 1}, r"^periods = 1\b"),
@@ -184,7 +171,7 @@ def test_what_is_missing_is_said_by_the_name_of_simulate() -> None:
 def test_of_a_run_it_says_who_judges_it() -> None:
     run = cb.simulate(REST, periods=1, a=0.1, gamma=0.1, k=0.8)
     with pytest.raises(BadInput, match=r"got <Run of .*>: judge\(run\) says what it came to"):
-        classify(run)
+        sim.classify(run)
 
 
 @pytest.mark.parametrize("name", ["a", "gamma", "k", "periods", "damping", "t0", "m"])
@@ -205,9 +192,8 @@ def test_a_name_has_one_default_wherever_it_is_given() -> None:
     plain = {"t0": 0.0, "forcing": None, "sample": None, "progress": None}
     assert defaults(Conditions)["damping"] == 0.0
     seen = set()
-    makers = (cb.simulate, simulate_smooth, record, classify, sweep, attraction, periodic, lyapunov,
-              localisation, conditions_of)  # fmt: skip
-    for of in makers:
+    runs = (sim.simulate_smooth, sim.record, sim.classify, sim.sweep, sim.attraction)
+    for of in (*runs, cb.simulate, sim.periodic, sim.lyapunov, sim.localisation, conditions_of):
         own = defaults(of)
         seen |= set(own)
         for name in set(own) & set(plain):

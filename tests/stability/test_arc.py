@@ -87,7 +87,7 @@ def test_without_coupling_or_losses_there_is_no_neimark_sacker_point():
 
 
 RANDOM = np.random.default_rng(3)
-PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((12, 2))]
+PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((40, 2))]
 # a pair of roots just opened, or not yet, between two nodes of the grid
 # where two roots have met, to seven digits of k, and opened: both between two nodes
 PLACES += [(0.1, 0.781761944709733 + 1e-7), (0.1, 0.781761944709733 + 1e-5)]
@@ -95,9 +95,7 @@ PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0
 
 
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
-def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(
-    gamma: float, k: float
-) -> None:
+def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(gamma: float, k: float):
     found, points = window(gamma, k), ns_points(gamma, k)
     if found.square < 0.0:
         assert points == ()
@@ -106,19 +104,5 @@ def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(
     assert (found.low, found.high) == (low.nu, high.nu)
     for nu, b in points:
         assert abs(found.miss(b)) < 1e-13 * (1.0 + abs(found.centre))
-        assert abs(on_arc(gamma, nu, k, b).value) < 1e-13 * (1.0 + b * b)
-
-
-def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
-    rng = np.random.default_rng(0)
-    found = 0
-    for _ in range(150):
-        gamma, k = rng.uniform(1e-4, 0.2499), rng.uniform()
-        points = ns_points(gamma, k)
-        assert len(points) in (0, 2)
-        for nu, b in points:
-            F = on_arc(gamma, nu, k, b)
-            rounding = 1e-13 * (1 + abs(b)) + 4e-16 * abs(F.d_nu)
-            assert abs(F.value) < rounding
-        found += len(points)
-    assert found > 50
+        F = on_arc(gamma, nu, k, b)
+        assert abs(F.value) < 1e-13 * (1.0 + abs(b)) + 4e-16 * abs(F.d_nu)

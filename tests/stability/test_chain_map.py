@@ -215,6 +215,7 @@ def test_multipliers_come_largest_first_and_in_pairs():
     half = unstable_multipliers(0.11, 0.8, -0.28657)
     assert mu.size == 2
     assert mu[0] == mu[1].conjugate()
+    assert mu[0].imag > 0.0
     assert apart(mu, half**2) < 1e-11
 
 

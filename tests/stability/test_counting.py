@@ -38,29 +38,6 @@ def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
             assert found == pytest.approx(outside, rel=1e-12)
 
 
-def zeros_by_integral(gamma: float, k: float, b: float, radius: float) -> float:
-    """The turning of D along a whole circle outside, by 8192 points."""
-    nu = 2 * (np.arange(8193) + 0.5) / 8192 - 1 - 1j * math.log(radius) / math.pi
-    value = D(gamma, nu, k, b)
-    return float(-np.angle(value[1:] / value[:-1]).sum() / (2 * math.pi))
-
-
-def test_the_count_on_the_circle_is_the_argument_integral_beside_it():
-    rng = np.random.default_rng(1)
-    compared = 0
-    while compared < 12:
-        gamma = rng.choice([rng.uniform(0, 0.25), 0.25 - 10 ** rng.uniform(-5, -1)])
-        k, b = rng.choice([rng.uniform(), 0.0, 1.0]), rng.choice([1.0, 8.0]) * rng.normal()
-        beside = zeros_by_integral(gamma, k, b, 1.01)
-        if abs(beside - zeros_by_integral(gamma, k, b, 1.03)) > 1e-3:
-            continue  # a zero between, or too close for the integral
-        mu = unstable_multipliers(gamma, k, b)
-        if np.any(np.abs(mu) < 1.03):
-            continue
-        assert beside == pytest.approx(unstable_count(gamma, k, b).count, abs=1e-6)
-        compared += 1
-
-
 @pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.05, 0.95), (0.24, 0.3)])
 def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_real_axis(gamma, k):
     jumps = {point.b: 2 for point in ns_points(gamma, k)}

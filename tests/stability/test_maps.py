@@ -90,9 +90,7 @@ def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.07])
-def test_scalars_of_modes_have_the_phase_of_determinants_and_vanish_with_them(
-    damping: float,
-) -> None:
+def test_scalars_of_modes_have_the_phase_of_determinants_and_vanish_with_them(damping: float):
     modes = half_by_modes(12, 0.11, 0.8, 0.7, damping)
     n = len(modes.matrix)
     rng = np.random.default_rng(2)

@@ -116,9 +116,7 @@ def test_two_real_multipliers_close_to_each_other_are_two(name: str) -> None:
 
 @pytest.mark.parametrize("radius", [1.0, 1.005])
 @pytest.mark.parametrize("sites", [40, 100, 200])
-def test_of_small_and_large_lattices_the_same_is_told_next_to_a_circle(
-    sites: int, radius: float
-) -> None:
+def test_of_small_and_large_lattices_the_same_is_told_next_to_a_circle(sites: int, radius: float):
     map = ring_map(Ring(sites), 0.13, 0.8, ARM)
     told = map.outermost(radius), map.beyond(1.0), map.beyond(-1.0)
     mu = np.linalg.eigvals(map.matrix)
@@ -127,9 +125,7 @@ def test_of_small_and_large_lattices_the_same_is_told_next_to_a_circle(
 
 
 @pytest.mark.parametrize(("side", "within"), [(1.0, (0.3, 0.5)), (-1.0, (-1.0, -0.75))])
-def test_a_real_multiplier_next_to_the_circle_is_on_its_side(
-    side: float, within: tuple[float, float]
-) -> None:
+def test_a_real_multiplier_next_to_the_circle_is_on_its_side(side, within):
     def at(b: float) -> ModalMap:
         return ring_map(Ring(100), 0.04, 0.8, (Saltation(0, 0.0, b),))
 

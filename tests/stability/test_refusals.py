@@ -15,7 +15,7 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from tests.stability.by_hand import ring_map
-from tests.stability.half import D, dense_half_map, unstable_multipliers
+from tests.stability.half import dense_half_map
 
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
 
@@ -80,10 +80,6 @@ def test_what_is_no_finite_number_is_named(ask, name: str, bad: object) -> None:
         ask(bad)
 
 
-def test_a_stable_orbit_has_no_multiplier_outside() -> None:
-    assert OrbitMap(0.04, 0.8, ORBIT).unstable_multipliers().size == 0
-
-
 @pytest.mark.parametrize("sites", [8, 9, 20, 50])
 def test_zeros_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
     gamma, k, b = UNSTABLE
@@ -98,12 +94,3 @@ def test_zeros_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None
         complexes = found[found.imag != 0.0]
         assert complexes[1::2] == pytest.approx(complexes[::2].conj())
         assert (complexes[::2].imag > 0.0).all()
-
-
-def test_on_the_chain_they_are_listed_from_the_largest_in_pairs_too() -> None:
-    found = unstable_multipliers(*UNSTABLE)
-    assert found.size == 2
-    assert found[0] == pytest.approx(found[1].conj(), abs=1e-12)
-    assert found[0].imag > 0.0
-    assert abs(D(UNSTABLE[0], np.log(found[0]) / (1j * math.pi), *UNSTABLE[1:])) < 1e-10
-    assert unstable_multipliers(0.0, 0.8, 1.1)[0].imag == 0.0

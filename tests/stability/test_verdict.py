@@ -35,18 +35,6 @@ def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites():
     assert np.abs(above.multipliers).min() > 1
 
 
-def test_figures_3_and_4_of_the_paper():
-    for a, gamma, unstable in [(0.2, 0.11, 2), (0.8, 0.05, 0), (0.8, 0.045, 1)]:
-        b = b_of(a, gamma, 0.8)
-        assert stability(gamma, 0.8, b).unstable == unstable
-        ring = stability(gamma, 0.8, b, sites=400)
-        assert (ring.unstable > 0) == (unstable > 0)
-        full = half_multipliers(Ring(400), gamma, 0.8, b) ** 2
-        assert ring.largest == pytest.approx(np.abs(full).max(), rel=1e-14)
-        assert ring.unstable == np.sum(np.abs(full) > 1.005) == ring.multipliers.size
-    assert ring.largest == pytest.approx(1.0627500064**2, rel=1e-9)  # 4b quotes QS, not its square
-
-
 def test_a_verdict_says_what_it_is_about():
     chain = stability(0.11, 0.8, -0.28657)
     assert "infinite chain: unstable, 2 multipliers of QS" in repr(chain)

@@ -54,12 +54,7 @@ class Equations(Protocol):
 
 
 def newton(
-    curve: Equations,
-    z: Array,
-    row: Array | None = None,
-    *,
-    tolerance: float = 1e-9,
-    most: int = 12,
+    curve: Equations, z: Array, row: Array | None = None, *, tolerance: float = 1e-9, most: int = 12
 ) -> Solution:
     """Solve ``H(z) = 0`` together with ``row . (z - z_start) = 0``.
 

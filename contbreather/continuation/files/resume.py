@@ -93,10 +93,7 @@ def extend(
         old.steps,
     )
     done, over = [branch], dict[str, str]()
-    with (
-        checkpoint(save, "branch", lambda: done[-1]) as file,
-        add_partial_result(done.append),
-    ):
+    with checkpoint(save, "branch", lambda: done[-1]) as file, add_partial_result(done.append):
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, settings)
             if why:
