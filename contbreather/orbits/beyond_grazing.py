@@ -120,7 +120,8 @@ def multiplier_at_grazing(curve: Curve, z: FloatArray, way: FloatArray) -> float
     counts mu from one of the times to the next, the same for half a period and the whole.
     """
     orbit: Orbit = Point(curve, z).solution
-    on, T, new = orbit.conditions, orbit.section.length, abs(orbit.incoming) < VANISHED
+    on, T = orbit.representation.conditions, orbit.section.length
+    new = abs(orbit.incoming) < VANISHED
     rates = np.array([way[curve.slots[f"J{j + 1}"]] for j in np.flatnonzero(new)])
     with np.errstate(divide="ignore"):
         entries = np.where(new, 0.0, orbit.entries)
