@@ -165,7 +165,8 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
         places = np.array([orbit.walls.position(int(site), wall) for site in sites])
         for i, j in np.argwhere(abs(u - places[:, None]) < LIMIT).tolist():
             site, t = int(sites[i]), float(times[j])
-            if not any(hit.site == site and _at_once(hit.time, t, orbit) for hit in orbit.hits):
+            own = [math.remainder(h.time - t, orbit.period) for h in orbit.hits if h.site == site]
+            if not any(abs(late) < AT_ONCE for late in own):
                 contacts.append(Impact(site, wall, t, 0.0))
     if not contacts and orbit.k == 0.0:
         raise BadInput(
@@ -175,10 +176,6 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
     if not contacts:
         raise BadInput(f"no site touches a wall but in its impacts: {orbit.admissibility().reason}")
     return tuple(contacts), _with_impacts(orbit, (*orbit.impacts, *contacts))
-
-
-def _at_once(time: float, other: float, orbit: Orbit) -> bool:
-    return abs(math.remainder(time - other, orbit.period)) < AT_ONCE
 
 
 def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:

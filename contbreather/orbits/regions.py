@@ -162,13 +162,9 @@ def _region(
     radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
     places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
     counts = tuple(count(x, y) for x, y in places.tolist())
-    pairs = [*zip(places.tolist(), counts, strict=True)]
-    momenta: tuple[float | None, ...] = ()
-    if lower is not None:
-        momenta = tuple(lower(x, y) if unstable is None else None for (x, y), unstable in pairs)
-    others: tuple[str, ...] = ()
-    if beyond is not None:
-        others = tuple(beyond(x, y) if unstable is None else "" for (x, y), unstable in pairs)
+    at = [*zip(*places.T.tolist(), counts, strict=True)]
+    momenta = tuple(lower(x, y) if n is None else None for x, y, n in at) if lower else ()
+    others = tuple(beyond(x, y) if n is None else "" for x, y, n in at) if beyond else ()
     outline, *holes = (
         low + size * np.array(ring.coords) for ring in (piece.exterior, *piece.interiors)
     )
