@@ -52,6 +52,7 @@ def zones_many(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    omega: float = 1.0,
     executor: Executor | int | None = None,
     progress: bool | None = None,
 ) -> Iterator[Zones | Failed]:
@@ -64,7 +65,8 @@ def zones_many(
     over : dict, optional
         Values of parameters of the forcing, ``{"c3": (0.1, 0.2)}``: a diagram for each of `ks` with
         each of them, in the order of `itertools.product`, the last one fastest.
-    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls,
+    omega
         As of `zones`, for all of them.
     executor, progress
         As of `trace_many`.
@@ -94,7 +96,7 @@ def zones_many(
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
     draw = partial(
         drawn_in_plane, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds,
-        site=site, damping=damping, spring=spring, walls=walls,
+        site=site, damping=damping, spring=spring, walls=walls, omega=omega,
     )  # fmt: skip
     return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
 
@@ -155,6 +157,7 @@ def atlas(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    omega: float = 1.0,
     executor: Executor | int | None = None,
     progress: bool | None = None,
     **over: float | Sequence[float],
@@ -167,7 +170,8 @@ def atlas(
         Exactly one: each diagram is in the plane of the other two.
     **over : float or sequence of float
         Values of parameters of the forcing, ``c3=(0.0, 0.1, 0.2)``; a diagram for each combination.
-    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls,
+    omega
         As of `zones`, for all of them.
     executor, progress
         As of `zones_many`.
@@ -202,7 +206,7 @@ def atlas(
     diagrams = zones_many(
         k, gamma=gamma, a=a, over=over, forcing=forcing, lattice=lattice, within=within,
         threshold=threshold, past_folds=past_folds, site=site, damping=damping, spring=spring,
-        walls=walls, executor=executor, progress=progress,
+        walls=walls, omega=omega, executor=executor, progress=progress,
     )  # fmt: skip
     done: list[Zones | Failed] = []
     with (

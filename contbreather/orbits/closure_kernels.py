@@ -47,7 +47,8 @@ from contbreather.stability.band_pairs import (
     pair_equations,
 )
 
-A, GAMMA, K, COEFFICIENTS = range(4)  # places of parameters; then A and B of each harmonic of f
+# places of parameters; then A and B of each harmonic of f
+A, GAMMA, K, OMEGA, COEFFICIENTS = range(5)
 
 Four = tuple[float, float, float, float]  # f and its first three derivatives
 
@@ -57,7 +58,8 @@ class ClosureData(NamedTuple):
 
     freed: Counts  # places of the parameters that z ends with,
     factors: Vector  # and what each of them is multiplied by there
-    params: Vector  # a, gamma, k
+    given: Vector  # a and gamma, in the unit of time of omega
+    params: Vector  # a and gamma in the time of the drive, k, omega
     harmonics: Matrix  # m, A and B of each, in rows
     chi: BandAverage  # of the lattice, at the coupling if that is not free
     sigma: BandAverage
@@ -88,21 +90,34 @@ def unpack(z: Any, on: ClosureData) -> int:
     """Put the freed parameters in their places; 1 if one of them is outside of the domain."""
     for i in range(on.freed.size):
         place, value = on.freed[i], on.factors[i] * z[2 + on.extra + i]
-        if place < COEFFICIENTS:
+        if place < K:
+            on.given[place] = value
+        elif place < COEFFICIENTS:
             on.params[place] = value
         else:
             on.harmonics[(place - COEFFICIENTS) // 2, 1 + (place - COEFFICIENTS) % 2] = value
+    square = on.params[OMEGA] * on.params[OMEGA]
+    on.params[A], on.params[GAMMA] = on.given[A] / square, on.given[GAMMA] / square
     return 0 if 0.0 <= on.params[GAMMA] < 0.25 and 0.0 <= on.params[K] <= 1.0 else 1
+
+
+@inlined
+def moved(on: ClosureData, i: int) -> tuple[float, float]:
+    """Derivatives of a and gamma, in the time of the drive, in freed parameter i."""
+    place, omega = on.freed[i], on.params[OMEGA]
+    if place == OMEGA:
+        return -2.0 * on.params[A] / omega, -2.0 * on.params[GAMMA] / omega
+    by = 1.0 / (omega * omega)
+    return by if place == A else 0.0, by if place == GAMMA else 0.0
 
 
 @inlined
 def forcing_slope(on: ClosureData, i: int, t: float, f: Four) -> Four:
     """Derivative of a f and its derivatives in freed parameter i."""
     place = on.freed[i]
-    if place == A:
-        return f
     if place < COEFFICIENTS:
-        return 0.0, 0.0, 0.0, 0.0
+        by, _ = moved(on, i)
+        return by * f[0], by * f[1], by * f[2], by * f[3]
     size, cosine = on.params[A] * on.factors[i], (place - COEFFICIENTS) % 2 == 0
     m = on.harmonics[(place - COEFFICIENTS) // 2, 0]
     return harmonic(m, size if cosine else 0.0, 0.0 if cosine else size, t)
@@ -122,9 +137,10 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
     place = on.freed[i] if i >= 0 else -1
     if column == 1:
         u, v, w = a * f[1], a * f[2], a * f[3]
-    elif place == GAMMA:
-        by_mean = average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
     elif place >= 0:
+        _, by_gamma = moved(on, i)
+        if by_gamma != 0.0:
+            by_mean = by_gamma * average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
         u, v, w, _ = forcing_slope(on, i, z[1], f)
     p, k = 1.0 if column == 0 else 0.0, 1.0 if place == K else 0.0
     return ClosureTerms(p, k, by_mean, u, v, w)
@@ -226,9 +242,10 @@ def pair_slopes(z: Any, on: PairData, out: Any) -> int:
         by_b = saltation_derivative(t, terms_slope(z, on.closure, on.closure.eta, f, i))
         place = on.closure.freed[i - 3] if i > 2 else -1
         # F itself changes with the angle, the coupling and k
-        own = BY_NU if i == 2 else BY_GAMMA if place == GAMMA else BY_K if place == K else VALUE
+        own = BY_NU if i == 2 else BY_K if place == K else BY_GAMMA
+        by = 1.0 if i == 2 or place == K else moved(on.closure, i - 3)[1] if i > 2 else 0.0
         for part in range(2):
-            direct = on.F[own, part] if own != VALUE else 0.0
+            direct = by * on.F[own, part]
             out[10 + 5 * part + i] = on.F[BY_B, part] * by_b + direct
     return 0
 
@@ -280,10 +297,8 @@ def contact_slopes(z: Any, on: ContactData, out: Any) -> int:
         out[at], out[at + 1] = -2.0 * h[row], -J * h[row + 1]
         out[at + 2] = a * f[row + 1] + J * h[row + 1]
         for i in range(2):
-            of_gamma = on.closure.freed[i] == GAMMA
-            out[at + 3 + i] = (
-                J * by_gamma[row] if of_gamma else forcing_slope(on.closure, i, t, f)[row]
-            )
+            through_gamma = J * by_gamma[row] * moved(on.closure, i)[1]
+            out[at + 3 + i] = through_gamma + forcing_slope(on.closure, i, t, f)[row]
     return 0
 
 
@@ -297,11 +312,11 @@ CONTACT = walker(contact, contact_slopes, ContactData)
 def closure_data(
     lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
 ) -> ClosureData | None:
-    """Data of a breather with these parameters free; None for others than a, gamma (of the chain),
-    k and coefficients of a Fourier series."""
-    places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k"))}
+    """Data of a breather with these parameters free; None for others than a, gamma and omega (of
+    the chain), k and coefficients of a Fourier series."""
+    places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k", "omega"))}
     if lattice.sites is not None:
-        del places["gamma"]
+        del places["gamma"], places["omega"]
     # where coefficients are, and the factor of each
     if isinstance(forcing, Fourier):
         places |= {
@@ -311,12 +326,15 @@ def closure_data(
         }
     if any(name not in places for name in free):
         return None
-    fixed = None if "gamma" in free else params["gamma"]
+    square = params.get("omega", 1.0) ** 2
+    fixed = None if {"gamma", "omega"} & {*free} else params["gamma"] / square
+    given = [params.get(name, 0.0) for name in ("a", "gamma")]
     freed, factors = zip(*(places[name] for name in free), strict=True)
     return ClosureData(
         np.array(freed),
         np.array(factors),
-        np.array([params.get(name, 0.0) for name in ("a", "gamma", "k")]),
+        np.array(given),
+        np.array([*given, params.get("k", 0.0), params.get("omega", 1.0)]),
         np.array(forcing.harmonics, dtype=float),
         lattice.expansion("chi", fixed),
         lattice.expansion("sigma", fixed),

@@ -159,6 +159,19 @@ class DrivenProblem(TiedProblem, OrbitProblem):
         inner = self.ties(point.params)
         return Orbit(self.motion_at(point.x, inner), point.params["omega"])
 
+    @property
+    def walker(self) -> Any:  # type: ignore[override]
+        return self.base.walker
+
+    @property
+    def closure(self) -> Any:
+        return getattr(self.base, "closure", None)
+
+    def kernel_data(self, *given: Any, **more: Any) -> Any:
+        """Data of kernels, which know of omega."""
+        base: Any = self.base
+        return base.kernel_data(*given, **more)
+
     def simpler(self, point: Point) -> Problem | None:
         return OrbitProblem.simpler(self, point)
 

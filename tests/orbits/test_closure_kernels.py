@@ -38,6 +38,8 @@ def _alike(walked: Callable[[], cb.Branch], monkeypatch: pytest.MonkeyPatch) -> 
         ("a", {"a": (0.05, 0.8)}, {}, {"events": (), "inadmissible": True, "steps": SHORT}),
         ("gamma", {"gamma": (0.0, 0.2)}, {}, {}),
         ("k", {"k": (0.3, 0.95)}, {}, {"steps": Steps(tolerance=1e-12)}),
+        ("omega", {"omega": (0.8, 1.5)}, {}, {"steps": Steps(tolerance=1e-12)}),
+        ("a", {"a": (0.05, 0.8)}, {"omega": 1.2}, {"steps": Steps(tolerance=1e-12)}),
         ("a", {"a": (0.05, 0.8)}, {"lattice": cb.Ring(20)}, {}),
         ("c3", {"c3": (-1.0, 1.0)}, {"forcing": FOURIER}, {}),
     ],
@@ -68,10 +70,13 @@ def test_a_parameter_of_a_formula_is_none_of_a_series_whatever_it_is_called() ->
         ((0.2, 0.08, 0.8), "gamma", "NS"),
     ],
 )
-@pytest.mark.parametrize("pair", [("gamma", "a"), ("k", "gamma"), ("c3", "a")])
+@pytest.mark.parametrize(
+    "pair", [("gamma", "a"), ("k", "gamma"), ("c3", "a"), ("omega", "a"), ("k", "omega")]
+)
 def test_boundaries_and_places_filled_in_are_those_of_single_steps(
     monkeypatch, start, free, kind, pair
 ) -> None:
     at = cb.trace(cb.symmetric(*start, forcing=FOURIER), free).first(kind)
     window = {"a": (0.0, 1.0), "c3": (-1.0, 1.0)}
+    window |= {"omega": (0.7, 1.4)} if "omega" in pair else {}
     _alike(lambda: refined(cb.boundary(at, pair, within=window), 100), monkeypatch)
