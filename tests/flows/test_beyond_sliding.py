@@ -168,14 +168,3 @@ def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
     touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
     with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
         cb.switch(touched)
-
-
-def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
-    def field(sign: int) -> Any:
-        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
-
-    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
-    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
-    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
-    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
-        cb.switch(touched)
