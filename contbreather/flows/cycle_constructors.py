@@ -93,11 +93,11 @@ def cycle(
         Intervals and points, ``Collocation(intervals=20, points=6)`` by default; twice as many
         intervals, and again, where they cannot resolve the simulation.
     events : iterable of Event, optional
-        What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
-        to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
-        impact loses its velocity) and GR (a wall is touched in between, or one of several flows
-        shrinks to nothing at a tangency); of a Filippov system SL (an orbit begins to slide, or to
-        cross where it slid).
+        What a walk looks for by default: LP, BP, PD and NS (KC, a Krein collision, where something
+        is conserved), of limit cycles HB and HOM (they shrink to an equilibrium, or come to rest at
+        one), and where flows have conditions or walls VI (an impact loses its velocity) and GR (a
+        wall is touched in between, or one of several flows shrinks to nothing at a tangency); of a
+        Filippov system SL (an orbit begins to slide, or to cross where it slid).
     label : str, optional
         Shown in tables.
 
@@ -106,7 +106,7 @@ def cycle(
     Problem
         ``point.solution`` is a `Cycle`. Columns are ``period``, ``unstable`` (multipliers outside
         of the unit circle), ``max(x)`` and ``min(x)`` of each state, ``trivial`` (how far that
-        multiplier is off 1) of autonomous ones.
+        multiplier is off 1) of autonomous ones, ``lambda`` (rounding) and what is conserved.
 
     Raises
     ------

@@ -273,6 +273,39 @@ def test_pairs_of_equal_signature_and_those_that_do_not_hang_together_pass(sign,
     assert [point.kind for point in branch.special] == ["EP", "EP"]
 
 
+def three_bodies(t, s, p):
+    x, y, z, u, v, w = s
+    mass, first, second = p["mu"], x + p["mu"], x - 1 + p["mu"]
+    r, q = ((near**2 + y**2 + z**2) ** 1.5 for near in (first, second))
+    pull = (1 - mass) / r + mass / q
+    return [u, v, w, 2 * v + x - (1 - mass) * first / r - mass * second / q,
+            -2 * u + y - pull * y, -pull * z]  # fmt: skip
+
+
+def of_three_bodies(s, p):
+    """Minus half of Jacobi's constant."""
+    x, y, z, u, v, w = s
+    r, q = (np.sqrt((x + p["mu"] - at) ** 2 + y**2 + z**2) for at in (0, 1))
+    return (u**2 + v**2 + w**2 - x**2 - y**2) / 2 - (1 - p["mu"]) / r - p["mu"] / q
+
+
+def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
+    """K. C. Howell, Celestial Mechanics 32, 53 (1984), at mu = 0.04: x, z, dy/dt and half a period
+    of the first and of the third in her table, in which the last digit is rounded."""
+    (x, z, v, half), last = (0.723268, 0.04, 0.198019, 1.300177), (0.7537, 0.267595, 0.399909)
+    start = {"x": x, "y": 0.0, "z": z, "u": 0.0, "v": v, "w": 0.0}
+    halo = cb.cycle(three_bodies, start, {"mu": 0.04}, conserves=of_three_bodies)
+    assert halo.params["period"] / 2 == pytest.approx(half, abs=1e-6)
+    energy = of_three_bodies((last[0], 0.0, last[1], 0.0, last[2], 0.0), {"mu": 0.04})
+    branch = cb.trace(halo, "energy", within={"energy": (-2, energy)}, towards="up")
+    assert branch[-1]["energy"] == energy
+    assert branch[-1]["period"] / 2 == pytest.approx(1.211253, abs=5e-6)  # digits of the start
+    assert branch[-1]["max(z)"] == pytest.approx(last[1], abs=1e-6)
+    assert abs(branch["lambda"]).max() < 1e-10
+    for point in (branch[0], branch[-1]):
+        assert np.prod(point.solution.others) == pytest.approx(1, abs=1e-9)
+
+
 # --- refusals -----------------------------------------------------------------------------------
 
 
