@@ -198,7 +198,11 @@ def test_beyond_grazing_in_the_frequency_the_same_orbits_live():
     ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
     end = cb.trace(ring, "omega", towards="down", within={"omega": (0.5, 1)}).first("GR")
     beyond = cb.switch(end, within={"omega": (0.9, 1.1)}, steps=cb.Steps(most=5))[0]
-    assert beyond[0]["beyond"] == "fold"
+    on = end.solution.conditions.scaled
+    scaled = cb.symmetric(on.a, on.gamma, on.k, damping=on.damping, lattice=on.lattice)
+    (alike,) = cb.switch(cb.trace(scaled, "a", towards="up").first("GR"), steps=cb.Steps(most=5))
+    assert beyond[0]["beyond"] == alike[0]["beyond"] == "fold"
+    assert beyond[0]["|mu| J"] == pytest.approx(alike[0]["|mu| J"], rel=1e-9)
     assert beyond[1].solution.omega == beyond[1]["omega"]
     assert beyond[1].solution.section.describe().count("1+")
 
