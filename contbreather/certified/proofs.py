@@ -73,6 +73,11 @@ def parameters(orbit: Any) -> dict[str, float]:
             f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
             f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
         )
+    if on.omega != 1.0:
+        raise BadInput(
+            f"omega = {on.omega:g}: certify() is about a drive of frequency 1; take the breather "
+            "of a/omega^2 and gamma/omega^2, which is the same motion in another unit of time."
+        )
     check_forcing(on.forcing)
     return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
 

@@ -23,7 +23,7 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
 from contbreather.lattice.finite import PER_SITE, ROWS, Finite, finite, stiffness_of
 from contbreather.lattice.forcing import Drive, Fourier, even_harmonics
 from contbreather.lattice.formula import forcing_of
@@ -34,6 +34,7 @@ from contbreather.orbits.grazing import CATCHING, GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.orbit_events import from_arms
 from contbreather.orbits.section import WEAK, Section
+from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
@@ -92,14 +93,18 @@ def multibreather(
     >>> two.section.impacts, bool(two.admissibility())
     (((0, 1), (6, 1)), True)
     """
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
+        scaled = in_time_of_drive(multibreather, frequency, choice=choice, **given)
+        return replace(scaled, omega=frequency)
     at, drive = Walls.given(walls), forcing_of(forcing)
-    own = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice), omega=omega)
-    on = own.checked().scaled
+    on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
     branch = _from_the_limit(_singles(choice, on), on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
         raise NoSolution(_refusal(_in_words(choice), branch, on))
     orbit: Orbit = branch[-1].solution
-    return replace(orbit, omega=own.omega)
+    return orbit
 
 
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:

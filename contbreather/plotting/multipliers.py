@@ -188,12 +188,12 @@ def band(orbit: Orbit, half: bool = False) -> Array:
     """Multipliers of plane waves, ``exp((-c/2 +- sqrt(c^2/4 - w^2)) T)`` with damping c, shape
     (2, n): both of a pair, from one edge of the band to the other. On a finite lattice that is no
     ring the circle that they lie on."""
-    period = orbit.period / (2.0 if half else 1.0)
-    decay = 0.5 * float(getattr(orbit, "damping", 0.0))
+    period, on = orbit.period / (2.0 if half else 1.0), orbit.conditions.scaled
+    decay = 0.5 * on.damping
     if orbit.lattice.sites is not None and not isinstance(orbit.lattice, Ring):
         return math.exp(-decay * period) * np.exp(1j * np.linspace([0, 0], [np.pi, -np.pi], 721).T)
     theta = np.linspace(0.0, math.pi, 721)
-    squares = float(getattr(orbit, "spring", 0.0)) + 4.0 * orbit.gamma * np.sin(0.5 * theta) ** 2
+    squares = on.spring + 4.0 * on.gamma * np.sin(0.5 * theta) ** 2
     root = np.sqrt(decay**2 - squares + 0j)
     return np.exp((-decay + np.multiply.outer([1.0, -1.0], root)) * period)
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.certified import certify
 from contbreather.continuation.algebra.derivatives import differences
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NoSolution
@@ -17,6 +18,7 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
+from contbreather.plotting.multipliers import band
 
 CHAIN = InfiniteChain()
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
@@ -190,6 +192,9 @@ def test_arms_in_the_frequency_are_those_of_the_closed_form():
     arm = asymmetric(0.9 / w**2, 0.05 / w**2, 0.8, arm=1, inadmissible=True)
     assert up[-1]["p"] == pytest.approx(arm.p, abs=1e-9)
     assert up[-1].solution.omega == w
+    pitchfork, near = branch.first("PF"), up[1]
+    slope = near["asymmetry"] ** 2 / (near["omega"] - pitchfork["omega"])
+    assert slope == pytest.approx(pitchfork.detail["coefficient"], rel=0.05)
     back = cb.trace(up[-1], "omega", within={"omega": (0.8, 2)})
     assert back.first("PF")["omega"] == pytest.approx(branch.first("PF")["omega"], abs=1e-9)
 
@@ -304,6 +309,13 @@ def test_a_sweep_of_the_frequency_keeps_the_velocities_of_the_sites():
     on = {"a": 0.0, "gamma": 0.0, "k": 1.0, "periods": 3}
     sweep = cb.simulation.sweep(([0.1], [0.3]), "omega", [1.0, 2.0, 4.0], **on)
     assert abs(sweep.final.v) == pytest.approx(0.3 / 4.0)  # in d omega
+
+
+def test_what_is_about_the_band_is_in_the_time_of_the_drive():
+    orbit, scaled = driven("ring", 1.9)
+    assert band(orbit) == pytest.approx(band(scaled))
+    with pytest.raises(BadInput, match=r"certify\(\) is about a drive of frequency 1"):
+        certify(driven("chain", 1.9)[0])
 
 
 def test_smooth_walls_have_no_frequency():
