@@ -117,12 +117,13 @@ class Units:
         ----------
         name : str
             ``"length"``, ``"time"``, ``"velocity"``, ``"acceleration"``, ``"force"``,
-            ``"stiffness"``, ``"damping"``, or a parameter or column: ``"a"``, ``"p"``, ``"t1"``.
+            ``"stiffness"``, ``"damping"``, ``"frequency"``, or a parameter or column: ``"a"``, ``"p"``, ``"t1"``.
         """
         M, d, T = float(np.mean(self.mass)), self.gap, 0.5 / math.pi / self.frequency
         ones = {"length c u": d, "time t phi": T, "velocity p J v": d / T,
                 "acceleration": d / T**2, "force a": M * d / T**2,
-                "stiffness gamma spring": M / T**2, "damping": M / T}  # fmt: skip
+                "stiffness gamma spring": M / T**2, "damping": M / T,
+                "frequency omega": self.frequency}  # fmt: skip
         scales = {word: one for words, one in ones.items() for word in words.split()}
         column = str(name).rstrip("0123456789") if str(name)[:1] in "tJ" else name
         return scales[one_of("name", column, [*scales])]
