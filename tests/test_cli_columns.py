@@ -378,7 +378,7 @@ COMMANDS = {
         {"--csv": "arm,label,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c"},
     ),
     "diagram --free a --gamma .04 --k .8 --a .75 --window 0.7 0.85": (
-        f"free {SAID} failed left edges[].from edges[].to edges[].relation"
+        f"free {SAID} failed left ends edges[].from edges[].to edges[].relation"
         f" branches[].label branches[].depth {under('points.*', f'{POINT} {NORMAL_FORM}')}"
         f" {under('points.*', f'{BREATHER} {ARM}')}"
         f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
@@ -388,7 +388,7 @@ COMMANDS = {
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
         f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
-        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
+        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower zones[].regions[].beyond"
         " zones[].regions[].outline[]",
         {
             "--csv": "k,curve,gamma,a,piece,label,unstable,t1,t2,c,asymmetry,"

@@ -42,7 +42,7 @@ GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
 MARKS = {
     "s": "square", "D": "diamond", "^": "triangle", "o": "circle", "v": "inverted_triangle",
     "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
-    "<": "y", ">": "square_pin", "d": "diamond_dot",
+    "<": "y", ">": "square_pin", "d": "diamond_dot", "8": "hex_dot",
 }  # fmt: skip
 ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
 WIDE, NARROW = 53, 33  # letters of a title in a line, of the zones and of the multipliers

@@ -30,7 +30,7 @@ from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_problem import SHORTEST, Cycle, equations_of
 from .equations import FlowEquations
-from .flow import Clock, between, slid_along, system_of
+from .flow import Clock, flow_between, slid_along, system_of
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
@@ -359,7 +359,7 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
     rates = paces(orbit.equations, orbit.x, orbit.params)
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
-        edge = between(flows[before], after) == flow
+        edge = flow_between(flows[before], after) == flow
         # of its largest rate less than this: all but touched
         tangent = flows[before].until and not flows[before].reset and rates[before][1] < 1e-2
         if tangent or edge:

@@ -28,7 +28,7 @@ from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
 from .conservation import indices_of, refuse_drift
 from .equations import FlowEquations
-from .flow import Flow, Wall, between, refuse_false_period, slid_along, system_of
+from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
 from .multipliers import closing_matrix, of_cycle, paces
@@ -509,7 +509,7 @@ def _beyond(point: Point) -> SwitchingProblem:
     equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
     more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
     before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
-    guard = detail.get("guard", "sliding" if between(before, after) == met else "")
+    guard = detail.get("guard", "sliding" if flow_between(before, after) == met else "")
     if point.kind == "SL" and guard == "sliding":
         return _at_edge(point)
     begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
@@ -564,7 +564,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
     more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
     short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
-    system, comes = system_of(flows[arrives]), between(flows[i], follows[i]) or flows[i]
+    system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
     assert system
     least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
     parts: list[Flow] = []
@@ -572,11 +572,11 @@ def _at_edge(point: Point) -> SwitchingProblem:
     for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
         if j == i:
             place = len(parts) + 1 if more else len(parts) - 1  # of what comes, or else arrives
-        if not more and flight.duration < 2 * short and between(flows[j - 1], after) == flow:
+        if not more and flight.duration < 2 * short and flow_between(flows[j - 1], after) == flow:
             continue
         parts.append(flow)
         pieces.append(flight)
-        if more and (new := between(flow, after)):
+        if more and (new := flow_between(flow, after)):
             edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
             if abs(edge) < 1e-6 * rates[j][0]:
                 parts.append(new)

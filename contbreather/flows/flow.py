@@ -375,7 +375,7 @@ def slid_along(flow: Flow) -> Filippov | None:
     return system if system and flow.f == system.sliding else None
 
 
-def between(before: Flow, after: Flow) -> Flow | None:
+def flow_between(before: Flow, after: Flow) -> Flow | None:
     """The flow that comes to be between two of a Filippov system at the edge of sliding: along the
     surface where it was crossed, on the other side where it was slid along."""
     if not (system := system_of(before)) or slid_along(before) or after not in system.flows:
