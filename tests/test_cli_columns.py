@@ -388,8 +388,8 @@ COMMANDS = {
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
         f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
-        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower zones[].regions[].beyond"
-        " zones[].regions[].outline[]",
+        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
+        " zones[].regions[].beyond zones[].regions[].outline[]",
         {
             "--csv": "k,curve,gamma,a,piece,label,unstable,t1,t2,c,asymmetry,"
             "arclength,residual,p,phi,t"

@@ -117,7 +117,8 @@ class Units:
         ----------
         name : str
             ``"length"``, ``"time"``, ``"velocity"``, ``"acceleration"``, ``"force"``,
-            ``"stiffness"``, ``"damping"``, ``"frequency"``, or a parameter or column: ``"a"``, ``"p"``, ``"t1"``.
+            ``"stiffness"``, ``"damping"``, ``"frequency"``, or a parameter or column: ``"a"``,
+            ``"p"``, ``"t1"``.
         """
         M, d, T = float(np.mean(self.mass)), self.gap, 0.5 / math.pi / self.frequency
         ones = {"length c u": d, "time t phi": T, "velocity p J v": d / T,
