@@ -65,8 +65,7 @@ def zones_many(
     over : dict, optional
         Values of parameters of the forcing, ``{"c3": (0.1, 0.2)}``: a diagram for each of `ks` with
         each of them, in the order of `itertools.product`, the last one fastest.
-    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls,
-    omega
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls, omega
         As of `zones`, for all of them.
     executor, progress
         As of `trace_many`.
@@ -170,8 +169,7 @@ def atlas(
         Exactly one: each diagram is in the plane of the other two.
     **over : float or sequence of float
         Values of parameters of the forcing, ``c3=(0.0, 0.1, 0.2)``; a diagram for each combination.
-    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls,
-    omega
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls, omega
         As of `zones`, for all of them.
     executor, progress
         As of `zones_many`.

@@ -51,8 +51,6 @@ class Orbit(ImpactSequence, HtmlRepr):
     omega : float
         Frequency of the drive. Times are its phases, omega times the time, and velocities, p and
         impulses in d omega: in units of 1/omega the motion is that of the representation.
-    conditions : Conditions
-        a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
     section : Section
         Which sites hit which walls, over which time, and how that closes.
     impacts : tuple of Impact
@@ -75,6 +73,7 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     @cached_property
     def conditions(self) -> Conditions:  # type: ignore[override]
+        """All parameters, forcing, walls and lattice; each is there by its own name, too."""
         on: Conditions = self.representation.conditions
         return on.at_frequency(self.omega)
 

@@ -145,6 +145,7 @@ def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
         assert len(back[0].solution.flights) == count - 1
 
 
+@pytest.mark.slow
 def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
     on, within = {"c": 0.04, "k": 0.5, "w": 2.2, "s": 0.3}, {"w": (2.1, 2.3)}
     orbit = cb.cycle([HIT], {"x": -0.2, "v": 0.0}, on, period=period, settle=60)

@@ -117,6 +117,7 @@ def test_without_symmetry_one_side_sticks_first() -> None:
     assert roads[0] == pytest.approx(roads[1][::-1], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_mass_that_is_too_fast_to_stick_passes_the_belt_first_and_then_does_not_stick() -> None:
     within = {"d": (0.25, 0.55)}
     orbit = cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {**BELT, "d": 0.26}, settle=60)

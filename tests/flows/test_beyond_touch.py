@@ -74,6 +74,7 @@ def flown(orbit: cb.flows.Cycle) -> tuple[np.ndarray, int]:
         inside, contacts = not inside, contacts + inside
 
 
+@pytest.mark.slow
 def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch) -> None:
     branches = whole(resonance)
     assert {len(branch[1].solution.flights) for branch in branches} == {2, 4}

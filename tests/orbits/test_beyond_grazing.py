@@ -112,6 +112,7 @@ def test_a_diagram_goes_on_beyond_grazing_when_asked():
     assert three[1].solution.section.hit == (0, 1, 8)
 
 
+@pytest.mark.slow
 def test_what_random_orbits_become_beyond_grazing_is_flown_by_an_integrator_of_its_own():
     found, wrong = run(12, seed=5)
     assert not wrong
