@@ -66,7 +66,7 @@ class Unfolded:
 
 @dataclass(frozen=True, eq=False)
 class Conservation:
-    """What is conserved, and what is given of an orbit: its "period", or the first quantity."""
+    """Conserved quantities, and what is given of an orbit: its "period", or the first of them."""
 
     quantities: Quantities
     held: str

@@ -188,11 +188,11 @@ class Conditions:
 
     @property
     def scaled(self) -> Conditions:
-        """The same motion with the time in units of 1/omega, in which equations are written."""
+        """Conditions with the time in units of 1/omega, in which equations are written."""
         return self.at_frequency(1.0)
 
     def at_frequency(self, omega: float) -> Conditions:
-        """The same motion with the time in units in which the drive has this frequency.
+        """Conditions with the time in units in which the drive has this frequency.
 
         Examples
         --------
@@ -214,7 +214,7 @@ class Conditions:
 
     @property
     def symmetric(self) -> bool:
-        """Whether the mirror image of a motion, half a period later, obeys the same laws."""
+        """Tell whether the mirror image of a motion, half a period later, obeys the same laws."""
         return self.walls.symmetric and not even_harmonics(self.forcing)
 
     @property
@@ -249,7 +249,7 @@ T = TypeVar("T")
 
 
 def in_time_of_drive(make: Callable[..., T], omega: float, **given: Any) -> T:
-    """What is made of parameters with the time in units of 1/omega; a refusal says so."""
+    """Make something of parameters with the time in units of 1/omega; a refusal says so."""
     check_drive(omega, given["gamma"], given.get("spring"), given.get("lattice"))
     for name, power in POWERS.items():
         if given.get(name) is not None:  # of each site, perhaps

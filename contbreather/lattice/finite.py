@@ -68,7 +68,7 @@ class Finite(Protocol):
     def highest_gamma(self) -> float: ...
     @property
     def uniform(self) -> bool:
-        """Whether a drive without springs moves all sites alike."""
+        """Tell whether a drive without springs moves all sites alike."""
 
     def basis(self, hit: tuple[int, ...]) -> Basis: ...
     def beside(self, n: int) -> tuple[int, ...]:
@@ -245,14 +245,14 @@ class Lattice:
 
     @cached_property
     def uniform(self) -> bool:
-        """Whether a drive without springs moves all sites alike."""
+        """Tell whether a drive without springs moves all sites alike."""
         # row sums of a lattice that nothing ties to the ground are 0, but for rounding
         loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
         return bool(loose and self.even and (self.drive == 1.0).all())
 
     @cached_property
     def even(self) -> bool:
-        """Whether springs and dampings are the same everywhere, so that modes decouple."""
+        """Tell whether springs and dampings are the same everywhere: modes decouple then."""
         return bool((self.springs == 1.0).all() and (self.dampings == 1.0).all())
 
     highest_gamma = math.inf

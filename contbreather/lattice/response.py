@@ -382,7 +382,7 @@ class ModalResponse(Response):
 
     @cached_property
     def has_mean(self) -> bool:
-        """Whether its drive has a mean, be it 0 just now."""
+        """Tell whether its drive has a mean, be it 0 just now."""
         return 0 in even_harmonics(self.drive)
 
     def driven(self, by: str = "") -> Any:
@@ -498,7 +498,7 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
 def _as_table(
     of: ModalResponse, sites: Sites, level: FloatArray, waves: Array, grown: Array
 ) -> Responses:
-    """What kernels take, of constants and of sizes of waves by their rates."""
+    """Arguments of kernels, of constants and of sizes of waves by their rates."""
     r, own = len(of.hit), np.array([of.hit.index(n) for n in of.hits])
     which = r * np.arange(len(sites))[:, None] + own
     table = np.zeros((level.size, 3))

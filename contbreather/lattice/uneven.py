@@ -81,7 +81,7 @@ class Medium:
         return out
 
     def generator(self, pull: Array, loss: Array) -> Array:
-        """Of (u, u'), for one K and C or many."""
+        """Generator of (u, u'), for one K and C or many."""
         n = self.lattice.sites
         out = np.zeros((*pull.shape[:-2], 2 * n, 2 * n), dtype=np.result_type(pull, loss))
         out[..., :n, n:] = np.eye(n)
@@ -98,7 +98,7 @@ class Medium:
 
     @one_thread
     def room(self, first: float, step: float, by: str = "") -> float:
-        """How far a parameter may change until a mode certainly is off all harmonics still."""
+        """Change of a parameter up to which all modes certainly are off all harmonics."""
         dK, dC = self.slope(by)
         pull, loss = np.linalg.norm(dK, 2), np.linalg.norm(dC, math.inf)
         # no mode is faster than the root of K's norm

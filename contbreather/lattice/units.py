@@ -110,7 +110,7 @@ class Units:
         return {name: row for name, row in found.items() if row.ndim and np.ptp(row) > 1e-12}
 
     def scale(self, name: str) -> float:
-        """What 1 of our numbers is: a number times that was measured, what was measured over that
+        """Size of 1 of our numbers: a number times that was measured, what was measured over that
         is a number.
 
         Parameters
