@@ -66,7 +66,7 @@ class Unfolded:
 
 @dataclass(frozen=True, eq=False)
 class Conservation:
-    """Conserved quantities, and what is given of an orbit: its "period", or the first of them."""
+    """Conserved quantities, and what is given of an orbit: "period", or the first of them."""
 
     quantities: Quantities
     held: str
