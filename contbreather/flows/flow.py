@@ -317,7 +317,7 @@ class Filippov:
         return total / step
 
     def facing(self, flow: Flow) -> Any:
-        """Speed at which the field of the other side points at the surface: not, where it is crossed."""
+        """Speed at which the other side's field points at the surface: not, where it is crossed."""
         return (self.to_minus if flow == self.plus else self.to_plus).until
 
     # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
