@@ -224,7 +224,8 @@ def test_no_root_of_a_general_forcing_is_missed_or_invented(gamma, k, a, c):
     except NoSolution:
         found = ()
     assert len(found) == count
-    assert all(b.residual < 1e-14 for b in found)
+    # rounding is as large as the terms that cancel
+    assert all(b.residual < 1e-14 * (1.0 + abs(reduced).max()) for b in found)
 
 
 @pytest.mark.parametrize("k", [0.0, 0.3, 1.0])
