@@ -19,7 +19,7 @@ from contbreather.errors import BadInput
 from contbreather.tables import Sheet
 
 LARGEST = 1e30  # of what is measured, and its inverse the smallest: products of it stay finite
-PER_SITE = {"mass": "masses", "force": "drive", "ground": "springs", "damping": "dampings"}
+MEASURED_ROWS = {"mass": "masses", "force": "drive", "ground": "springs", "damping": "dampings"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +75,11 @@ class Units:
             values, everywhere = numbers(name, given), name in ("mass", "gap", "frequency")
             inside = (values == 0.0) | ((values >= 1.0 / LARGEST) & (values <= LARGEST))
             there = values.all() if everywhere else values.any() or name != "force"
-            if values.ndim > (name in PER_SITE) or not (values.size and inside.all() and there):
+            if values.ndim > (name in MEASURED_ROWS) or not (
+                values.size and inside.all() and there
+            ):
                 above = "above 0" if everywhere or name == "force" else "at least 0"
-                several = ", or one for each site," if name in PER_SITE else ""
+                several = ", or one for each site," if name in MEASURED_ROWS else ""
                 raise BadInput(
                     f"{name} = {brief(given)}: a number {above}{several} and up to {LARGEST:g} "
                     "was expected; take units in which it is one."
@@ -105,7 +107,7 @@ class Units:
         for name in ("force", "ground", "damping"):  # these are per unit mass
             value = getattr(self, name)
             if value is not None and np.any(value):
-                found[PER_SITE[name]] = np.asarray(value) / np.mean(value) / heavy
+                found[MEASURED_ROWS[name]] = np.asarray(value) / np.mean(value) / heavy
         # parts that differ by rounding alone are alike
         return {name: row for name, row in found.items() if row.ndim and np.ptp(row) > 1e-12}
 
