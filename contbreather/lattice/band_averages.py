@@ -96,7 +96,7 @@ def polynomial(coefficients: Any, x: Any) -> tuple[Any, Any]:
 
 @inlined
 def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
-    """A mean at one x or many, by the mean of ``z q/(1 - z q)`` of the lattice."""
+    """A mean, by the mean of ``z q/(1 - z q)`` of the lattice."""
     total = 0.0
     for c in series.powers:
         total = total * x + c
@@ -207,11 +207,6 @@ class UniformLattice:
         """`chi`, `eta`, `sigma` or `psi` at one coupling."""
         x = 4.0 * check_gamma(gamma, self.spring)
         return float(average(self._expansions[name], x, self._excess))
-
-    def averages(self, gamma: FloatArray, name: str) -> FloatArray:
-        """`mean` of the infinite chain at many couplings inside of its domain."""
-        series = self._expansions[name]
-        return np.asarray(average(series, 4.0 * gamma, lambda z: 1.0 / np.sqrt(1.0 - z) - 1.0))
 
     def slope(self, gamma: float, name: str) -> float:
         """Derivative of `mean` with respect to gamma."""

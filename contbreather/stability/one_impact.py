@@ -79,7 +79,6 @@ def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
 def _on(
     gamma: float, k: float, spring: float
 ) -> tuple[band_pairs.ChainWithImpacts, band_pairs.BandWorkspace]:
-    """Make the first arguments of the kernels."""
     return band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
 
 
@@ -154,7 +153,6 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
 
 
 def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
-    """Call `pair_window`."""
     window, roots = np.empty(4), np.full((2, 2), math.nan)
     WINDOW(*_on(gamma, k, spring), window, roots)
     return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
