@@ -276,6 +276,14 @@ class CycleProblem(Problem):
             np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
         )
 
+    def simpler(self, point: Point) -> Problem | None:
+        """The orbit a single time around, where it goes around several times."""
+        orbit: Cycle = point.solution
+        single = once(orbit.equations, orbit.flights, point.params)
+        if single.turns == orbit.equations.turns:
+            return None
+        return problem_of(single, point.params, self.events, self.label)
+
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
         if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
