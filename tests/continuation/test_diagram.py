@@ -314,12 +314,6 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
     assert kept[-1] == 7
 
 
-def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
-    with pytest.raises(Interrupted) as stop:
-        grown(Problem(Counted(two_levels, interrupted=1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
-    assert stop.value.partial is None
-
-
 def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
     with pytest.raises(NotConverged, match="is not a solution"):
         grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
