@@ -11,7 +11,6 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -21,7 +20,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import BAD_INPUT, DONE, FAILED
+from contbreather.cli import DONE, FAILED
 from contbreather.files import write_csv
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.orbits.closed_form import ClosedForm
@@ -35,13 +34,6 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
 
 # --- what is refused ----------------------------------------------------------------------------
-
-
-def test_bad_places_are_refused_before_anything_is_computed(run, monkeypatch):
-    computed = Mock()
-    monkeypatch.setattr(cb, "zones_many", computed)
-    assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
-    assert not computed.called
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -437,21 +429,6 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
     pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
     for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
-
-
-def test_zones_of_several_values_are_shared_out_in_order(run: Run, monkeypatch: pytest.MonkeyPatch):
-    """To whoever computes many pieces of work, no executor being named: all cores."""
-    module, asked = import_module("contbreather.orbits.atlas"), dict[str, Any]()
-
-    def here(work: Any, items: Any, **more: Any) -> Any:
-        asked.update(more)
-        return [work(item) for item in items]
-
-    monkeypatch.setattr(module, "each", here)
-    line = "zones --k 0.8 --k 0.7 --gamma-window 0.05 0.07 --json"
-    found = strict(run(line)[1])["zones"]
-    assert [diagram["fixed"] for diagram in found] == [{"k": 0.8}, {"k": 0.7}]
-    assert asked["executor"] is None
 
 
 @pytest.mark.slow

@@ -14,10 +14,12 @@ from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import (
     UniformLattice,
+    average,
     band_averages,
     check_gamma,
     excess,
     excess_slope,
+    expansions,
 )
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
@@ -58,15 +60,16 @@ class InfiniteChain(UniformLattice):
     def describe(self) -> str:
         return "infinite chain"
 
-    def tau(self, gamma: float, edge: float | None = None) -> float:
+    def tau(self, gamma: Any, edge: Any = None) -> Any:
         """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain.
 
         ``edge``, the lower one of the band, is the root of the spring unless given: 1/tau is smooth
         in both.
         """
-        edge = math.sqrt(self.spring) if edge is None else edge
-        stiff = 0.5 * math.pi * edge * math.sqrt(edge * edge + 4.0 * gamma)
-        return (1.0 / stiff if stiff else math.inf) + self.mean(gamma, "tau")
+        edge = np.sqrt(self.spring) if edge is None else edge
+        stiff = 0.5 * math.pi * edge * np.sqrt(edge * edge + 4.0 * gamma)
+        with np.errstate(divide="ignore"):
+            return np.divide(1.0, stiff) + self.mean(gamma, "tau")
 
     def dtau(self, gamma: float) -> float:
         """Derivative of `tau` with respect to gamma, for a spring above 0."""
@@ -91,6 +94,25 @@ class InfiniteChain(UniformLattice):
 
 
 _with_spring = lru_cache(maxsize=64)(InfiniteChain)
+
+
+class Chains:
+    """Infinite chains of many couplings or springs, which are arrays."""
+
+    sites = None
+    tau = InfiniteChain.tau
+
+    def __init__(self, spring: Any = 0.0) -> None:
+        self.spring, of = spring, expansions if np.ndim(spring) else band_averages
+        self._expansions = of(None, spring)
+
+    def mean(self, gamma: Any, name: str) -> Any:
+        return average(self._expansions[name], 4.0 * gamma, _excesses)
+
+
+def _excesses(z: Any) -> Any:
+    r = np.sqrt(1.0 - z)
+    return z / (r * (1.0 + r))  # see `excess`
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Table, Vector, fixed, inlined
-from contbreather.lattice.band_averages import UniformLattice, check_gamma
+from contbreather.lattice.band_averages import (
+    UniformLattice,
+    check_gamma,
+    in_powers_of_x,
+    moments_of,
+)
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.zeta import TERMS, bernoulli, zeta
 
 FloatArray = NDArray[np.float64]
@@ -256,6 +262,23 @@ def half_period_green(
     return _without_modes(np.arange(len(sites))[:, None], table, 1, half=True)
 
 
+def half_period_tables(
+    gamma: FloatArray, spring: Any, distances: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Tables of `half_period_green` of infinite chains of many couplings, and perhaps as many
+    springs, (n, sites, POWERS + 2), and `largest` of each."""
+    x, rest, m = 4.0 * gamma[:, None], 1.0 - np.reshape(spring, (-1, 1)), np.array(distances)
+    powers = moments_of(InfiniteChain(), distances) * x[..., None] ** np.arange(TERMS + 1)
+    if np.any(spring):
+        powers = powers @ in_powers_of_x(spring).swapaxes(-1, -2)
+    r = np.sqrt(1.0 - x / rest)
+    table = np.zeros((gamma.size, m.size, POWERS + 2))
+    table[..., :POWERS] = powers @ weights_per_impulse()
+    rho = x / (rest * (1.0 + r) ** 2)
+    table[..., POWERS] = 2.0 / math.pi * (-1.0) ** m * rho**m / (r * rest)
+    return table, _largest(table, half=True)
+
+
 @lru_cache(maxsize=1)
 def weights_per_impulse() -> FloatArray:
     """``-(2/pi) (-1)^i W_ij/(2i+1)!`` by j and i, the highest power first: of a unit impulse, which
@@ -273,9 +296,13 @@ def weights_per_impulse() -> FloatArray:
 
 def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -> Responses:
     none, rates = np.empty((len(table), 0)), np.empty((0, 2))
-    # harmonics beyond the second are too small for a maximum to hide between the places of a basis
-    largest = 1.01 * abs(table @ _basis(table.shape[1], half)).max(axis=1)
+    largest = _largest(table, half=half)
     return Responses(which, table, rates, none, none, largest, float(periods), half)
+
+
+def _largest(table: FloatArray, *, half: bool) -> FloatArray:
+    # harmonics beyond the second are too small for a maximum to hide between the places of a basis
+    return np.asarray(1.01 * abs(table @ _basis(table.shape[-1], half)).max(axis=-1))
 
 
 @lru_cache(maxsize=2)

@@ -8,7 +8,7 @@ that is positive inside, zero at the limit and continuous in all unknowns and pa
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -26,8 +26,9 @@ from contbreather.orbits.margins import (
     STEEP,
     TIE,
     WHEN,
+    Along,
 )
-from contbreather.orbits.site_motion import IMPULSE, TIME, USUAL, SiteMotion, points_of
+from contbreather.orbits.site_motion import SITE, USUAL, Motion, SiteMotion, points_of
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
@@ -128,11 +129,11 @@ def measured_margins(
     only_closest: bool = False,
     touching: int | None = None,
     time: float = math.nan,
-    along: tuple[FloatArray, FloatArray, FloatArray] | None = None,
+    along: Callable[[Motion], tuple[Along, FloatArray]] | None = None,
 ) -> Measured:
     """Margins that `margins` is asked for; with `only_closest` what is farther off than others,
-    or than the far field, is not looked at closely. `along` are amplitudes, times and impulses of
-    many orbits that differ from this one in these alone, and the rows those of the last."""
+    or than the far field, is not looked at closely. `along` says of many orbits in what they differ
+    from this one, and the margins of their far fields; the rows are those of the last."""
     motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
     # one for each flight and each site, two for the other crests of a site that touches
@@ -140,13 +141,19 @@ def measured_margins(
     # the longest grid is that of a flight as long as the period, with its steep start and both ends
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP + 2))
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
-    if along is None:
-        along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
-    lowest = np.full(len(along[0]), math.inf)
+    many, far = (single(motion), orbit.far) if along is None else along(motion)
+    lowest = np.full(many.a.size, math.inf)
     if only_closest:  # finite, and beyond all others, where there is no far field
-        lowest[:] = orbit.far_of(along[0]) if orbit.endless else 1e300
-    MARGINS(motion, *along, wanted, which, time, work, lowest)
+        lowest[:] = far if orbit.endless else 1e300
+    MARGINS(motion, many, wanted, which, time, work, lowest)
     return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
+
+
+def single(motion: Motion) -> Along:
+    """Of one motion what many may differ in."""
+    of, drive, (times, impulses) = motion.responses, motion.forced, motion.impacts[:SITE]
+    parts = np.array([motion.a]), times[None], impulses[None], of.table[None], of.largest[None]
+    return Along(*parts, drive.cosines[None], drive.sines[None], np.array([drive.peak]))
 
 
 def clearance(orbit: SiteMotion) -> Admissibility:

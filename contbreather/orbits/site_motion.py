@@ -157,26 +157,22 @@ class SiteMotion:
     @property
     def far(self) -> float:
         """The margin of the far field, 1 where there is none."""
-        return float(self.far_of(self.on.a))
-
-    def far_of(self, a: Any) -> Any:
-        """Margin of the far field at other amplitudes."""
         if not self.endless:
             return 1.0
         # far from all impacts u_n = c + a f(t)
-        return np.minimum(self._far_at(1, a), self._far_at(-1, a))
+        return min(self._far_at(1), self._far_at(-1))
 
-    def _far_at(self, sign: int, a: Any) -> Any:
+    def _far_at(self, sign: int) -> float:
         """Its margin at one wall, with the larger offset of both ends; without coupling none."""
         ends = self.representation.offsets if self.on.gamma else (0.0,)
         offset = max(sign * ends[0], sign * ends[-1])
-        return 1.0 - offset - a * peak_of(self.response.drive.harmonics, sign)
+        return float(1.0 - offset - self.on.a * peak_of(self.response.drive.harmonics, sign))
 
     def far_time(self) -> float:
         """When it is closest to a wall."""
         if not self.endless:
             return self.start
-        sign = min((1, -1), key=lambda sign: self._far_at(sign, self.on.a))
+        sign = min((1, -1), key=self._far_at)
         return _highest(self.response.drive, sign)
 
     # ------------------------------------------------------------------------ motion

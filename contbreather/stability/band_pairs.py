@@ -218,6 +218,14 @@ def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
     return value
 
 
+def pair_windows(
+    gammas: Vector, k: float, spring: float, work: BandWorkspace, windows: Matrix, roots: Matrix
+) -> None:
+    """`pair_window` at many couplings, in rows; the roots of the last."""
+    for i in range(gammas.size):
+        pair_window(ChainWithImpacts(gammas[i], k, spring), work, windows[i], roots)
+
+
 def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:
     """Centre and square of the `Window`, and the angles at its ends, where it has none that where
     it will open; angle and b of each root, in rows."""
@@ -328,4 +336,4 @@ def unopened(around: Matrix, curvature: float, x: float, height: float) -> tuple
     return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 
-ON_ARC, WINDOW, SUMS = Kernel(pair_equations), Kernel(pair_window), Kernel(sums_along)
+ON_ARC, WINDOWS, SUMS = Kernel(pair_equations), Kernel(pair_windows), Kernel(sums_along)
