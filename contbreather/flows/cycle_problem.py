@@ -31,6 +31,7 @@ from .equations import FlowEquations
 from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
+from .jacobian import at_other_time
 from .multipliers import closing_matrix, of_cycle, paces
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
@@ -413,7 +414,7 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         (flow,) = flows
         walls = tuple(partial(back, wall) for wall in flow.guards.values())
         reset = flow.reset and partial(back, flow.reset)
-        after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
+        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
     return replace(
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,
