@@ -11,7 +11,6 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -21,7 +20,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import BAD_INPUT, DONE, FAILED
+from contbreather.cli import DONE, FAILED
 from contbreather.files import write_csv
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.orbits.closed_form import ClosedForm
@@ -35,13 +34,6 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
 
 # --- what is refused ----------------------------------------------------------------------------
-
-
-def test_bad_places_are_refused_before_anything_is_computed(run, monkeypatch):
-    computed = Mock()
-    monkeypatch.setattr(cb, "zones_many", computed)
-    assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
-    assert not computed.called
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,13 +268,6 @@ def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 
 
-def test_branch_by_the_paper_s_rule(run: Run) -> None:
-    line = "branch --free gamma --a 0.2 --k 0.8 --window 0.08 0.1"
-    special = strict(run(f"{line} --sites 400 --json")[1])["special"]
-    first = next(point["gamma"] for point in special if point["kind"] == "NS")
-    assert first == pytest.approx(0.0915527427, abs=1e-9)
-
-
 def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
     status, out, _ = run(f"{BRANCH} --csv b.csv -o b.pdf --json")
     content, rows = strict(out), table(Path("b.csv"))
@@ -340,15 +325,6 @@ def test_what_ends_in_mx_is_shown_and_has_status_1(
     status, out, err = run(line)
     assert (status, shown in out) == (FAILED, True)
     assert re.search("broke off.*too sharp", err)
-
-
-def test_boundary_shows_where_it_meets_others(run: Run) -> None:
-    status, out, _ = run("boundary PF --k 0.8 --csv pf.csv -o pf.svg")
-    assert status == DONE
-    assert "PF-GR1" in out
-    assert "Wrote pf.csv." in out
-    assert table(Path("pf.csv"))[0]["gamma"] == "0.0"
-    assert "<svg" in Path("pf.svg").read_text()
 
 
 # --- zones --------------------------------------------------------------------------------------
@@ -439,48 +415,6 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
 
 
-def test_zones_of_several_values_are_shared_out_in_order(run: Run, monkeypatch: pytest.MonkeyPatch):
-    """To whoever computes many pieces of work, no executor being named: all cores."""
-    module, asked = import_module("contbreather.orbits.atlas"), dict[str, Any]()
-
-    def here(work: Any, items: Any, **more: Any) -> Any:
-        asked.update(more)
-        return [work(item) for item in items]
-
-    monkeypatch.setattr(module, "each", here)
-    line = "zones --k 0.8 --k 0.7 --gamma-window 0.05 0.07 --json"
-    found = strict(run(line)[1])["zones"]
-    assert [diagram["fixed"] for diagram in found] == [{"k": 0.8}, {"k": 0.7}]
-    assert asked["executor"] is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
-def test_zones_in_other_planes(run: Run, name: str, value: str) -> None:
-    status, _, _ = run(f"zones --{name} {value} -o z.png --csv z.csv")
-    assert status == DONE
-    rows = table(Path("z.csv"))
-    assert {float(row[name]) for row in rows} == {float(value)}
-    for row in [row for row in rows if row["curve"] == "LP"][::10]:
-        assert fold({name: float(row[name]) for name in ("k", "gamma", "a")})
-
-
-@pytest.mark.slow
-def test_zones_of_another_forcing(run: Run) -> None:
-    line = f"zones --k 0.7 --gamma-window 0.1 0.14 --forcing {TWO_HARMONICS!r}"
-    content = strict(run(f"{line} --json")[1])
-    assert "cos(3 * t)" in content["forcing"]
-    forcing = cb.Symbolic(TWO_HARMONICS)
-    lows = [curve for curve in content["zones"][0]["curves"] if curve["curve"] == "LP"]
-    smallest = [
-        smallest_amplitude(gamma, 0.7, forcing) - a
-        for curve in lows
-        for gamma, a in zip(curve["gamma"], curve["a"], strict=True)
-    ]
-    assert max(smallest) < 1e-10
-    assert min(map(abs, smallest)) < 1e-10
-
-
 def test_the_table_of_zones_is_that_of_the_library(run: Run) -> None:
     """With the parameter of the forcing in it, and the counts."""
     line = "zones --k 0.8 --gamma-window 0.04 0.042 --csv z.csv --save z.nc"
@@ -538,15 +472,6 @@ def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
     assert Path("figure4.png").read_bytes().startswith(b"\x89PNG")
     assert "infinite chain (exact)" in " ".join(out.split())
     assert "Wrote figure4.png." in out
-
-
-def test_figure_for_programs(run: Run) -> None:
-    content = strict(run("figure 3 --json --csv m.csv")[1])
-    assert content["written"] == ["m.csv"]
-    assert len(content["rows"]) == 1600
-    assert [float(row["modulus"]) for row in table(Path("m.csv"))] == [
-        row["modulus"] for row in content["rows"]
-    ]
 
 
 def test_help_and_version_are_quick_for_they_load_no_numerics() -> None:

@@ -15,13 +15,13 @@ import pytest
 import contbreather as cb
 import contbreather.plotting as plots
 from contbreather.continuation import Branch
-from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
+from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION, marker_of
+from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION
 from contbreather.plotting.multipliers import band
 
 
@@ -229,38 +229,12 @@ def test_small_changes_are_not_taken_for_rounding() -> None:
     assert ax.yaxis.get_offset_text().get_text() == ""
 
 
-def test_every_marker_covers_about_the_same_area() -> None:
-    """A star of the size of a disc has a quarter of its ink: it is drawn larger."""
-    from matplotlib.markers import MarkerStyle
-
-    def ink(kind: str) -> float:
-        style = MarkerStyle(look_of(kind).marker)
-        path = style.get_path().transformed(style.get_transform())
-        (polygon,) = path.to_polygons()[:1]
-        x, y = polygon.T
-        area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
-        return float(area * marker_of(kind)["markersize"] ** 2)
-
-    areas = {kind: ink(kind) for kind in LOOKS if kind not in ("EP", "MX")}
-    assert max(areas.values()) < 2.5 * min(areas.values()), areas
-
-
 def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> None:
     from dataclasses import replace
 
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in in_a)
     shown = {text.get_text() for text in words(plots.plot(replace(in_a, points=doubtful)).axes)}
     assert "PF1?" in shown
-
-
-def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
-    ax = plots.plot(in_a).axes
-    assert overlaps(ax) == 0
-    frame = ax.bbox
-    for text in words(ax):
-        box = text.get_window_extent()
-        assert frame.x0 <= box.x0
-        assert box.x1 <= frame.x1
 
 
 def test_branches_have_different_colours_in_one_call_and_in_several(in_a: Branch) -> None:

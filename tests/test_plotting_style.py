@@ -202,32 +202,6 @@ def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_she
         assert place.max(initial=1.0) <= 1.0 + 1e-6
 
 
-def layers(ax: Axes, wanted) -> set[float]:
-    return {line.get_zorder() for line in ax.get_lines() if wanted(line)}
-
-
-def test_dots_of_multipliers_lie_above_the_band_and_that_above_the_circle(pictures) -> None:
-    ax = pictures["multipliers"]
-    dots = layers(ax, lambda line: line.get_marker() == "o")
-    band = layers(ax, lambda line: line.get_linewidth() == 5.0)
-    rest = layers(ax, lambda line: line.get_marker() != "o" and line.get_linewidth() < 5.0)
-    assert max(rest) < min(band) <= max(band) < min(dots)
-
-
-def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures, diagram) -> None:
-    ax = pictures["zones"]
-    meetings = layers(ax, lambda line: line.get_marker() == "p")
-    curves = layers(ax, lambda line: line.get_marker() != "p")
-    shades = {patch.get_zorder() for patch in ax.patches}
-    letters = {word.get_zorder() for word in ax.texts if word.get_text() in ("S", "US")}
-    assert max(shades) < min(letters | curves)
-    assert min(meetings) > max(curves | letters)
-    gammas = np.concatenate([patch.get_path().vertices[:, 0] for patch in ax.patches])
-    for kind, branch in diagram:
-        assert gammas.min() - 1e-9 <= branch["gamma"].min(), kind
-        assert branch["gamma"].max() <= gammas.max() + 1e-9, kind
-
-
 @pytest.mark.parametrize("legend", [True, False])
 def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram, legend) -> None:
     figure, (ax,) = plots.new_figure()
@@ -304,21 +278,6 @@ def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
         plots.plot_multipliers(b, sites=40, digits=-1)
     with pytest.raises(BadInput, match="an orbit or a cycle was expected, got a float"):
         plots.plot_multipliers(0.5)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("gamma", "a", "limits"),
-    [
-        ((0.02, 0.1), (0.5, 0.89), (0.0, 0.1032, 0.4844, 0.9056)),
-        ((0.02, 0.0999), (0.5, 0.88), (0.0168, 0.1031, 0.4848, 0.9256)),
-    ],
-)
-def test_axes_of_zones_go_a_little_beyond_them(gamma, a, limits) -> None:
-    """From 0 where they begin within a fifth of their end; higher where a meeting, here that at
-    a = 0.8687, needs a name."""
-    window = {"gamma": gamma, "a": a}
-    axes = plots.plot_zones(cb.zones(k=0.8, within=window), within=window).axes
-    assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(limits, abs=1e-4)
 
 
 def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diagram) -> None:

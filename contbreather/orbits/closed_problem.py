@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.walk_kernel import Walker
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
-from contbreather.continuation.curve.problem import Problem, chained
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring

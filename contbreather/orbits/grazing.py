@@ -20,7 +20,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
-from contbreather.continuation.curve.problem import chained
+from contbreather.continuation.curve.ties import chained
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
