@@ -150,13 +150,23 @@ def _series(raw: _Raw, sites: int | None, spring: Any, shifted: FloatArray) -> B
     return BandAverage(*rows)
 
 
-_BINOMIALS = np.array([[math.comb(j, n) for n in range(TERMS + 1)] for j in range(TERMS + 1)], float)
+def chi_of_chain() -> tuple[FloatArray, ...]:
+    """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
+    raw = _functions()["chi"]
+    powers = np.append(raw.constant, raw.tail)
+    return *np.array(raw.poles).T.copy(), powers, powers.copy(), q_moments(None, 0)
+
+
+_BINOMIALS = np.array(
+    [[math.comb(j, n) for n in range(TERMS + 1)] for j in range(TERMS + 1)], float
+)
 _APART = np.maximum(np.subtract.outer(range(TERMS + 1), range(TERMS + 1)), 0)
 
 
-def in_powers_of_x(spring: Any) -> FloatArray:
-    """``(spring + x)^j`` in powers of x: row j, shape (..., TERMS + 1, TERMS + 1)."""
-    return np.asarray(_BINOMIALS * np.asarray(spring, dtype=float)[..., None, None] ** _APART)
+def in_powers_of_x(spring: Any, size: int = TERMS + 1) -> FloatArray:
+    """``(spring + x)^j`` in powers of x: row j, shape (..., size, size)."""
+    powers = np.asarray(spring, dtype=float)[..., None] ** np.arange(size)
+    return np.asarray(_BINOMIALS[:size, :size] * powers[..., _APART[:size, :size]])
 
 
 @lru_cache(maxsize=64)

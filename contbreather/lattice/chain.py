@@ -104,7 +104,10 @@ class Chains:
 
     def __init__(self, spring: Any = 0.0) -> None:
         many = np.ndim(spring) > 0
-        self.spring, self._expansions = spring, (expansions if many else band_averages)(None, spring)
+        self.spring, self._expansions = (
+            spring,
+            (expansions if many else band_averages)(None, spring),
+        )
 
     def mean(self, gamma: Any, name: str) -> Any:
         return average(self._expansions[name], 4.0 * gamma, _excesses)
