@@ -33,8 +33,6 @@ from .multiplier_events import linked
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
 
-_SAME = 1e-7  # relative distance at which a cycle has closed
-
 
 def FixedPoint(
     map_: Map,
@@ -249,7 +247,7 @@ class MapCycleProblem(Problem):
     def simpler(self, point: Point) -> Problem | None:
         """The cycle as one of the smallest period it has, if that is not the one it is written
         in."""
-        near = _SAME * (1 + float(np.linalg.norm(point.x)))
+        near = 1e-7 * (1 + float(np.linalg.norm(point.x)))
         for period, x in enumerate(self.residual.phases(point.x, point.params)[1:], start=1):
             if self.period % period == 0 and np.linalg.norm(x - point.x) <= near:
                 return with_period(point.problem, period)

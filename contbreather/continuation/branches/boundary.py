@@ -44,8 +44,6 @@ from ..systems.defining_systems import Extended, ExtendedProblem, event_of, exte
 from ..walk.checkpoint import Save, checkpoint, piece_of
 from ..walk.trace import trace
 
-_MOST = 500  # steps in each direction
-
 
 @one_thread
 def boundary(
@@ -109,7 +107,7 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     named_pair(pair)
     base_point, event = _having(point.base_point, _traceable(point), pair)
-    settings = Settings.of(within, events, steps, inadmissible, Steps(most=_MOST))
+    settings = Settings.of(within, events, steps, inadmissible, Steps(most=500))
     longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
     born = partial(replace, settings=settings, origin=point)
     with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:

@@ -32,11 +32,6 @@ if TYPE_CHECKING:
     from rich.tree import Tree
 
 
-_COLUMNS = 5  # numbers shown for a point in the tree
-_SHORT = 0.1  # of the first step that was asked for: an arm that sets out by less
-_FARTHER = 12  # is recognised after so many steps
-
-
 @dataclass(frozen=True)
 class Place:
     """A special point and the branch it was found on first."""
@@ -222,7 +217,7 @@ def _count(things: Sized, singular: str, plural: str = "") -> str:
 def _shown(point: Point) -> str:
     values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
     numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
-    return f"{point.label}: {', '.join(numbers[:_COLUMNS])}{', ...' * (len(numbers) > _COLUMNS)}"
+    return f"{point.label}: {', '.join(numbers[:5])}{', ...' * (len(numbers) > 5)}"
 
 
 # --- growing ----------------------------------------------------------------------------------
@@ -371,9 +366,9 @@ class _Growth:
         first = glance(steps=replace(self.steps, most=1))
         if len(first) < 2 and first.stop is Stop.BOUND:
             return  # at the edge of the window, beyond which it lies
-        if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
+        if first.curve.length(first[-1].z - first[0].z) < 0.1 * self.steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
-            first = glance(steps=replace(self.steps, most=_FARTHER))
+            first = glance(steps=replace(self.steps, most=12))
         reach = first.curve.length(first[-1].z - first[0].z)
         duplicate = duplicate_of(first[-1], self.tree, reach)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):

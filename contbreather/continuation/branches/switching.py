@@ -34,8 +34,6 @@ from ..walk.trace import trace
 from .duplicates import images, lies_on
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
-_ALIKE = 0.999  # entries of a direction that are equal but for rounding
-_APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
 
 
 class Seed(NamedTuple):
@@ -109,7 +107,8 @@ class SwitchingProblem:
     def _oriented(self, tangent: Array, curve: Curve) -> Array:
         slots = [curve.slots[name] for name in self.by or self.problem.start]
         moved = np.concatenate([np.atleast_1d(tangent[slot]) for slot in slots])
-        first = moved[int((abs(moved) >= _ALIKE * abs(moved).max()).argmax())]
+        # of entries that are equal but for rounding the first
+        first = moved[int((abs(moved) >= 0.999 * abs(moved).max()).argmax())]
         return np.asarray(-math.copysign(1.0, first) * tangent)
 
     def seeds(self) -> tuple[Seed, ...]:
@@ -395,7 +394,7 @@ def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
         curve = arm.curve
         reach = curve.length(arm[1].z - arm[0].z)
         distance = curve.length(arm[1].z - other[1].z) / max(reach, 1e-300)
-        if distance < _APART:
+        if distance < 1e-3:
             raise ArmsCoincide(
                 f"two arms of {arm[0].parent!r} coincide: after the first step, "
                 f"{reach:.2g}, they are {distance * reach:.2g} apart",
