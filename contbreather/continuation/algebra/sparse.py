@@ -50,7 +50,6 @@ class Dense:
         return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
 
     def transposed(self, right: Array) -> Array:
-        """The solution for the transpose."""
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
     def sign(self) -> int:
@@ -317,7 +316,6 @@ def _column(matrix: Matrix, number: int) -> Array:
 
 
 def _small(matrix: Array, right: Array) -> Array:
-    """The solution of one equation, or of a few."""
     return np.asarray(right / matrix[0] if right.size == 1 else np.linalg.solve(matrix, right))
 
 

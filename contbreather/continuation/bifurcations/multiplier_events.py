@@ -56,17 +56,13 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
     )  # fmt: skip
     circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
     circle.events["PD"] = Event(
-        "PD",
-        flips or partial(circle.least_beside, "", -1.0),
-        locus=partial(_flip_locus, circle),
-        examine=_examine_flip,
-    )
+        "PD", flips or partial(circle.least_beside, "", -1.0),
+        locus=partial(_flip_locus, circle), examine=_examine_flip,
+    )  # fmt: skip
     circle.events["NS"] = Event(
-        "NS",
-        partial(circle.least_of_pairs, ""),
-        locus=partial(_rotation_locus, circle),
-        examine=partial(_examine_rotation, circle),
-    )
+        "NS", partial(circle.least_of_pairs, ""),
+        locus=partial(_rotation_locus, circle), examine=partial(_examine_rotation, circle),
+    )  # fmt: skip
     for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
         sign = int(circle.real[on])
         circle.double[on] = CodimensionTwo(

@@ -123,7 +123,6 @@ def boundary(
 
 
 def named_pair(pair: Any) -> tuple[str, str]:
-    """Two different names, or a sentence."""
     listed = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
     if not listed or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
@@ -208,7 +207,6 @@ def boundary_problem(
 
 
 def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
-    """A column, NaN for a count."""
     value = math.nan if isinstance(column, UnstableDimension) else column(point)
     return math.nan if isinstance(value, int | np.integer) else value
 

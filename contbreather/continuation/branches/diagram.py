@@ -162,10 +162,7 @@ class Diagram(Columns, HtmlRepr):
 
     def describe(self) -> str:
         """One sentence: how much there is, and what was left undone."""
-        branches, points = (
-            _count(self, "branch", "branches"),
-            _count(self._distinct(), "special point"),
-        )
+        branches, points = _count(self, "branch", "es"), _count(self._distinct(), "special point")
         left = f"{_count(self.left, 'point')} not switched at" if self.left else ""
         failed = f"{_count(self.failed, 'arm')} not followed" if self.failed else ""
         ends = f"{_count(self.ends, 'end')} with no orbit beyond" if self.ends else ""
@@ -177,14 +174,14 @@ class Diagram(Columns, HtmlRepr):
 
     def table(self) -> Sheet:
         """A line for each branch; in a terminal it is a tree."""
-        columns: dict[str, list[Any]] = {
-            "branch": [str(i) for i in range(len(self))],
-            "born at": [birth.place.name if birth.place else "" for birth in self.births],
-            "points": [len(branch) for branch in self],
-            "special": [" ".join(p.label for p in branch.special) for branch in self],
-            "end": [branch.stop.value for branch in self],
-        }
-        return Sheet([Column(name, cells) for name, cells in columns.items()], self.describe())
+        columns = [
+            Column("branch", [str(i) for i in range(len(self))]),
+            Column("born at", [birth.place.name if birth.place else "" for birth in self.births]),
+            Column("points", [len(branch) for branch in self]),
+            Column("special", [" ".join(p.label for p in branch.special) for branch in self]),
+            Column("end", [branch.stop.value for branch in self]),
+        ]
+        return Sheet(columns, self.describe())
 
     def __rich__(self) -> Tree:
         """Branches as a tree: under each its special points, under each of these what was born."""
@@ -210,8 +207,8 @@ class Diagram(Columns, HtmlRepr):
                     self._grow(leaf, i)
 
 
-def _count(things: Sized, singular: str, plural: str = "") -> str:
-    return f"{len(things)} {singular if len(things) == 1 else plural or singular + 's'}"
+def _count(things: Sized, name: str, plural: str = "s") -> str:
+    return f"{len(things)} {name}{plural * (len(things) != 1)}"
 
 
 def _shown(point: Point) -> str:

@@ -112,7 +112,6 @@ class SwitchingProblem:
         return np.asarray(-math.copysign(1.0, first) * tangent)
 
     def seeds(self) -> tuple[Seed, ...]:
-        """Starts of the arms."""
         (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
         sides = (1.0, -1.0) if self.both else (1.0,)
         return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
@@ -211,12 +210,8 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         """A line for each, with its special points."""
         labels = [", ".join(point.label for point in branch.special) for branch in self]
         what = [branch.describe() for branch in self]
-        columns: dict[str, list[Any]] = {
-            "": list(range(len(self))),
-            "branch": what,
-            "points": labels,
-        }
-        return Sheet([Column(name, cells) for name, cells in columns.items()])
+        columns = [Column("", list(range(len(self)))), Column("branch", what)]
+        return Sheet([*columns, Column("points", labels)])
 
 
 @one_thread

@@ -55,10 +55,8 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
     for iteration in range(1, most + 1):
-        value, matrix = (
-            curve.equations(z) / curve.row_scales,
-            _finite(curve.balanced(curve.jacobian(z))),
-        )
+        value = curve.equations(z) / curve.row_scales
+        matrix = _finite(curve.balanced(curve.jacobian(z)))
         weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
@@ -95,9 +93,8 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
     if not min(-low, high) > 1e-8 * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
-    left = max(
-        0.0, abs(w.dot(value / curve.row_scales)) - abs(w) @ (curve.rounding(z) / curve.row_scales)
-    )
+    w = w / curve.row_scales
+    left = max(0.0, abs(w.dot(value)) - abs(w) @ curve.rounding(z))
     # the hyperbola c^T form c / 2 + beta = 0 stays about this far off its centre
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -355,16 +355,12 @@ def event_of(problem: Problem) -> Event | None:
 
 def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    return replace(
-        locus,
-        extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
-        conditions=partial(_asked_beneath, together, locus.conditions),
-        derivative=partial(_derivative_beneath, together, locus.derivative)
-        if locus.derivative
-        else None,
-        events=(),
-        walker=None,
-    )
+    slopes = locus.derivative and partial(_derivative_beneath, together, locus.derivative)
+    return DefiningSystem(
+        {f"{name}{suffix}": value for name, value in locus.extra.items()},
+        partial(_asked_beneath, together, locus.conditions), slopes,
+        domain=locus.domain, meets=locus.meets, unfolding=locus.unfolding,
+    )  # fmt: skip
 
 
 def _asked_beneath(

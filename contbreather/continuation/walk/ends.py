@@ -222,10 +222,8 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
         reconsider(curve, ahead)
         curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
     try:
-        value, change = (
-            curve.equations(z) / curve.row_scales,
-            curve.jacobian(z) @ tangent / curve.row_scales,
-        )
+        value = curve.equations(z) / curve.row_scales
+        change = curve.jacobian(z) @ tangent / curve.row_scales
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
