@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 import contbreather as cb
 import contbreather.plotting as plots
@@ -150,35 +149,6 @@ NAMES = (
     "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
     "basin", "orbit", "sites", "moduli", "against", "traces",
 )  # fmt: skip
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None:
-    ax = pictures[name]
-    for line in ax.get_lines():
-        width = line.get_linewidth()
-        assert 0.25 <= width <= 1.6 or width == 5.0  # the band on the unit circle
-        assert 1.0 <= line.get_markersize() <= 9.0
-        assert 0.0 < line.get_markeredgewidth() <= 1.2
-        assert line.get_alpha() is None or 0.2 <= line.get_alpha() <= 1.0
-        assert -1 <= line.get_zorder() <= 10
-    words = [*ax.texts, ax.xaxis.label, ax.yaxis.label, *ax.get_xticklabels(), ax.title]
-    for word in words:
-        assert 5.0 <= word.get_fontsize() <= 12.0
-    legend = ax.get_legend()
-    if legend is not None:
-        assert all(6.0 <= word.get_fontsize() <= 8.0 for word in legend.get_texts())
-        assert not legend.get_frame_on()
-        assert 1.0 <= legend.handlelength <= 2.5
-        assert 0.2 <= legend.handletextpad <= 1.0
-        assert 0.5 <= legend.columnspacing <= 2.0
-        own, box = legend.get_window_extent(), ax.bbox  # it stands in or over its own axes
-        assert box.x0 - 0.03 * box.width <= own.x0 <= own.x1 <= box.x1 + 0.03 * box.width
-        assert own.y0 <= box.y1 + 0.1 * box.height
-        name = ax.get_title(loc="left") or None
-        titles = [word for word in ax.findobj(Text) if word.get_text() == name]
-        assert not any(word.get_window_extent().overlaps(own) for word in titles)
-        assert legend.get_frame().get_alpha() is None or legend.get_frame().get_alpha() <= 1.0
 
 
 @pytest.mark.parametrize("name", NAMES)
