@@ -223,18 +223,6 @@ def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{-1}$", r"$\dot u_{-1}$")
 
 
-def test_the_number_of_a_multiplier_keeps_off_the_band() -> None:
-    ring = cb.symmetric(0.3, 0.1, 0.8, lattice=cb.Ring(20), damping=0.05)
-    ax = plots.plot_multipliers(ring, half=True).axes
-    (word,) = [text for text in ax.texts if text.get_text()]
-    dots = [line.get_xydata() for line in ax.get_lines() if line.get_marker() == "o"]
-    waves = [line.get_xydata() for line in ax.get_lines() if line.get_linewidth() == 5.0]
-    assert len(waves) == 2
-    places = ax.transData.transform(np.concatenate([*waves, *dots]))
-    half = 2.5 * ax.figure.dpi / 72  # of the width of the band
-    assert word.get_window_extent().padded(half).count_contains(places) == 0
-
-
 def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
     b = cb.symmetric(0.8, 0.045, 0.8)
     for digits in (0, 2, 5):
