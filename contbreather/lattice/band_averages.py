@@ -150,14 +150,22 @@ def _series(raw: _Raw, sites: int | None, spring: Any, shifted: FloatArray) -> B
     return BandAverage(*rows)
 
 
+def chi_of_chain() -> tuple[FloatArray, ...]:
+    """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
+    raw = _functions()["chi"]
+    powers = np.append(raw.constant, raw.tail)
+    return *np.array(raw.poles).T.copy(), powers, powers.copy(), q_moments(None, 0)
+
+
 _POWERS = range(TERMS + 1)
 _BINOMIALS = np.array([[math.comb(j, n) for n in _POWERS] for j in _POWERS], float)
 _APART = np.maximum(np.subtract.outer(_POWERS, _POWERS), 0)
 
 
-def in_powers_of_x(spring: Any) -> FloatArray:
-    """``(spring + x)^j`` in powers of x: row j, shape (..., TERMS + 1, TERMS + 1)."""
-    return np.asarray(_BINOMIALS * np.asarray(spring, dtype=float)[..., None, None] ** _APART)
+def in_powers_of_x(spring: Any, size: int = TERMS + 1) -> FloatArray:
+    """``(spring + x)^j`` in powers of x: row j, shape (..., size, size)."""
+    powers = np.asarray(spring, dtype=float)[..., None] ** np.arange(size)
+    return np.asarray(_BINOMIALS[:size, :size] * powers[..., _APART[:size, :size]])
 
 
 @lru_cache(maxsize=64)
@@ -219,7 +227,8 @@ class UniformLattice:
     def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
         """A mean as kernels take it; the same at every coupling where one is given."""
         if gamma is not None:
-            return BandAverage(*np.empty((2, 0)), np.array([self.mean(gamma, name)]))
+            none = np.empty(0)
+            return BandAverage(none, none, np.array([self.mean(gamma, name)]))
         return BandAverage(*map(np.array, self._expansions[name]))
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:

@@ -93,7 +93,14 @@ class Formula(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _read(text: str) -> Formula:
+def read_formula(text: str) -> Formula:
+    """Read a formula, of which nothing is executed; `BadInput` for what is none.
+
+    Examples
+    --------
+    >>> sorted(read_formula("a*cos(w*t)").letters)
+    ['a', 'w']
+    """
     try:
         if len(text) > 20_000:  # characters, as deep as Python may read it
             raise MemoryError
@@ -157,9 +164,9 @@ def _value(node: ast.expr) -> Value:
                 raise BadInput("the order of besselj must be a number, no parameter or formula.")
         case _:
             raise BadInput(
-                f"the formula holds {brief(ast.unparse(node))}, which no forcing may: use numbers, "
-                f"t, names of parameters, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of "
-                "something in parentheses."
+                f"the formula holds {brief(ast.unparse(node))}, which no formula may: use numbers, "
+                f"names, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of something in "
+                "parentheses."
             )
     inner = [_value(part) for part in parts]
     return lambda at: do(*[value(at) for value in inner])
@@ -303,7 +310,7 @@ class Symbolic(Periodic):
     values: tuple[tuple[str, float], ...]
 
     def __init__(self, expression: str | sympy.Expr, /, **params: float) -> None:
-        formula = _read(str(expression))
+        formula = read_formula(str(expression))
         _check_names(formula, params)
         object.__setattr__(self, "expression", formula.text)
         object.__setattr__(self, "values", tuple((n, float(params[n])) for n in sorted(params)))

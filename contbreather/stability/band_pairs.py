@@ -219,11 +219,17 @@ def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
 
 
 def pair_windows(
-    gammas: Vector, k: float, spring: float, work: BandWorkspace, windows: Matrix, roots: Matrix
-) -> None:
-    """`pair_window` at many couplings, in rows; the roots of the last."""
+    gammas: Vector, springs: Vector, k: float, expansions: Cube, work: BandWorkspace,
+    windows: Matrix, roots: Matrix,
+) -> None:  # fmt: skip
+    """`pair_window` of many chains, in rows, by the expansions of each, or the one of all; the
+    roots of the last."""
     for i in range(gammas.size):
-        pair_window(ChainWithImpacts(gammas[i], k, spring), work, windows[i], roots)
+        first = 3 * i if expansions.shape[0] > 3 else 0
+        own = BandWorkspace(
+            expansions[first : first + 3], work.by_spring, work.tails, work.values, work.around
+        )
+        pair_window(ChainWithImpacts(gammas[i], k, springs[i]), own, windows[i], roots)
 
 
 def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:

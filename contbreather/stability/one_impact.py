@@ -86,14 +86,19 @@ def _on(
 def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
     """Expansions that `band_pairs` need, with a thread's room to evaluate them."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
-    moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
-    slopes = np.arange(ORDERS)[:, None] * np.roll(moments[:ORDERS], 1, axis=0)
-    values, by_spring = (
-        np.ascontiguousarray((tables() @ rows[:ORDERS, :ORDERS])[:, ::-1, ::-1])
-        for rows in (moments, slopes)
-    )
+    values, slopes = _expanded(spring), _expanded(spring, slope=True)
     room = np.empty((3, 3, POWERS)), np.empty(GRID + 1), np.empty((3, 3))
-    return band_pairs.BandWorkspace(values, by_spring, *room)
+    return band_pairs.BandWorkspace(values, slopes, *room)
+
+
+def _expanded(spring: Any, slope: bool = False) -> Array:
+    """Tails of R/nu, B, C by powers of nu^2 and 4 gamma, the highest first; of many springs in one
+    row after the other."""
+    moments = InfiniteChain().moments(0)[:ORDERS] * in_powers_of_x(spring, ORDERS)
+    if slope:
+        moments = np.arange(ORDERS)[:, None] * np.roll(moments, 1, axis=-2)
+    rows = (tables() @ moments[..., None, :, :])[..., ::-1, ::-1]
+    return np.ascontiguousarray(rows).reshape(-1, POWERS, ORDERS)
 
 
 @lru_cache(maxsize=1)
@@ -152,10 +157,14 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
     return tuple(sorted(NeimarkSacker(*root) for root in _windows(gamma, k, spring)[1]))
 
 
-def _windows(gamma: Any, k: float, spring: float) -> tuple[Array, list[list[float]]]:
-    gammas, roots = np.array(gamma, dtype=float, ndmin=1), np.full((2, 2), math.nan)
-    windows = np.empty((gammas.size, 4))
-    WINDOWS(gammas, k, spring, band_workspace(spring, get_ident()), windows, roots)
+def _windows(gamma: Any, k: float, spring: Any) -> tuple[Array, list[list[float]]]:
+    """Call `pair_windows`, for one chain or arrays of many."""
+    gammas, springs = np.broadcast_arrays(*np.atleast_1d(gamma, spring))
+    windows, roots = np.empty((gammas.size, 4)), np.full((2, 2), math.nan)
+    work = band_workspace(float(springs[0]), get_ident())
+    expansions = _expanded(springs) if np.ndim(spring) else work.expansions
+    chains = np.array([gammas, springs], dtype=float)
+    WINDOWS(*chains, k, expansions, work, windows, roots)
     return windows, [row for row in roots.tolist() if not math.isnan(row[0])]
 
 
@@ -317,10 +326,9 @@ class HalfMap(RealScalars):
         """Between which values of b a pair is outside."""
         if np.ndim(self.gamma) == 0:
             return window(self.gamma, self.k, self.lattice.spring)
-        gamma, spring = np.broadcast_arrays(self.gamma, self.lattice.spring)
-        if self.k < 1.0 and gamma.all() and not np.ndim(self.lattice.spring):
-            return Window(*_windows(gamma, self.k, self.lattice.spring)[0].T)
-        chains = zip(gamma.tolist(), spring.tolist(), strict=True)
+        if self.k < 1.0 and np.all(self.gamma):
+            return Window(*_windows(self.gamma, self.k, self.lattice.spring)[0].T)
+        chains = np.broadcast(self.gamma, self.lattice.spring)
         return Window(*np.array([window(one, self.k, held) for one, held in chains]).T)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
