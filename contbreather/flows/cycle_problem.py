@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
@@ -26,12 +26,13 @@ from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
-from .conservation import indices_of, refuse_drift
+from .conservation import drift, indices_of, refuse_drift
 from .equations import FlowEquations
 from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
-from .multipliers import closing_matrix, of_cycle, paces
+from .jacobian import at_other_time
+from .multipliers import around, closing_matrix, of_cycle, paces
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -144,15 +145,30 @@ class Cycle(HtmlRepr):
         mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
         return mu[np.argsort(-abs(mu), kind="stable")]
 
+    @property
+    def paired(self) -> bool:
+        """Tell whether multipliers come in pairs, as where something is conserved."""
+        return self.equations.conservation is not None
+
+    @cached_property
+    def symplectic(self) -> tuple[Array, Array | None]:
+        """The derivative of the turn where it begins, and the symplectic form, where it is known:
+        where the field is a constant matrix J times the gradient of what is conserved."""
+        (factors,), _ = around(self.equations, self.x, self.params)
+        kept, states = self.equations.conservation, self.flights[0].states.T
+        assert kept is not None
+        J = kept.poisson(self.equations.flows[0].f, states, self.params)
+        return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
+
     @cached_property
     def indices(self) -> NDArray[np.complex128]:
-        if self.equations.conservation is None:
+        if not self.paired:
             raise BadInput("multipliers come in pairs where something is conserved: conserves=")
         return indices_of(self.others)
 
     @property
     def unstable(self) -> int:
-        if self.equations.conservation:
+        if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)
             return int(outside.sum())
         return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
@@ -276,9 +292,17 @@ class CycleProblem(Problem):
             np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
         )
 
+    def simpler(self, point: Point) -> Problem | None:
+        """The orbit a single time around, where it goes around several times."""
+        orbit: Cycle = point.solution
+        single = once(orbit.equations, orbit.flights, point.params)
+        if single.turns == orbit.equations.turns:
+            return None
+        return problem_of(single, point.params, self.events, self.label)
+
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
-        if len(self.start["mesh"]) > 400:  # of all flows together: enough
+        if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
             return None
         if along is None:
             return self.halved(), None
@@ -314,10 +338,19 @@ class CycleProblem(Problem):
 
     def unresolved(self, point: Point) -> str:
         try:
-            reason: str = point.solution.coarse
+            return self._drift(point) or str(point.solution.coarse)
         except Undefined as error:  # it has come to rest
-            reason = str(error)
-        return reason
+            return str(error)
+
+    def _drift(self, point: Point) -> str:
+        """Say that an orbit has come to where lambda is no rounding, as nothing is conserved there:
+        equations and unfolding have solutions which are none of the flow."""
+        kept = self.residual.conservation
+        if kept is None:
+            return ""
+        flow, states = self.residual.flows[0], point.solution.flights[0].states.T
+        plain = point.params | dict.fromkeys(kept.lambdas, 0.0)
+        return drift(kept.quantities, flow.f, states, plain)
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
         problem = self
@@ -396,7 +429,7 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         (flow,) = flows
         walls = tuple(partial(back, wall) for wall in flow.guards.values())
         reset = flow.reset and partial(back, flow.reset)
-        after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
+        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
     return replace(
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,
