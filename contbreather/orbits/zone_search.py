@@ -115,14 +115,15 @@ class ZoneSearch:
     def run(self, shown: Counter) -> None:
         scans = [self._scan(x, shown) for x in self._comb(self.pair[0])]
         if not any(scans):
-            at = " and ".join(f"{n} = {x:g}" for n, x in {self.name: self.value, **self.held}.items())
+            at = " and ".join(
+                f"{n} = {x:g}" for n, x in {self.name: self.value, **self.held}.items()
+            )
             searched = " and ".join(
                 f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
                 for name, (low, high) in self.within.items()
             )
             raise BadInput(
-                f"no breather at {at} for {searched}; "
-                "widen the window, or choose another value"
+                f"no breather at {at} for {searched}; widen the window, or choose another value"
             )
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
