@@ -22,9 +22,7 @@ import contbreather as cb
 from contbreather import cli
 from contbreather.cli import DONE, FAILED
 from contbreather.files import write_csv
-from contbreather.orbits import neighbour_peak, smallest_amplitude
-from contbreather.orbits.closed_form import ClosedForm
-from tests.stability.half import on_arc
+from contbreather.parameters import window_of
 
 from .typed import Run, strict, table
 
@@ -268,6 +266,13 @@ def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 
 
+def test_branch_by_the_paper_s_rule(run: Run) -> None:
+    line = "branch --free gamma --a 0.2 --k 0.8 --window 0.08 0.1"
+    special = strict(run(f"{line} --sites 400 --json")[1])["special"]
+    first = next(point["gamma"] for point in special if point["kind"] == "NS")
+    assert first == pytest.approx(0.0915527427, abs=1e-9)
+
+
 def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
     status, out, _ = run(f"{BRANCH} --csv b.csv -o b.pdf --json")
     content, rows = strict(out), table(Path("b.csv"))
@@ -282,19 +287,23 @@ def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
 # --- boundary -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["LP", "pf", "NS", "GR"])
-def test_boundary_of_each_kind_needs_no_seed(run: Run, kind: str) -> None:
-    columns = strict(run(f"boundary {kind} --k 0.8 --json")[1])["columns"]
-    check = DEFINING[kind.upper()]
-    for i in range(0, len(columns["a"]), 7):
-        assert check({name: column[i] for name, column in columns.items()})
-
-
-@pytest.mark.parametrize(("pair", "fixed"), [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8")])
-def test_boundary_in_any_pair(run: Run, pair: str, fixed: str) -> None:
-    columns = strict(run(f"boundary PF --pair {pair} {fixed} --json")[1])["columns"]
-    for i in range(0, len(columns["a"]), 5):
-        assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
+@pytest.mark.parametrize(
+    ("kind", "pair", "fixed"),
+    [
+        ("LP", ("gamma", "a"), "k=0.8"),
+        ("pf", ("k", "gamma"), "a=0.8"),
+        ("NS", ("gamma", "a"), "k=0.8"),
+        ("GR", ("k", "a"), "gamma=0.04"),
+    ],
+)
+def test_boundary_of_each_kind_in_any_pair_is_the_library_s(run: Run, kind, pair, fixed) -> None:
+    name, _, value = fixed.partition("=")
+    line = f"boundary {kind} --pair {' '.join(pair)} --{fixed} --json"
+    columns = strict(run(line)[1])["columns"]
+    within = {free: window_of(free) for free in pair}
+    seed = cb.orbits.find_event(kind.upper(), pair, within=within, **{name: float(value)})
+    own = cb.boundary(seed, pair, within=within, steps=cb.Steps(largest=0.02))
+    assert {free: columns[free] for free in pair} == {free: own[free].tolist() for free in pair}
 
 
 def test_doublings_are_found_on_an_arm(run: Run) -> None:
@@ -327,35 +336,16 @@ def test_what_ends_in_mx_is_shown_and_has_status_1(
     assert re.search("broke off.*too sharp", err)
 
 
+def test_boundary_shows_where_it_meets_others(run: Run) -> None:
+    status, out, _ = run("boundary PF --k 0.8 --csv pf.csv -o pf.svg")
+    assert status == DONE
+    assert "PF-GR1" in out
+    assert "Wrote pf.csv." in out
+    assert table(Path("pf.csv"))[0]["gamma"] == "0.0"
+    assert "<svg" in Path("pf.svg").read_text()
+
+
 # --- zones --------------------------------------------------------------------------------------
-
-
-def fold(row: dict[str, float]) -> bool:
-    return math.isclose(row["a"], smallest_amplitude(row["gamma"], row["k"]), abs_tol=1e-10)
-
-
-def pitchfork(row: dict[str, float]) -> bool:
-    chain, q = cb.InfiniteChain(), (1 - row["k"]) / (1 + row["k"])
-    sigma = chain.sigma(row["gamma"])
-    p = 1 / (chain.chi(row["gamma"]) - 2 * sigma)
-    return math.isclose(row["a"], p * math.hypot(q, 2 * sigma), abs_tol=1e-10)
-
-
-def neimark(row: dict[str, float]) -> bool:
-    # next to a fold p is worth more than a: b from p and phi as they were written
-    breather = ClosedForm(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
-    F = on_arc(row["gamma"], row["nu"], row["k"], breather.b).value
-    return breather.error < 1e-10 and bool(np.abs(F).max() < 1e-9)
-
-
-def grazing(row: dict[str, float]) -> bool:
-    if row["gamma"] == 0.0:
-        return math.isclose(row["a"], 1.0, abs_tol=1e-10)
-    height = neighbour_peak(cb.symmetric(row["a"], row["gamma"], row["k"]))[1]
-    return math.isclose(height, 1.0, abs_tol=1e-10)
-
-
-DEFINING = {"LP": fold, "PF": pitchfork, "NS": neimark, "GR": grazing}
 
 
 @pytest.fixture(scope="module")
@@ -375,7 +365,7 @@ def test_bare_zones_writes_a_figure_and_a_table(bare) -> None:
     for meeting in ("PF-GR", "NS-GR", "NS-LP"):
         assert out.count(meeting) == 2  # once for each k
     found = {(float(row["k"]), row["curve"]) for row in table(folder / "zones.csv")}
-    assert found == {(k, kind) for k in (0.8, 0.4) for kind in DEFINING}
+    assert found == {(k, kind) for k in (0.8, 0.4) for kind in ("LP", "GR", "PF", "NS")}
 
 
 def test_a_number_in_a_table_is_exact_and_no_longer_than_it_must_be(tmp_path: Path) -> None:
@@ -404,15 +394,41 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
     assert diagram["pair"] == ["gamma", "a"]
     (meeting,) = diagram["points"]
     assert meeting["meeting"] == "PF-GR"
-    assert DEFINING["PF"](meeting)
-    assert DEFINING["GR"](meeting)
+    own = cb.zones(k=0.8, within={"gamma": (0.05, 0.08)})
+    assert [meeting[name] for name in ("gamma", "a")] == [own.special[0][n] for n in ("gamma", "a")]
     verdicts = {region["verdict"]: region["unstable"] for region in diagram["regions"]}
     assert verdicts["S"] == [0, 0, 0, 0, 0]
     assert all(count >= 1 for count in verdicts["US"])
     assert all(len(corner) == 2 for corner in diagram["regions"][0]["outline"])
     pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
-    for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
-        assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
+    assert pf["a"] == own.curves["PF"][0]["a"].tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
+def test_zones_in_other_planes(run: Run, name: str, value: str) -> None:
+    status, _, _ = run(f"zones --{name} {value} -o z.png --csv z.csv")
+    assert status == DONE
+    rows = table(Path("z.csv"))
+    assert {float(row[name]) for row in rows} == {float(value)}
+    for row in [row for row in rows if row["curve"] == "LP"][::10]:
+        assert fold({name: float(row[name]) for name in ("k", "gamma", "a")})
+
+
+@pytest.mark.slow
+def test_zones_of_another_forcing(run: Run) -> None:
+    line = f"zones --k 0.7 --gamma-window 0.1 0.14 --forcing {TWO_HARMONICS!r}"
+    content = strict(run(f"{line} --json")[1])
+    assert "cos(3 * t)" in content["forcing"]
+    forcing = cb.Symbolic(TWO_HARMONICS)
+    lows = [curve for curve in content["zones"][0]["curves"] if curve["curve"] == "LP"]
+    smallest = [
+        smallest_amplitude(gamma, 0.7, forcing) - a
+        for curve in lows
+        for gamma, a in zip(curve["gamma"], curve["a"], strict=True)
+    ]
+    assert max(smallest) < 1e-10
+    assert min(map(abs, smallest)) < 1e-10
 
 
 def test_the_table_of_zones_is_that_of_the_library(run: Run) -> None:
@@ -472,6 +488,15 @@ def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
     assert Path("figure4.png").read_bytes().startswith(b"\x89PNG")
     assert "infinite chain (exact)" in " ".join(out.split())
     assert "Wrote figure4.png." in out
+
+
+def test_figure_for_programs(run: Run) -> None:
+    content = strict(run("figure 3 --json --csv m.csv")[1])
+    assert content["written"] == ["m.csv"]
+    assert len(content["rows"]) == 1600
+    assert [float(row["modulus"]) for row in table(Path("m.csv"))] == [
+        row["modulus"] for row in content["rows"]
+    ]
 
 
 def test_help_and_version_are_quick_for_they_load_no_numerics() -> None:

@@ -145,16 +145,6 @@ def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     assert done == []
 
 
-@pytest.mark.apart
-def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> None:
-    for _ in range(2):
-        with pytest.raises(KeyboardInterrupt):
-            interrupted_after_computing(alone=False)
-    assert len(spoken) == 2
-    with interruptible(alone=False):
-        pass
-
-
 # --- what is written ------------------------------------------------------------------------------
 
 

@@ -50,6 +50,11 @@ class Unfolded:
         sizes = abs(states).max(axis=1)
         return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
 
+    @property
+    def jacobian(self) -> Any:
+        """That of the field, if it was given: what lambda adds is rounding."""
+        return getattr(self.f, "jacobian", None)
+
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         field = rows_of(self.f(t, x, p), x)
         aside = self.steps.reshape(-1, *(1,) * (x.ndim - 1))

@@ -132,7 +132,7 @@ _PLAIN = fold()
 _FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CIRCLE = linked(_FOLD)
 _CROSSING = crossing_event(_CIRCLE.meetings("BP"))
-_BRANCH_POINT = replace(
+BRANCH_POINT = replace(
     _CROSSING, test=Singular(bordered_matrix, _branches), count=None, examine=_examine_crossing
 )
 
@@ -376,8 +376,8 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
 def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     """List the events of a cycle of these flows, and of those that follow where it meets walls."""
     flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
-    of_pairs = conservative_events(_BRANCH_POINT) if equations.conservation else ()
-    events = [*(of_pairs or (lp, _BRANCH_POINT, pd, ns))]
+    of_pairs = conservative_events(BRANCH_POINT) if equations.conservation else ()
+    events = [*(of_pairs or (lp, BRANCH_POINT, pd, ns))]
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:

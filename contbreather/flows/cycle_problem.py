@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
@@ -31,7 +31,8 @@ from .equations import FlowEquations
 from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
-from .multipliers import closing_matrix, of_cycle, paces
+from .jacobian import at_other_time
+from .multipliers import around, closing_matrix, of_cycle, paces
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -144,15 +145,30 @@ class Cycle(HtmlRepr):
         mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
         return mu[np.argsort(-abs(mu), kind="stable")]
 
+    @property
+    def paired(self) -> bool:
+        """Tell whether multipliers come in pairs, as where something is conserved."""
+        return self.equations.conservation is not None
+
+    @cached_property
+    def symplectic(self) -> tuple[Array, Array | None]:
+        """The derivative of the turn where it begins, and the symplectic form, where it is known:
+        where the field is a constant matrix J times the gradient of what is conserved."""
+        (factors,), _ = around(self.equations, self.x, self.params)
+        kept, states = self.equations.conservation, self.flights[0].states.T
+        assert kept is not None
+        J = kept.poisson(self.equations.flows[0].f, states, self.params)
+        return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
+
     @cached_property
     def indices(self) -> NDArray[np.complex128]:
-        if self.equations.conservation is None:
+        if not self.paired:
             raise BadInput("multipliers come in pairs where something is conserved: conserves=")
         return indices_of(self.others)
 
     @property
     def unstable(self) -> int:
-        if self.equations.conservation:
+        if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)
             return int(outside.sum())
         return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
@@ -413,7 +429,7 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         (flow,) = flows
         walls = tuple(partial(back, wall) for wall in flow.guards.values())
         reset = flow.reset and partial(back, flow.reset)
-        after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
+        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
     return replace(
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,

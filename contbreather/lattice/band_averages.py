@@ -95,7 +95,7 @@ def polynomial(coefficients: Any, x: Any) -> tuple[Any, Any]:
 
 @inlined
 def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
-    """A mean at one x or many, by the mean of ``z q/(1 - z q)`` of the lattice."""
+    """A mean, by the mean of ``z q/(1 - z q)`` of the lattice."""
     total = 0.0
     for c in series.powers:
         total = total * x + c

@@ -79,7 +79,7 @@ class InfiniteChain(UniformLattice):
     _excess, _dexcess = staticmethod(excess), staticmethod(excess_slope)
 
     def distance(self, n: Any) -> Any:
-        """How many bonds from site n to the impacting site 0; of an array for each."""
+        """Number of bonds from site n to the impacting site 0; of an array for each."""
         return abs(n)
 
     def beside(self, n: int) -> tuple[int, ...]:
@@ -202,8 +202,7 @@ class Ring(UniformLattice):
     # ------------------------------------------------------------------ as a chain of period N
 
     def distance(self, n: Any) -> Any:
-        """How many bonds from site n to the impacting site 0, the shorter way round; of an array
-        for each."""
+        """Number of bonds from site n to site 0, the shorter way round; of an array for each."""
         half = self.sites // 2
         return abs((n + half) % self.sites - half)
 
@@ -231,14 +230,10 @@ class Ring(UniformLattice):
         theta, weight, w : ndarray, shape (N//2 + 1,)
         """
         gamma = check_gamma(gamma)
-        half = self.sites // 2
-        j = np.arange(half + 1)
+        j = np.arange(self.sites // 2 + 1)
         weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
-        return (
-            2.0 * np.pi * j / self.sites,
-            weight,
-            2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites),
-        )
+        w = 2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites)
+        return 2.0 * np.pi * j / self.sites, weight, w
 
 
 def lattice_of(given: object) -> UniformLattice:

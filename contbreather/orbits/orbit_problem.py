@@ -67,8 +67,8 @@ class OrbitProblem(Problem):
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
-        """That of an orbit; `equations` are what else a `Problem` takes: the equations, their
-        start, events and columns."""
+        """The problem of an orbit; `equations` are what else a `Problem` takes: the equations,
+        their start, events and columns."""
         return cls(
             kind=kind,
             motion_at=at,
@@ -93,7 +93,7 @@ class OrbitProblem(Problem):
         return tuple(image for image in found if image.size == x.size)
 
     def simpler(self, point: Point) -> Problem | None:
-        """With fewer impacts; or as any two of one site by the four equations that they have."""
+        """By fewer impacts; or as any two of one site by the four equations that they have."""
         orbit: Orbit = point.solution
         smaller = (simpler_than(orbit) or orbit).problem
         return smaller if len(smaller.start) < len(self.start) else None
@@ -105,7 +105,7 @@ class OrbitProblem(Problem):
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
     def at_frequency(self, omega: float) -> DrivenProblem:
-        """The same equations in the time in which the drive has this frequency, a parameter."""
+        """These equations in the time in which the drive has this frequency, a parameter."""
         powers = {name: power for name, power in POWERS.items() if name in self.params}
         functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
         values = {name: self.params[name] * omega**n for name, n in powers.items()}
@@ -294,8 +294,8 @@ def _unstable(threshold: float, point: Point) -> float:
 
 
 def _rows(points: Points) -> NDArray[np.int64] | None:
-    """Of all points of a branch at once, -1 of an impact so weak that it may be none; None where
-    each has to be asked."""
+    """Counts at points of a branch, -1 of an impact so weak that it may be none; None where each
+    has to be asked."""
     along = breathers_along(points)
     return None if along is None else np.where(along.p > VANISHED, along.map.unstable(1.0), -1)
 
@@ -330,7 +330,7 @@ class BreathersAlong:
 
     @cached_property
     def map(self) -> HalfMap:
-        """Theirs, with arrays for b and gamma; all events ask."""
+        """Map of all of them, with arrays for b and gamma; events ask."""
         chains, k = Chains(self.spring), self.first.k
         m, A, B = np.moveaxis(self.waves, 2, 0)
         turn = m * self.phi[:, None]
@@ -406,7 +406,7 @@ class OnCircle:
     nu: float | None = None
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
-        """With ``slopes(of, curve, z, extra)``, the derivative along a curve."""
+        """Its locus, by ``slopes(of, curve, z, extra)``, the derivative along a curve."""
         extra = {} if nu is None else {"nu": nu}
         return DefiningSystem(extra, self.conditions, partial(slopes, self), **more)
 

@@ -282,11 +282,6 @@ def plot_atlas(
     kinds : sequence of str
         Of LP, GR, PF and NS.
 
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
-
     Raises
     ------
     BadInput

@@ -79,7 +79,6 @@ def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
 def _on(
     gamma: float, k: float, spring: float
 ) -> tuple[band_pairs.ChainWithImpacts, band_pairs.BandWorkspace]:
-    """Make the first arguments of the kernels."""
     return band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
 
 

@@ -48,6 +48,8 @@ def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> 
         (lines.HENON["NS"], "R2", lines.HENON["PD"], 1e-9),
         (lines.DOUBLED_PREY, "PD-BP", lines.DYING, 1e-12),
         (lines.DYING, "BP-PD", lines.DOUBLED_PREY, 0),
+        (lines.LINES["LP beside a pair"], "LPNS", lines.LINES["pair beside a LP"], 0),
+        (lines.LINES["pair beside a PD"], "PDNS", lines.LINES["PD beside a pair"], 0),
     ],
     ids=lambda given: given.name if isinstance(given, lines.Line) else None,
 )

@@ -66,20 +66,6 @@ def test_the_first_lyapunov_coefficient_belongs_to_the_unit_of_its_unknowns(unit
 
 
 @pytest.mark.parametrize("unit", UNITS)
-def test_the_coefficient_of_a_cusp_belongs_to_the_unit_of_its_unknown(unit: float) -> None:
-    mine = cb.Problem(
-        lambda x, p: p["h"] * unit + p["mu"] * x - x**3 / unit**2,
-        {"x": -0.8 * unit},
-        {"h": 0.288, "mu": 1.0},
-        scales={"x": unit},
-    )
-    within = {"x": (-0.9 * unit, 0.9 * unit)}
-    fold = cb.trace(mine, "h", within=within, events=[cb.fold()]).first("LP")
-    point = cb.boundary(fold, ("mu", "h"), within={"mu": (-0.5, 1.5)}).first("CP")
-    assert (point["mu"], point["h"], point["x"] / unit) == pytest.approx((0, 0, 0), abs=1e-7)
-
-
-@pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("angle", [0.7, 2.9])
 def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: float) -> None:
     """``z -> e^(i angle) z (1 + m - |z|^2/unit^2)``: d = -2 over the square of the unit."""
@@ -97,61 +83,6 @@ def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: flo
     d = complex(point.detail["d"]) * unit**2
     assert d.real == pytest.approx(-2.0, rel=1e-6)  # in units of the eigenvector of length 1
     assert d.imag == pytest.approx(0.0, abs=1e-6)
-
-
-# --- meetings, all of them ------------------------------------------------------------------------
-
-
-def blocks(one: str, other: str) -> cb.Problem:
-    """A map of two blocks apart: one bifurcates at m = 0, the other at k = 0."""
-
-    def block(kind: str, u: Array, m: Any) -> list[Any]:
-        if kind == "LP":
-            return [u[0] + m - u[0] ** 2]
-        if kind == "PD":
-            return [-(1.0 + m) * u[0] + u[0] ** 3]
-        if kind == "BP":
-            return [(1.0 + m) * u[0] - u[0] ** 2]
-        c, s = math.cos(1.1), math.sin(1.1)
-        grow = 1.0 + m - u[0] ** 2 - u[1] ** 2
-        return [grow * (c * u[0] - s * u[1]), grow * (s * u[0] + c * u[1])]
-
-    size = 2 if one == "NS" else 1
-
-    def image(u: Array, p: Params) -> list[Any]:
-        return [*block(one, u[:size], p["m"]), *block(other, u[size:], p["k"])]
-
-    value = {"LP": [0.5], "PD": [0.0], "BP": [0.0], "NS": [0.0, 0.0]}
-    at = {"LP": 0.25, "PD": -0.3, "BP": -0.3, "NS": -0.3}
-    start = {f"x{i}": x for i, x in enumerate([*value[one], *value[other]])}
-    return cb.FixedPoint(image, start, {"m": at[one], "k": at[other]})
-
-
-NAMES = {
-    ("LP", "PD"): "LPPD", ("LP", "NS"): "LPNS", ("PD", "LP"): "LPPD", ("PD", "NS"): "PDNS",
-    ("NS", "LP"): "LPNS", ("NS", "PD"): "PDNS", ("PD", "BP"): "PD-BP", ("NS", "BP"): "NS-BP",
-    ("BP", "PD"): "BP-PD", ("BP", "NS"): "BP-NS",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("one", "other"), NAMES)
-def test_what_meets_what_on_boundaries_of_maps_has_one_name(one: str, other: str) -> None:
-    mine = blocks(one, other)
-    within = {"m": (-0.5, 0.5), **({"x0": (-0.6, 0.6)} if one == "LP" else {})}
-    point = cb.trace(mine, "m", within=within).first(one)
-    assert point["m"] == pytest.approx(0.0, abs=1e-9)
-    line = cb.boundary(point, ("k", "m"), within={"k": (-0.5, 0.5), "m": (-0.5, 0.5)})
-    assert line.problem.label == f"{one} boundary"
-    name = NAMES[one, other]
-    found = [p for p in line.special if p.kind not in ("EP",)]
-    assert [p.kind for p in found] == [name]
-    assert (found[0]["k"], found[0]["m"]) == pytest.approx((0.0, 0.0), abs=1e-7)
-    # and from there the other boundary
-    if name in ("LPPD", "LPNS", "PDNS"):
-        back = cb.boundary(
-            found[0], ("m", "k"), within={"m": (-0.4, 0.4), "k": (-0.4, 0.4)}, events=()
-        )
-        assert back.problem.label == f"{other} boundary"
 
 
 # --- what counts as a solution --------------------------------------------------------------------

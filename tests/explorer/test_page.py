@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,7 +14,6 @@ from contbreather.errors import BadInput
 from contbreather.explorer import Explorer
 from contbreather.explorer.page import Page
 from contbreather.explorer.state import Chosen
-from contbreather.explorer.style import GRID
 from contbreather.explorer.views import letter
 
 from ..apart import HUNG
@@ -314,21 +312,6 @@ def test_the_ring_that_is_judged_has_sites_that_a_page_can_show(bare: Page) -> N
         assert bool(said) == bool(sentence(bare.asked["ring"].trouble))
 
 
-def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(bare: Page):
-    areas = re.findall(r"grid-area: (\w+)", GRID)
-    cards = [[area for area in areas if area in one.css_classes] for one in bare.layout[0]]
-    assert sorted(cards) == sorted([area] for area in areas)
-    slider = bare.slider
-    assert (slider.start, slider.end, slider.step, slider.value) == (0.01, 0.99, 0.01, 0.8)
-    assert (bare.forms.first.value, bare.forms.second.value) == ("gamma", "a")
-    ends_of = {"gamma": ("0", "0.2499"), "k": ("0.01", "0.999"), "a": ("0.01", "1.2")}
-    for name, ends in ends_of.items():
-        bare.forms.free.value = name
-        assert tuple(field.input.value for field in bare.forms.window.values()) == ends
-    bare.forms.what.value, bare.forms.suffix.value = "motion", ".svg"
-    assert (bare.forms.figure.filename, bare.forms.script.filename) == ("motion.svg", "explored.py")
-
-
 def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
     tap(page.zones.figure, 0.12, 0.5)
     page.plane.value = "gamma"
@@ -530,7 +513,7 @@ def test_menus_ticks_and_picture_agree_whatever_is_clicked(page: Page) -> None:
     for ticked in (["branch1"], ["arms2[1]"], [], ["arms2[0]"], ["branch1", "arms2[0]"]):
         page.shown.value = ticked
         agree(page)
-        for name in page.y.options[:-1]:
+        for name in page.y.options[:-1:3]:
             page.y.value = name
             agree(page)
         page.shown.value = ["branch1", "arms2[0]", "arms2[1]"]

@@ -261,7 +261,7 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
 @pytest.mark.parametrize(
     ("equations", "sentence"),
     [
-        ({"kind": "symmetric breather", "forcing": EVIL}, "which no forcing may"),
+        ({"kind": "symmetric breather", "forcing": EVIL}, "which no formula may"),
         (
             {"kind": "symmetric breather", "forcing": {"kind": "os.system"}},
             "is of no kind that is known here",

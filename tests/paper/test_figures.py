@@ -273,19 +273,6 @@ def test_exact_lines_are_red_the_other_breather_dashed_and_the_ring_open_circles
     assert ax.get_title(loc="left") == "(a) one"
 
 
-def test_traces_of_sites_stand_above_each_other_under_their_numbers() -> None:
-    curves = tuple(SampledCurve(f"u_{n}", n, T, np.cos(T) + 2.2 * n, "trace") for n in (-1, 0, 2))
-    ax = series(Panel("runs", curves, (r"$t/2\pi$", "site $n$"), 1.25)).draw().axes[0]
-    assert ax.get_yticks().tolist() == pytest.approx([-2.2, 0.0, 4.4])
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["$-1$", "$0$", "$2$"]
-    mark = ax.get_lines()[-1]
-    assert (list(mark.get_xdata()), mark.get_linestyle()) == ([1.25, 1.25], "--")
-    assert ax.get_ylabel() == "site $n$"
-    assert len({line.get_color() for line in ax.get_lines()[:3]}) == 3
-    kept = series(Panel("runs", curves)).draw().axes[0]
-    assert len(kept.get_lines()) == 3
-
-
 def test_rows_of_a_figure_name_panel_curve_and_site() -> None:
     other = SampledCurve("exact", 10, T, np.sin(T))
     rows = list(series(Panel("", LINES[:1]), Panel("", (other,))).rows())

@@ -75,7 +75,7 @@ def trace(
         the original problem, another parameter to the same boundary there. A start that is not a
         solution is moved onto one at the same parameters; where none is found, onto the nearest
         with another value of the free one; or it is refused with its residual. How far it was moved
-        says ``branch.moved``.
+        says ``branch.start_correction``.
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional

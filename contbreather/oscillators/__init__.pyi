@@ -1,0 +1,4 @@
+from .breather_constructors import breather as breather
+from .breather_problem import Breather as Breather
+from .breather_problem import BreatherProblem as BreatherProblem
+from .oscillator_lattice import Oscillators as Oscillators

@@ -1,0 +1,171 @@
+"""Constructors of breathers: from the limit without coupling to the coupling that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..checks import check_kind, number
+from ..continuation.bifurcations.equilibria import fold
+from ..continuation.curve.branch import Branch
+from ..continuation.curve.point import Event
+from ..continuation.walk.trace import trace
+from ..errors import BadInput, NoSolution, NotConverged
+from ..flows.collocation import Collocation, sizes_of
+from ..one_thread import one_thread
+from .anticontinuum import half_without_coupling, resonance
+from .breather_events import events_of_breather
+from .breather_problem import BreatherProblem, breather_problem
+from .half_orbit import HalfOrbit
+from .oscillator_lattice import SHARE, Oscillators
+from .potentials import Params
+
+HALF = Collocation(6, 6)  # of half an orbit: errors about 1e-11 where few harmonics matter
+_RESOLVED, _MOST = 1e-10, 400  # trivial multiplier off 1; intervals that are not made finer
+
+_OWN = {"orbit", "mesh", "half", "period", "energy", "action", "participation", "unstable"}
+_OWN |= {"largest", "max|u|", "omega"}
+
+
+@one_thread
+def breather(
+    chain: Oscillators,
+    code: Any,
+    *,
+    omega: float,
+    params: Mapping[str, float] | None = None,
+    collocation: Collocation | None = None,
+    events: Iterable[Event] | None = None,
+    label: str = "",
+) -> BreatherProblem:
+    """A breather of a lattice of oscillators, as a problem to trace.
+
+    Without coupling each site of the code is the single oscillator at that frequency, all others
+    rest. From there the coupling is walked up to what was asked for.
+
+    Parameters
+    ----------
+    chain : Oscillators
+    code : dict
+        ``{site: 1}``, with -1 for one that is half a period later, or an amplitude, where the
+        single oscillator has several of one frequency: that nearest to it.
+    omega : float
+        The frequency, a parameter of the breather.
+    params : dict
+        Name and value of each parameter of the formulas.
+    collocation : Collocation, optional
+        Intervals of a whole period and points in each.
+    events : iterable of Event, optional
+        What a walk looks for by default.
+    label : str, optional
+        Shown in tables.
+
+    Returns
+    -------
+    BreatherProblem
+        ``.solution``, and that of each point, is a `Breather`. Of a conservative lattice "energy"
+        may be the free parameter in place of "omega", which is a column then.
+
+    Raises
+    ------
+    BadInput
+        Where the code or the parameters do not fit the lattice, or rest is no equilibrium of it.
+    NoSolution
+        Where no site has that frequency, or the breather ends on the way: the sentence says where,
+        and which harmonic is in the band of small oscillations, or next to it.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
+    >>> round(cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution.energy, 9)
+    1.477894672
+    """
+    check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
+    omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
+    values = _params(chain, {} if params is None else params, omega)
+    half = (
+        HALF
+        if collocation is None
+        else replace(collocation, intervals=max(2, -(-collocation.intervals // 2)))
+    )
+    name = label or "breather"
+    try:  # on few points first: they lead there as well
+        reached = _walked(chain, code, values, replace(half, points=min(half.points, 4)))
+    except NoSolution:
+        reached = _walked(chain, code, values, half)
+    return _closed(reached, half, values, events, name)
+
+
+def _closed(
+    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str
+) -> BreatherProblem:
+    """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
+    needs."""
+    (flight,) = reached.residual.flights(reached.x, reached.params)
+    sizes = sizes_of([flight])
+    start = flight.on(flight.knots, scheme).adapted(sizes[0])
+    equations = replace(reached.residual, start=(start,), sizes=sizes)
+    wanted = events_of_breather(equations) if events is None else tuple(events)
+    problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
+    while abs(problem.solution.trivial - 1) > _RESOLVED and problem.start["mesh"].size < _MOST:
+        problem = problem.halved().solve(tolerance=1e-12)[0]
+    return problem
+
+
+def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
+    check_kind(params, Mapping, "a dict of parameters")
+    missing = [name for name in chain.names if name not in (*params, "omega")]
+    if missing:
+        raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
+    if taken := sorted(_OWN & {*params}):
+        raise BadInput(f"rename {taken}: every breather has columns of these names")
+    values = {
+        name: number(name, value, -np.inf, np.inf, "a number") for name, value in params.items()
+    }
+    values = {**values, "omega": omega}
+    force = abs(chain.gradient(np.zeros(chain.sites), values))
+    if not force.max() <= 1e-12:
+        n = int(force.argmax())
+        raise BadInput(
+            f"u = 0 is no equilibrium: the force on site {n} is {force[n]:.3g} there; write the "
+            "potentials so that all sites rest at 0"
+        )
+    return values
+
+
+def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
+    """Walk from no coupling to all of it."""
+    omega = params["omega"]
+    flight = half_without_coupling(chain, code, omega, params, scheme)
+    sizes = sizes_of([flight])
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    more = {"start": (flight.adapted(sizes[0]),), "states": names, "sizes": sizes}
+    alone = breather_problem(HalfOrbit.of(chain, "omega", **more), {**params, SHARE: 0.0}, (), "")
+    try:
+        start = alone.solve(tolerance=1e-11)[0]
+    except NotConverged as error:
+        raise NoSolution(
+            f"{code}: without coupling it cannot be continued; "
+            f"{resonance(chain, omega, alone.params)[0]}"
+        ) from error
+    ends = (replace(fold(), ends="branch"),)
+    branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+    if branch[-1][SHARE] < 1.0:
+        raise NoSolution(_refusal(code, branch, chain, omega))
+    problem: Any = branch[-1].problem
+    return problem
+
+
+def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:
+    """Say how far a breather reaches, and why not farther."""
+    end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
+    turns = "it turns back" if end.kind == "LP" else branch.reason or branch.stop.value
+    near = resonance(chain, omega, end.params)[0]
+    return (
+        f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
+        f"for; there {turns.removesuffix('.')}. Of its harmonics {near}."
+    )

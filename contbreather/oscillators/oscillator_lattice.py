@@ -1,0 +1,244 @@
+"""Lattices of oscillators: potentials at the sites and along the bonds of any finite lattice.
+
+    m_n u_n'' + d_n d u_n' + s_n V'(u_n) + d/du_n (sum over bonds of w W(r)) = a_n F(t)
+
+with r = u_j - u_i of a bond from site i to site j. A ring and a chain are gone around, or along, in
+the order of their sites, a grid along its rows and columns; other bonds lead from the lower number
+to the higher one. Ends that are fixed have bonds to the ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from ..checks import brief, numbers, real
+from ..errors import BadInput
+from ..lattice.finite import Finite, finite, stiffness_of
+from .potentials import Params, SmoothFunction
+
+Array = NDArray[np.float64]
+
+SHARE = "share of the coupling"  # no name that a formula may have: 1 where it is not given
+
+
+class Bonds(NamedTuple):
+    """Bonds of a lattice: ``r = ends @ u``, one row with +1 and -1 for each, or one of both for a
+    bond to the ground; and their stiffness."""
+
+    ends: Any  # sparse, (bonds, N)
+    weights: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillators:
+    """A lattice of oscillators, conservative or driven and damped: ``f(t, x, p)`` of its states
+    ``x = (u, v)``, positions of all sites and then velocities.
+
+    Parameters
+    ----------
+    V : str or callable, optional
+        Potential of each site, a formula in ``u``, or ``V(u, p)``; none unless given. Other names
+        in a formula are parameters. Nothing is executed; derivatives are those of SymPy, those of a
+        callable complex steps: it has to be analytic.
+    W : str or callable
+        Potential of each bond, a formula in the difference ``r`` of its ends, or ``W(r, p)``.
+    lattice : Ring or Lattice
+        `Ring`, `OpenChain`, `Grid`, `Lattice.from_graph`: its bonds, and its rows of numbers for
+        each site (masses, springs for the shares of V, dampings, drive).
+    damping : float or str, optional
+        The force ``-damping * v``: a number, or a formula in parameters.
+    drive : str or callable, optional
+        The force on each site, a formula in ``t`` of the period ``2*pi/omega``, or ``F(t, p)``.
+    masses, onsite : array_like, shape (N,), optional
+        Mass, and share of V, of each site, in place of those of the lattice.
+    couplings : array_like, optional
+        Share of W of each bond, in the order of `bonds`, in place of the stiffness of the lattice.
+
+    Raises
+    ------
+    BadInput
+        For formulas that are none, rows that do not fit, the infinite chain.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> chain = Oscillators(V="u**2/2 + b*u**4/4", W="c*r**2/2", lattice=Ring(3))
+    >>> chain.names
+    ('b', 'c')
+    >>> chain(0.0, np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), {"b": 1.0, "c": 0.1}).round(12)
+    array([ 0. ,  0. ,  0. , -2.2,  0.1,  0.1])
+    """
+
+    V: Any = None
+    W: Any = None
+    lattice: Finite | None = None
+    damping: Any = None
+    drive: Any = None
+    masses: Any = None
+    onsite: Any = None
+    couplings: Any = None
+
+    def __post_init__(self) -> None:
+        lattice = finite(self.lattice)
+        own = {"masses": lattice.masses, "onsite": lattice.springs, "couplings": self.bonds.weights}
+        for name, values in own.items():
+            given = getattr(self, name)
+            row = np.asarray(values if given is None else numbers(name, given), dtype=float)
+            if row.shape != np.shape(values):
+                raise BadInput(f"{name} has shape {row.shape}; {np.shape(values)} was expected.")
+            object.__setattr__(self, name, row)
+        if not self.masses.min() > 0:
+            raise BadInput(f"masses = {brief(self.masses.tolist())}: every mass must be positive.")
+        for name, variable in (("V", "u"), ("W", "r"), ("drive", "t"), ("damping", "")):
+            given = getattr(self, name)
+            if name == "damping" and np.isfinite(real(given)):
+                given = repr(real(given)) if real(given) else None
+            if given is None and name in ("V", "W"):
+                given = "0"
+            if not (given is None or isinstance(given, str) or callable(given)):
+                given = str(given)  # an expression of SymPy
+            value = None if given is None else SmoothFunction(given, variable)
+            object.__setattr__(self, name, value)
+
+    # --- what it is ---------------------------------------------------------------------------
+
+    @property
+    def sites(self) -> int:
+        assert self.lattice is not None
+        return self.lattice.sites
+
+    @property
+    def dissipative(self) -> bool:
+        """Tell whether it is driven or damped, and conserves nothing."""
+        return self.drive is not None or self.damping is not None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The parameters of its formulas."""
+        parts = (self.V, self.W, self.damping, self.drive)
+        return tuple(dict.fromkeys(name for part in parts if part for name in part.names))
+
+    @cached_property
+    def bonds(self) -> Bonds:
+        """Its bonds in order, those to the ground last."""
+        first, second, weights, ground = _oriented(self.lattice)
+        sites, count = np.flatnonzero(ground), first.size
+        signs = np.ones(sites.size)
+        if sites.size > 1 and (abs(first - second) == 1).all():  # a chain: to its other end
+            signs[-1] = -1.0
+        rows = [np.arange(count), np.arange(count), count + np.arange(sites.size)]
+        ends = np.concatenate([np.ones(count), -np.ones(count), signs])
+        place = np.concatenate(rows), np.concatenate([second, first, sites])
+        shape = count + sites.size, ground.size
+        return Bonds(sparse.csr_array((ends, place), shape), np.append(weights, ground[sites]))
+
+    # --- forces -------------------------------------------------------------------------------
+
+    def __call__(self, t: Any, x: Any, p: Params) -> NDArray[Any]:
+        u, v = x[: self.sites], x[self.sites :]
+        force = -self.gradient(u, p)
+        if self.damping is not None:
+            force = force - _beside(self.lattice.dampings, v) * self.damping(0.0, p) * v
+        if self.drive is not None:
+            force = force + _beside(self.lattice.drive, v) * self.drive(t, p)
+        return np.concatenate([v, force / _beside(self.masses, v)])
+
+    def gradient(self, u: Any, p: Params) -> NDArray[Any]:
+        """Differentiate the potential energy in the positions, shape (N,) or (N, m)."""
+        total = _beside(self.onsite, u) * self.V.slope(u, p)
+        for ends, weights in self.parts(p):
+            r = ends @ u
+            total = total + ends.T @ (_beside(weights, r) * self.W.slope(r, p))
+        return total
+
+    def curvatures(self, u: Any, p: Params) -> Any:
+        """Differentiate that once more at one place: a sparse matrix (N, N)."""
+        total = sparse.diags_array(self.onsite * self.V.curvature(u, p))
+        for ends, weights in self.parts(p):
+            stiff = weights * self.W.curvature(ends @ u, p)
+            total = total + ends.T @ sparse.diags_array(stiff) @ ends
+        return total.tocsr()
+
+    def parts(self, p: Params) -> list[tuple[Any, Any]]:
+        """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
+        be left at 0, the rest holds each of both ends as if the other one were at rest."""
+        ends, share = self.bonds.ends, p.get(SHARE, 1.0)
+        parts = [(ends, share * self.couplings)]
+        if self.bare and not (isinstance(share, float) and share == 1.0):
+            two = _two(ends)  # those to the ground stay
+            rest = np.where(two, 1.0 - share, 0.0) * self.couplings
+            parts[0] = ends, np.where(two, share, 1.0) * self.couplings
+            parts += [(ends.maximum(0), rest), (ends.minimum(0), rest)]
+        return parts
+
+    @cached_property
+    def bare(self) -> bool:
+        """Tell whether it has no potential at the sites: bonds alone hold them."""
+        return not callable(self.V.given) and self.V.given == "0"
+
+    # --- energies -----------------------------------------------------------------------------
+
+    def site_energies(self, x: Array, p: Params) -> Array:
+        """Energy of each site at states (2N,) or (2N, m): half of a bond belongs to each end."""
+        u, v = x[: self.sites], x[self.sites :]
+        total = 0.5 * _beside(self.masses, v) * v * v + _beside(self.onsite, u) * self.V(u, p)
+        for ends, weights in self.parts(p):
+            r, halves = ends @ u, abs(ends).multiply(1 / abs(ends).sum(axis=1)[:, None])
+            total = total + halves.T @ (_beside(weights, r) * self.W(r, p))
+        return np.asarray(total)
+
+    def energy(self, x: Array, p: Params) -> Any:
+        """Energy of all of it at a state, or at states."""
+        return self.site_energies(x, p).sum(axis=0)
+
+    def frequencies(self, p: Params) -> Array:
+        """Frequencies of small oscillations about rest, ascending; NaN of those that grow."""
+        root = np.sqrt(self.masses)
+        matrix = self.curvatures(np.zeros(self.sites), p).toarray() / np.multiply.outer(root, root)
+        squares = np.linalg.eigvalsh(matrix)
+        squares[abs(squares) < 1e-13 * max(1.0, abs(squares).max())] = 0.0
+        return np.sqrt(np.where(squares < 0, np.nan, squares))
+
+    def __repr__(self) -> str:
+        return f"<Oscillators: V = {self.V}, W = {self.W}, {self.lattice.describe()}>"
+
+
+def _beside(row: Any, x: Any) -> Any:
+    """A number for each row of x, however many columns that has."""
+    return row if np.ndim(x) == 1 else row[:, None]
+
+
+def _two(ends: Any) -> NDArray[np.bool_]:
+    return np.asarray(np.diff(ends.indptr) == 2)
+
+
+def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
+    """From where each bond leads, and where to; its stiffness; and that to the ground by site."""
+    n = np.arange(lattice.sites)
+    if hasattr(lattice, "with_spring") or not hasattr(lattice, "stiffness"):  # a ring
+        return (
+            n[n.size < 2 :],
+            np.roll(n, -1)[n.size < 2 :],
+            np.ones(n.size - (n.size < 2)),
+            0.0 * n,
+        )
+    matrix = stiffness_of(lattice)
+    upper = sparse.triu(matrix, 1).tocoo()
+    first, second = upper.coords
+    ground = np.asarray(matrix.sum(axis=1)).ravel()
+    ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
+    closing = np.zeros(first.size, dtype=bool)
+    if lattice.shape:
+        rows, columns = lattice.shape
+        (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
+        closing = (right - c == columns - 1 > 1) | (below - r == rows - 1 > 1)
+    elif ((second - first == 1) | (second - first == n.size - 1)).all():
+        closing = (second - first) > 1
+    first, second = np.where(closing, second, first), np.where(closing, first, second)
+    return first, second, -upper.data, ground
