@@ -135,7 +135,6 @@ class RunOptions:
             return summary
 
     def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
-        """Read the state in a file, and its time."""
         (u, v), t0 = read_state(str(self.start))
         if lattice is not None and lattice.sites != len(u):
             typed = "--sites" if where.lattice is None else "--lattice"
@@ -307,7 +306,6 @@ class RunSummary:
 
 
 def _judged(run: Ran) -> dict[str, Any]:
-    """Find kind, sentence and evidence from the later half of a run."""
     from contbreather.simulation.classify import judge
 
     half = min(JUDGED, run.periods // 2)
@@ -330,7 +328,6 @@ def _undecided(reason: str) -> dict[str, Any]:
 
 
 def _length(run: Ran) -> str:
-    """Length of a run in words, the fraction of a period at its end included."""
     from contbreather.simulation.states import PERIOD
 
     return _in_periods(run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6))
@@ -410,7 +407,6 @@ def _strobes(summary: RunSummary) -> Iterator[list[float]]:
 
 
 def _draw(summary: RunSummary) -> Figure:
-    """Draw the last periods of three sites, the section of one, and how localised it was."""
     run, site = summary.run, summary.site
     plotting = cb.plotting
     titles = ["the last periods", "once in a period, later half", "where the energy is"]

@@ -80,7 +80,6 @@ def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
 
 
 def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbits.Zones, ...]:
-    """Draw all diagrams, over the cores where that pays."""
     from contbreather.continuation.walk.checkpoint import checkpoint
     from contbreather.workers import Failed
 
@@ -217,7 +216,6 @@ def _failed(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:
-    """Count diagrams, and say what is missing."""
     kinds = _columns(dataset)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
     count = len({*dataset.slice.values.tolist()})

@@ -53,6 +53,7 @@ def cycle(
     period: float | Callable[[Params], float] | None = None,
     conserves: Any = None,
     fixed: str = "period",
+    jacobian: Any = None,
     t0: float = 0.0,
     settle: float = 0.0,
     collocation: Collocation | None = None,
@@ -85,6 +86,8 @@ def cycle(
         parameters: trace in either of them.
     fixed : {"period", "energy"}
         Which of both is given, where the free parameter is another one.
+    jacobian : callable or pattern, optional
+        The derivative of f in x where `flows` is a function, as `Flow` takes it.
     t0 : float
         The time of the start.
     settle : float
@@ -135,7 +138,7 @@ def cycle(
         if not callable(period):
             number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
         forcing = partial(_length, period)
-    flows = flows_of(flows, period)
+    flows = flows_of(with_jacobian(flows, jacobian), period)
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
@@ -209,6 +212,15 @@ def _conserving(
     named = dict(zip(kept.lambdas, conserved.values(), strict=True))
     flows = (replace(flow, f=Unfolded.near(flow.f, named, states)),)
     return replace(equations, flows=flows, conservation=kept), {**params, first: energy}
+
+
+def with_jacobian(flows: Any, jacobian: Any) -> Any:
+    """Give a function the derivative that came beside it."""
+    if jacobian is None:
+        return flows
+    if not callable(flows) or isinstance(flows, Flow | Filippov):
+        raise BadInput("jacobian= is of one function f: give each flow its own, Flow(f, jacobian=)")
+    return Flow(flows, jacobian=jacobian)
 
 
 def named_state(

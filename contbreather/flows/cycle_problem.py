@@ -26,11 +26,12 @@ from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
-from .conservation import indices_of, refuse_drift
+from .conservation import drift, indices_of, refuse_drift
 from .equations import FlowEquations
 from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
+from .jacobian import at_other_time
 from .multipliers import around, closing_matrix, of_cycle, paces
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
@@ -291,9 +292,17 @@ class CycleProblem(Problem):
             np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
         )
 
+    def simpler(self, point: Point) -> Problem | None:
+        """The orbit a single time around, where it goes around several times."""
+        orbit: Cycle = point.solution
+        single = once(orbit.equations, orbit.flights, point.params)
+        if single.turns == orbit.equations.turns:
+            return None
+        return problem_of(single, point.params, self.events, self.label)
+
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
-        if len(self.start["mesh"]) > 400:  # of all flows together: enough
+        if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
             return None
         if along is None:
             return self.halved(), None
@@ -329,10 +338,19 @@ class CycleProblem(Problem):
 
     def unresolved(self, point: Point) -> str:
         try:
-            reason: str = point.solution.coarse
+            return self._drift(point) or str(point.solution.coarse)
         except Undefined as error:  # it has come to rest
-            reason = str(error)
-        return reason
+            return str(error)
+
+    def _drift(self, point: Point) -> str:
+        """Say that an orbit has come to where lambda is no rounding, as nothing is conserved there:
+        equations and unfolding have solutions which are none of the flow."""
+        kept = self.residual.conservation
+        if kept is None:
+            return ""
+        flow, states = self.residual.flows[0], point.solution.flights[0].states.T
+        plain = point.params | dict.fromkeys(kept.lambdas, 0.0)
+        return drift(kept.quantities, flow.f, states, plain)
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
         problem = self
@@ -411,7 +429,7 @@ def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         (flow,) = flows
         walls = tuple(partial(back, wall) for wall in flow.guards.values())
         reset = flow.reset and partial(back, flow.reset)
-        after = [replace(flow, f=partial(back, flow.f), reset=reset, walls=walls)]
+        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
     return replace(
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,

@@ -28,6 +28,7 @@ from .functions import (
     undecorated,
     values,
 )
+from .jacobian import Field, divided
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -93,11 +94,16 @@ class Flow:
         compliant stop: so `switch` knows how an orbit goes on that touches it.
     mass : array_like, shape (n, n), optional
         Constant mass matrix M of ``M dx/dt = f(t, x, p)``; it must be regular.
+    jacobian : callable or pattern, optional
+        ``jacobian(t, x, p)``, the derivative of `f` in x: shape (n, n), dense or from scipy.sparse,
+        and of a dense one (n, n, m) at m states. Or which of its entries may differ from zero, as
+        an array, dense or from scipy.sparse: states that share no equation are then moved at once.
+        Checked once against differences.
 
     Raises
     ------
     BadInput
-        Where something is no function, or the mass matrix is singular.
+        Where something is no function, the mass matrix is singular, or the jacobian is wrong.
 
     Examples
     --------
@@ -112,6 +118,7 @@ class Flow:
     walls: Any = ()  # then a tuple of Wall
     mass: Any = None
     at: float | Callable[[Params], Any] | None = None
+    jacobian: Any = None
 
     def __post_init__(self) -> None:
         keep = partial(object.__setattr__, self)
@@ -130,9 +137,12 @@ class Flow:
         for name, function in self.functions.items():
             if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
+        if self.jacobian is not None:
+            keep("f", Field.of(self.f, self.jacobian))
         if self.mass is not None:
-            keep("f", partial(_divided, _inverse(self.mass), self.f))
-            keep("mass", None)  # it is in f now
+            keep("f", divided(_inverse(self.mass), self.f))
+        for name in ("jacobian", "mass"):
+            keep(name, None)  # they are in f now
 
     @property
     def guards(self) -> dict[str, Function]:
@@ -175,6 +185,8 @@ class Flow:
         if x.ndim != 1 or not x.size:
             raise BadInput(f"a state is a row of numbers; an array of shape {x.shape} was given")
         check_function("f", self.f, (x.size,), float(t), x, p)
+        if isinstance(self.f, Field):
+            self.f.check(float(t), x, p)
         for name, guard in self.guards.items():
             check_function(name, guard, (), float(t), x, p)
         if self.reset is not None:
@@ -196,11 +208,6 @@ def _wall(wall: Any) -> Wall:
 
 def _guard(wall: Wall) -> Any:
     return wall[0].until if isinstance(wall, tuple) else wall
-
-
-def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
-    """Evaluate ``M^-1 f``; the columns of x stay columns."""
-    return inverse @ rows_of(f(t, x, p), x)
 
 
 def _inverse(mass: Any) -> Array:

@@ -6,22 +6,25 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from ..continuation.algebra.newton import Array, Undefined, newton
+from ..continuation.algebra.sparse import first_columns, null_vectors, plus_diagonal
 from ..continuation.bifurcations.equilibria import branch_point, fold, hopf, unstable
 from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from .collocation import Collocation, fitted, sizes_of
-from .cycle_constructors import named_state
+from .cycle_constructors import named_state, with_jacobian
 from .cycle_events import events_of_cycle
 from .cycle_problem import problem_of
 from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
 from .functions import Function, Params, at_state
+from .jacobian import Exact, Field
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 
@@ -31,6 +34,7 @@ def equilibrium(
     start: Mapping[str, float],
     params: Mapping[str, float],
     *,
+    jacobian: Any = None,
     events: Iterable[Event] | None = None,
     collocation: Collocation | None = None,
     label: str = "equilibrium",
@@ -44,6 +48,8 @@ def equilibrium(
         Name and value of each state, close to the equilibrium.
     params : dict
         Name and value of each parameter.
+    jacobian : callable or pattern, optional
+        The derivative of f in x where `f` is a function, as `Flow` takes it.
     events : iterable of Event, optional
         LP, BP and HB by default.
     collocation : Collocation, optional
@@ -67,12 +73,14 @@ def equilibrium(
     >>> bool(abs(orbit.max["x"] - 0.5**0.5) < 1e-9)
     True
     """
+    f = with_jacobian(f, jacobian)
     flow = f if isinstance(f, Flow) else Flow(f)
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
     refuse_false_period([Flow(flow.f)], [state[:, None]], None, params)
+    rest = _Rest(flow, collocation or Collocation())
     return Equilibrium(
-        _Rest(flow, collocation or Collocation()), dict(start), params,
+        rest, dict(start), params, jacobian=rest.jacobian,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
         record={"unstable": UnstableDimension(unstable)}, label=label,
     )  # fmt: skip
@@ -87,6 +95,14 @@ class _Rest:
 
     def __call__(self, x: Array, p: Params) -> Array:
         return at_state(self.flow.f, 0.0, x, p)
+
+    @property
+    def jacobian(self) -> Any:
+        """The derivative as it was given: a function of (x, p), or a pattern."""
+        if not isinstance(self.flow.f, Field):
+            return None
+        given = self.flow.f.jacobian
+        return partial(given.matrix, 0.0) if isinstance(given, Exact) else given.pattern
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,8 +137,7 @@ def _born(point: Point) -> SwitchingProblem:
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
     residual, names = point.curve.problem.residual, tuple(point.curve.problem.start)
     omega = float(point["omega"])
-    eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
-    q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
+    q = null_vectors(plus_diagonal(first_columns(point.jacobian(), rest.size), -1j * omega))[0]
     size = float(np.sqrt(np.mean(rest**2)))
     size = size if size > 1e-12 else 1.0  # or it is the origin, but for rounding
     # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle

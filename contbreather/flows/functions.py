@@ -194,18 +194,31 @@ def slopes(
     function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
 ) -> tuple[Array, Array]:
     """Evaluate a function as `values` does, and its derivatives in the state, in time and in named
-    parameters, of shape (m, n + 1 + len(names), K).
+    parameters, of shape (m, n + 1 + len(names), K); in the state as they were given, if they were.
+    """
+    given = getattr(function, "jacobian", None)
+    if given is None:
+        return slopes_along(function, t, x, p, names, np.eye(len(x)))
+    value, inner, other = given.slopes(function, t, x, p, names)
+    return value, np.concatenate([inner, other], axis=1)
+
+
+def slopes_along(
+    function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...], ways: Array
+) -> tuple[Array, Array]:
+    """Evaluate a function as `values` does, and its derivatives along ways of the state, the
+    columns of an array, in time and in named parameters.
 
     By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
     differences, whose steps suit it. Decided beside the first states, and anew where slopes are
     not borne out: a force of contact is nowhere to be seen until there is one.
     """
-    n, count = x.shape
+    (n, width), count = ways.shape, x.shape[1]
     t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
     how, doubtful = _calling(function, t, x, p), np.arange(count)
     if how.schemes.get(names, how) is None:
-        value, slope = _complex_steps(how, t, x, p, names)
-        doubtful = _doubtful(how, t, x, p, value, slope)
+        value, slope = _complex_steps(how, t, x, p, names, ways)
+        doubtful = _doubtful(how, t, x, p, value, slope, ways)
         if not doubtful.size:
             return value, slope
 
@@ -221,25 +234,28 @@ def slopes(
     least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
     spread[n + 1 :] = size[n + 1 :]
     scales = np.where(spread > least, spread, 1.0)
+    whole = np.eye(len(z), width + len(z) - n, width - n)
+    whole[:n, :width] = ways
     if how.schemes.get(names) is None:  # nobody knows yet, or no longer
         beside = np.zeros(len(z))
         if names not in how.schemes:
             beside[:n] = offset(x)
-        how.schemes[names] = _decide_scheme(joined, z[:, doubtful], beside, scales)
+        how.schemes[names] = _decide_scheme(joined, z[:, doubtful], beside, scales, whole)
         by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", how.name, by)
     if (finer := how.schemes[names]) is None:
-        return _complex_steps(how, t, x, p, names)
-    return joined(z), _differences(joined, z, scales, finer)
+        return _complex_steps(how, t, x, p, names, ways)
+    return joined(z), _differences(joined, z, scales, finer, whole)
 
 
 def _complex_steps(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], ways: Array
 ) -> tuple[Array, Array]:
-    n, count = x.shape
-    directions = n + 1  # those of the parameters apart: what asks for one may expect a number
+    (n, count), width = x.shape, ways.shape[1]
+    directions = width + 1  # those of the parameters apart: what asks for one may expect a number
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    aside = 1j * IMAGINARY * np.eye(directions)[:, :, None]
+    aside = 1j * IMAGINARY * np.eye(n + 1, directions, width - n)[:, :, None]
+    aside[:n, :width, 0] = 1j * IMAGINARY * ways
     at, times = x[:, None] + aside[:n], t + aside[n]
     value = how(times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
     slope = np.empty((how.rows, directions + len(names), count))
@@ -251,16 +267,17 @@ def _complex_steps(
 
 
 def _doubtful(
-    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array
+    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array, ways: Array
 ) -> NDArray[np.intp]:
     """Find states at which slopes, along one way, are not what a central difference gives."""
-    n, count = x.shape
+    count, width = x.shape[1], ways.shape[1]
     low, high = x.min(axis=1), x.max(axis=1)
     step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
-    later = _CENTRAL * (t[-1] - t[0])
+    parts = _parts(ways, step)
+    step, later = ways @ parts, _CENTRAL * (t[-1] - t[0])
     at = np.concatenate([x + step[:, None], x - step[:, None]], axis=1)
     beside = how(np.concatenate([t + later, t - later]), at, p)
-    along = 2 * (step @ slope[:, :n] + later * slope[:, n])
+    along = 2 * (parts @ slope[:, :width] + later * slope[:, width])
     off = abs(beside[:, :count] - beside[:, count:] - along)
     unseen = 1e-5  # of the largest: what differs by less may be rounding
     size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
@@ -268,27 +285,39 @@ def _doubtful(
     return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
 
 
-def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
+def _parts(ways: Array, vectors: Array) -> Array:
+    """How much of each way, of which none shares a row with another, is in vectors."""
+    return np.asarray((ways / (ways**2).sum(axis=0)).T @ vectors)
+
+
+def _differences(joined: Any, z: Array, scales: Array, finer: Array, ways: Array) -> Array:
     """Take five-point differences, shorter where they leave the domain of the function."""
-    slopes, sizes = [], np.maximum(scales[:, None], abs(z))
-    for j, divisor in enumerate(finer):
+    slopes, sizes = [], _parts(ways, np.maximum(scales[:, None], abs(z)))
+    for way, size, divisor in zip(ways.T, sizes, finer, strict=True):
         for shorter in (1, 64, 4096):
             # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
-            step = RELATIVE * sizes[j] / (divisor * shorter)
-            slope = directional(joined, z, np.eye(len(z), 1, -j) * step) / step
+            step = RELATIVE * size / (divisor * shorter)
+            slope = directional(joined, z, way[:, None] * step) / step
             if np.isfinite(slope).all():
                 break
         slopes.append(slope)
     return np.stack(slopes, axis=1)
 
 
-def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array) -> Array | None:
+def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Array) -> Array | None:
     """Return None for complex steps, where they agree with differences beside each of a few
     states, or the divisors of the steps of differences."""
-    finest = np.zeros(len(z))
+    finest, sizes = np.zeros(ways.shape[1]), _parts(ways, scales)
     for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
+        place = z[:, k] + aside
+        parts = _parts(ways, place)
+        base = place - ways @ parts  # zero where each state has its own way
+
+        def along(parts: Array, base: Array = base) -> Array:
+            return np.asarray(joined((base + ways @ parts)[:, None])[:, 0])
+
         with np.errstate(all="ignore"):
-            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + aside, scales)
+            scheme = choose(along, parts, sizes)
         if isinstance(scheme, partial):  # differences
             finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None

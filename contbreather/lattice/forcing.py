@@ -169,7 +169,7 @@ class Periodic:
 
     @property
     def symmetric(self) -> bool:
-        """Whether F(t + pi) = -F(t), whatever its parameters: it has odd harmonics only."""
+        """True where F(t + pi) = -F(t), whatever its parameters: it has odd harmonics only."""
         return not even_harmonics(self)
 
     @property
@@ -499,7 +499,7 @@ def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[i
             )
         if m > HIGHEST:
             raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")
-        if not is_finite(value):
+        if not math.isfinite(real(value)):
             raise BadInput(
                 f"{kind} harmonic {m}: its coefficient {value!r} is not a finite number."
             )
@@ -518,10 +518,6 @@ def check_size(largest: float, name: str) -> None:
             f"{name} reaches {largest:.2g}, too large to be computed with; the amplitude a "
             f"multiplies any forcing, so scale it down to at most {LARGEST:g}."
         )
-
-
-def is_finite(value: object) -> bool:
-    return math.isfinite(real(value))
 
 
 # ---------------------------------------------------------------------------- samples

@@ -7,6 +7,7 @@ one. Slopes in the parameters are complex steps.
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +29,6 @@ from contbreather.lattice.forcing import (
     Samples,
     TrigonometricSeries,
     check_size,
-    is_finite,
     response_of,
     spectrum_of,
 )
@@ -179,7 +179,7 @@ def _value(node: ast.expr) -> Value:
 def _series_of(
     formula: Formula, values: tuple[tuple[str, float], ...]
 ) -> dict[str, TrigonometricSeries]:
-    """That of f under the name "", those of its slopes under the names of the parameters."""
+    """Series of f under the name "", of its slopes under the names of the parameters."""
     params = dict(values)
     size = 16
     resolved: Any = np.False_
@@ -262,8 +262,8 @@ def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, A
 
 
 def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
-    """That F, or a slope of it, is finite, resolved and 2 pi periodic; without even harmonics where
-    these are rounding."""
+    """Check that F, or a slope of it, is finite, resolved and 2 pi periodic; without even harmonics
+    where these are rounding."""
     size, even = float(abs(row).max()), abs(spectrum[::2])
     if not size <= LARGEST:
         raise BadInput(f"{subject} is not a finite real number at every t{at}.")
@@ -337,7 +337,7 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
         return brief(", ".join(sorted(names))).strip("'")
 
     for name, value in params.items():
-        if not is_finite(value):
+        if not math.isfinite(real(value)):
             raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
     text, free, named = brief(formula.text), formula.letters, frozenset(params)
     if taken := free & set(RESERVED):

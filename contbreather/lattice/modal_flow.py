@@ -82,7 +82,7 @@ PROPAGATORS = Kernel(propagators)
 
 
 def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array, Array]:
-    """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
+    """The two multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
     w = np.sqrt(z - 0.25 * damping * damping + 0j)
     return np.exp((1j * w - 0.5 * damping) * time), np.exp((-1j * w - 0.5 * damping) * time)
 

@@ -20,7 +20,8 @@ from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Point
-from contbreather.continuation.curve.problem import Problem, chained
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.walk_kernel import Walker
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
-from contbreather.continuation.curve.problem import Problem, chained
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
@@ -228,15 +229,17 @@ class SymmetricProblem(OrbitProblem):
         return self.closure.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
-        data = self.kernel_data(free, params)
+        data = self.kernel_data(free, params, held=True)
         return data and (kernels.CLOSURE, data)
 
     def kernel_data(
-        self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
+        self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0, held: bool = False
     ) -> Any:
-        """None with springs, for the coupling of a ring, and on lattices of somebody else."""
+        """None for the coupling of a ring, on lattices of somebody else, and of most events with
+        springs."""
         on, forcing = self.closure.lattice, self.closure.forcing
-        if type(on) not in (InfiniteChain, Ring) or isinstance(forcing, SpringResponse):
+        sprung = isinstance(forcing, SpringResponse)
+        if type(on) not in (InfiniteChain, Ring) or (sprung and not held):
             return None
         return kernels.closure_data(on, forcing_at(forcing, params), free, params, extra)
 
@@ -328,9 +331,10 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
-def _scalar_walker(kernels: Walker, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
-    data = problem.kernel_data(free, params)
-    return data and (kernels, data)
+def _scalar_walker(of: Walker, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+    # its pitchfork with springs is no scalar that kernels have
+    data = problem.kernel_data(free, params, held=of is kernels.FOLD)
+    return data and (of, data)
 
 
 def _fold_walker(problem: Any, free: Any, params: Mapping[str, float]) -> Any:

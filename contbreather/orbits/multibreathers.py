@@ -108,7 +108,6 @@ def multibreather(
 
 
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
-    """Which sites, and what was chosen for each where that was said."""
     named = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "")
     phrases = (
         f"{site} ({orbit if isinstance(orbit, str) else orbit.section.describe()})"
@@ -139,7 +138,7 @@ def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
 
 
 def _farthest(branch: Branch) -> Point:
-    """Where its coupling is largest: located, as where it meets an image of itself and comes back,
+    """Point of its largest coupling: located, as where it meets an image of itself and comes back,
     or its end."""
     points: tuple[Point, ...] = (*branch.special, branch[-1])
     return max(points, key=lambda point: float(point["gamma"]))
@@ -192,7 +191,7 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
 
 
 def _with_even(share: float, on: Conditions) -> Conditions:
-    """The same under a drive with so much of its even harmonics."""
+    """Conditions with so much of the even harmonics of their drive."""
     if not even_harmonics(on.forcing):
         return on
     rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in on.forcing.harmonics]
@@ -225,7 +224,7 @@ def _under(on: Conditions, site: int) -> FloatArray:
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
-    """All impacts in order of time over one common section."""
+    """Impacts in order of time over one common section."""
     # the shortest period they have in common; half of it where n is odd and each orbit is its own
     # mirror image, u(t + n pi) = -u(t)
     turns = math.lcm(*(orbit.section.turns for _, orbit in singles))
@@ -325,7 +324,7 @@ class Multibreather(HtmlRepr):
 
     @property
     def exists(self) -> bool:
-        """Whether it lives at the coupling that was asked for."""
+        """True where it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
 
     def table(self) -> Sheet:
@@ -335,7 +334,7 @@ class Multibreather(HtmlRepr):
         return Sheet.of([*rows, ("ends with", self.ended or None)])
 
     def stable(self, threshold: float = THRESHOLD) -> bool:
-        """Whether it exists, and no multiplier of it is beyond the threshold."""
+        """True where it exists, and no multiplier of it is beyond the threshold."""
         orbit = self.orbit if self.exists else None
         return orbit is not None and bool(orbit.stability(threshold=threshold).stable)
 
@@ -352,7 +351,7 @@ def multibreathers(
     walls: Any = None,
     forcing: Drive | None = None,
 ) -> tuple[Multibreather, ...]:
-    """All choices of up to `most` sites that impact on their upper root, one for each class of
+    """Choices of up to `most` sites that impact on their upper root, one for each class of
     choices that a symmetry of the lattice maps into each other.
 
     Examples

@@ -123,7 +123,7 @@ def _by_modes_alone(map: Any) -> bool:
 
 
 def _beyond(mu: float, point: Point) -> float:
-    """How many multipliers are beyond mu: two that pass within one step are seen by it."""
+    """Number of multipliers beyond mu: two that pass within one step are seen by it."""
     orbit = point.solution
     return math.nan if is_blurred(orbit) else int(orbit.map.beyond(mu))
 

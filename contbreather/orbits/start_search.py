@@ -98,7 +98,6 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
 
 
 def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
-    """Change the value of a parameter, be it one of the forcing."""
     forcing = forcing_of(conditions.get("forcing"))
     if name in forcing.params:
         return {**conditions, "forcing": forcing.at(**{name: value})}

@@ -120,7 +120,6 @@ class Zones(Columns, HtmlRepr):
         return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
 
     def _same(self, point: Point, other: Point) -> bool:
-        """Test whether two meetings are one, seen from either curve."""
         kinds = [set(meeting.kind.split("-")) for meeting in (point, other)]
         return kinds[0] == kinds[1] and all(abs(point[n] - other[n]) < 1e-6 for n in self.pair)
 

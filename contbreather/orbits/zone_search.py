@@ -159,7 +159,6 @@ class ZoneSearch:
         return sorted(pieces, key=lambda piece: piece.z[-1, 2])  # a falls along each
 
     def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
-        """Test whether a curve of this kind passes a place."""
         curves = (b for b in self.curves[kind] if b is not but)
         return any(_on_curve(b, place, self.pair, SAME) for b in curves)
 
@@ -276,7 +275,6 @@ def _narrowed(name: str, window: tuple[float, float] | None, unit: float) -> tup
 
 
 def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:
-    """Test whether a traced curve passes a place."""
     # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes p
     # takes long to say, and follows from the time
     names = (*pair, "p", "phi") if "phi" in curve.names else (*pair, "t1")

@@ -157,12 +157,12 @@ def zones(
     ((name, value),) = fixed.items()
     # a diagram for each; a string is iterable too, but no values
     if np.iterable(value) and not isinstance(value, str):
-        shared: dict[str, Any] = {"forcing": forcing, "lattice": lattice, "within": within}
-        shared |= {"progress": progress}
-        shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
-        shared |= {"omega": omega} | held
-        return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds,
-                         beyond=beyond)  # fmt: skip
+        shared: dict[str, Any] = {
+            "forcing": forcing, "lattice": lattice, "within": within, "progress": progress,
+            "threshold": threshold, "past_folds": past_folds, "beyond": beyond, "site": site,
+            "damping": damping, "spring": spring, "walls": walls, "omega": omega, **held,
+        }  # fmt: skip
+        return _several(name, value, save, **shared)
     value = fixed_value(name, value)
     held = {n: parameter(n, x, high=HEAVIEST, why="") for n, x in held.items()}
     if past_folds and held:
@@ -232,7 +232,6 @@ def model_of(
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> ZoneDiagrams:
-    """A diagram for each of several values."""
     values = [fixed_value(name, value) for value in values]  # all before any diagram is drawn
     if not values:
         raise BadInput(f"zones need a value of {name}, or several; got none")

@@ -190,7 +190,6 @@ def _is_boundary(branch: Branch) -> bool:
 
 
 def _ordinate(branches: Sequence[Branch]) -> str:
-    """Column to draw where none was named."""
     first, problems = branches[0], [branch.problem for branch in branches]
     if _is_boundary(first):
         return first.curve.varied[1]
@@ -384,8 +383,9 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
-        inside, samples = legend(loc="best"), canvas.curve_samples(ax, canvas.lay_out(ax))
-        if not canvas.beneath(inside.get_window_extent(), samples):
+        inside = legend(loc="best")
+        canvas.lay_out(ax)
+        if not inside.get_window_extent().count_contains(canvas.curve_points(ax)):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 
@@ -455,11 +455,6 @@ def plot_diagram(
         branches have; of breathers as in `plot`. Branches without the column are left out.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
-
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------

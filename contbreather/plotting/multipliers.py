@@ -60,11 +60,6 @@ def plot_multipliers(
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
-
     Raises
     ------
     BadInput

@@ -282,11 +282,6 @@ def plot_atlas(
     kinds : sequence of str
         Of LP, GR, PF and NS.
 
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
-
     Raises
     ------
     BadInput
@@ -345,7 +340,6 @@ def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
 def _lines(
     atlas: Dataset, names: Sequence[str], at: Mapping[str, float], kinds: Sequence[str]
 ) -> Lines:
-    """Curves of each kind at each value of the third parameter."""
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
             there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)

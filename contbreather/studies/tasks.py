@@ -260,7 +260,6 @@ def computed(task: Task, folder: Path) -> Any:
 
 
 def _source(task: Task, folder: Path) -> Point:
-    """Load the special point that it starts from."""
     assert task.needs is not None
     branches, arm = load(task.needs.file(folder)), task.table.of.arm
     if isinstance(branches, Branch):  # also where there is one arm alone

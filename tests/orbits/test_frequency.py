@@ -15,13 +15,11 @@ from contbreather.certified import certify
 from contbreather.continuation.algebra.derivatives import differences
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
 from contbreather.plotting.multipliers import band
 
-CHAIN = InfiniteChain()
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
 OPEN = cb.OpenChain(5)
 UNEVEN = np.array([1.0, 0.5, 2.0, 1.0, 1.5])
@@ -146,16 +144,6 @@ def test_what_happens_along_the_frequency_happens_on_branches_in_a_of_scaled_pro
         same = cb.trace(breather, "a", events=breather.problem.events, **near)
         places = [other["a"] for other in same.special if other.kind == point.kind]
         assert min(abs(np.array(places) / scaled["a"] - 1), default=1) < 1e-9
-
-
-def test_the_pitchfork_in_omega_and_a_is_the_closed_form():
-    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8), "omega", within={"omega": (0.8, 2)})
-    line = cb.boundary(branch.first("PF"), ("omega", "a"), within={"omega": (0.7, 2), "a": (0, 5)})
-    assert len(line) > 20
-    for w, a, p in zip(line["omega"], line["a"], line["p"], strict=True):
-        chi, sigma = (CHAIN.mean(0.05 / w**2, name) for name in ("chi", "sigma"))
-        assert p == pytest.approx(1 / (chi - 2 * sigma), abs=1e-11)
-        assert a == pytest.approx(w * w * p * math.hypot(1 / 9, 2 * sigma), abs=1e-10)
 
 
 CHAINS = {}, {"damping": 0.02, "lattice": cb.Ring(7), "spring": 0.05}

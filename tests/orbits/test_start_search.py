@@ -108,12 +108,6 @@ def test_a_first_point_is_looked_for_in_the_middle_or_where_that_is_said() -> No
 
 def test_solutions_are_chosen_by_number_from_one() -> None:
     both = cb.orbits.symmetric_roots(0.5, 0.1, 0.8)
-    assert [start_search.rooted(both, i) for i in (1, 2)] == list(both)
-    for root in (0, 3, -1):
-        with pytest.raises(
-            cb.BadInput, match=rf"root {root}: .* 1: p = 0\.767381929, 2: p = 0\.25"
-        ):
-            start_search.rooted(both, root)
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8, root=2).p == both[1].p
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8).p == both[0].p
 

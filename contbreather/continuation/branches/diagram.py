@@ -32,11 +32,6 @@ if TYPE_CHECKING:
     from rich.tree import Tree
 
 
-_COLUMNS = 5  # numbers shown for a point in the tree
-_SHORT = 0.1  # of the first step that was asked for: an arm that sets out by less
-_FARTHER = 12  # is recognised after so many steps
-
-
 @dataclass(frozen=True)
 class Place:
     """A special point and the branch it was found on first."""
@@ -167,10 +162,7 @@ class Diagram(Columns, HtmlRepr):
 
     def describe(self) -> str:
         """One sentence: how much there is, and what was left undone."""
-        branches, points = (
-            _count(self, "branch", "branches"),
-            _count(self._distinct(), "special point"),
-        )
+        branches, points = _count(self, "branch", "es"), _count(self._distinct(), "special point")
         left = f"{_count(self.left, 'point')} not switched at" if self.left else ""
         failed = f"{_count(self.failed, 'arm')} not followed" if self.failed else ""
         ends = f"{_count(self.ends, 'end')} with no orbit beyond" if self.ends else ""
@@ -182,14 +174,14 @@ class Diagram(Columns, HtmlRepr):
 
     def table(self) -> Sheet:
         """A line for each branch; in a terminal it is a tree."""
-        columns: dict[str, list[Any]] = {
-            "branch": [str(i) for i in range(len(self))],
-            "born at": [birth.place.name if birth.place else "" for birth in self.births],
-            "points": [len(branch) for branch in self],
-            "special": [" ".join(p.label for p in branch.special) for branch in self],
-            "end": [branch.stop.value for branch in self],
-        }
-        return Sheet([Column(name, cells) for name, cells in columns.items()], self.describe())
+        columns = [
+            Column("branch", [str(i) for i in range(len(self))]),
+            Column("born at", [birth.place.name if birth.place else "" for birth in self.births]),
+            Column("points", [len(branch) for branch in self]),
+            Column("special", [" ".join(p.label for p in branch.special) for branch in self]),
+            Column("end", [branch.stop.value for branch in self]),
+        ]
+        return Sheet(columns, self.describe())
 
     def __rich__(self) -> Tree:
         """Branches as a tree: under each its special points, under each of these what was born."""
@@ -215,14 +207,14 @@ class Diagram(Columns, HtmlRepr):
                     self._grow(leaf, i)
 
 
-def _count(things: Sized, singular: str, plural: str = "") -> str:
-    return f"{len(things)} {singular if len(things) == 1 else plural or singular + 's'}"
+def _count(things: Sized, name: str, plural: str = "s") -> str:
+    return f"{len(things)} {name}{plural * (len(things) != 1)}"
 
 
 def _shown(point: Point) -> str:
     values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
     numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
-    return f"{point.label}: {', '.join(numbers[:_COLUMNS])}{', ...' * (len(numbers) > _COLUMNS)}"
+    return f"{point.label}: {', '.join(numbers[:5])}{', ...' * (len(numbers) > 5)}"
 
 
 # --- growing ----------------------------------------------------------------------------------
@@ -371,9 +363,9 @@ class _Growth:
         first = glance(steps=replace(self.steps, most=1))
         if len(first) < 2 and first.stop is Stop.BOUND:
             return  # at the edge of the window, beyond which it lies
-        if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
+        if first.curve.length(first[-1].z - first[0].z) < 0.1 * self.steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
-            first = glance(steps=replace(self.steps, most=_FARTHER))
+            first = glance(steps=replace(self.steps, most=12))
         reach = first.curve.length(first[-1].z - first[0].z)
         duplicate = duplicate_of(first[-1], self.tree, reach)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):

@@ -27,9 +27,7 @@ from .ends import Bound, StartOnCurve
 
 LOG = logging.getLogger(__name__)
 
-_OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
-_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
 
@@ -178,7 +176,7 @@ class Stepper:
             return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            closes = off <= _PASS and _angle(self.curve, slope, self.home.direction) <= _PASS
+            closes = max(off, _angle(self.curve, slope, self.home.direction)) <= 0.03
         else:
             # across the start only: along the curve Newton's linear condition keeps the place
             guess = start + gap - row.dot(gap) * self.home.direction
@@ -315,7 +313,7 @@ class Stepper:
             place, point = segment.corrected(branch_point.solution, branch_point.tangents)
         except Undefined:
             return None
-        return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
+        return point if -0.02 < place < 1.02 else None  # just beyond its ends still belongs to it
 
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Tell whether the curve leaves the window between both ends and comes back."""
