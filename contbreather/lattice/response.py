@@ -125,17 +125,13 @@ class Response:
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
         (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
-        out = self._interacting(np.ascontiguousarray(times, dtype=float), by).copy()
+        out = np.empty((4, times.size, times.size))
+        INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
         i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}.get(by, 0.0)
         # u' jumps by 1 at an impulse, and the damping brakes it by that much
         out[1, i, i] -= 0.5 * (not by)
         if jump:
             out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
-        return out
-
-    def _interacting(self, times: FloatArray, by: str) -> FloatArray:
-        out = np.empty((4, times.size, times.size))
-        INTERACTIONS(self.table(self.hits, by), times, out)
         return out
 
     # ------------------------------------------------------------------------ to the drive
@@ -289,7 +285,7 @@ class ModalResponse(Response):
         rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
         return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
 
-    def _interacting(self, times: FloatArray, by: str) -> FloatArray:
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         return _modal_interactions(self, times.tobytes())[by]
 
     @cached_property
@@ -455,7 +451,7 @@ class ModalResponse(Response):
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    _interacting = Response._interacting
+    interactions = Response.interactions
 
     @cached_property
     def basis(self) -> Basis:
@@ -500,7 +496,7 @@ def _modal_interactions(of: ModalResponse, times: bytes) -> dict[str, FloatArray
     at = np.frombuffer(times)
     out = np.empty((13, at.size, at.size))
     lam, weights = _couplings(of.lattice, of.hits)
-    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, at, out)
+    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, float(of.damping), at, out)
     first = {"": VALUE, "gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}
     return {name: out[row : row + (3 if name else 4)] for name, row in first.items()}
 

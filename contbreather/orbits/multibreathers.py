@@ -349,6 +349,7 @@ def multibreathers(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
+    omega: float = 1.0,
     forcing: Drive | None = None,
 ) -> tuple[Multibreather, ...]:
     """Choices of up to `most` sites that impact on their upper root, one for each class of
@@ -361,6 +362,17 @@ def multibreathers(
     >>> [(entry.sites, entry.copies, entry.exists) for entry in catalogue]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
+        return tuple(
+            replace(
+                entry,
+                gamma=entry.gamma * frequency**2,
+                orbit=entry.orbit and replace(entry.orbit, omega=frequency),
+            )
+            for entry in in_time_of_drive(multibreathers, frequency, most=most, **given)
+        )
     finite(lattice)
     whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
     if not whole or not 1 <= most <= lattice.sites:

@@ -237,7 +237,7 @@ def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
     if lattice.shape:
         rows, columns = lattice.shape
         (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
-        closing = (right - c == columns - 1 > 1) | (below - r == rows - 1 > 1)
+        closing = (right - c > 1) | (below - r > 1)
     elif ((second - first == 1) | (second - first == n.size - 1)).all():
         closing = (second - first) > 1
     first, second = np.where(closing, second, first), np.where(closing, first, second)

@@ -85,14 +85,11 @@ class TiedProblem(Problem):
         for name, value in inner.items():
             number(name, value, -math.inf, math.inf, "a number from its function")
         gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
-        domain, scales = (
-            {n: value for n, value in entries.items() if n not in functions}
-            for entries in (base.domain, base.scales)
-        )
         return cls(
             ties.of(base.residual), base.start, params, events=base.events, label=base.label,
-            record={**base.record, **gone}, domain=domain, scales=scales, base=base, ties=ties,
-            **more,
+            record={**base.record, **gone}, base=base, ties=ties,
+            domain={n: edges for n, edges in base.domain.items() if n not in functions},
+            scales={n: size for n, size in base.scales.items() if n not in functions}, **more,
         )  # fmt: skip
 
     def untied(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array, Array]:
