@@ -47,11 +47,10 @@ class Ties:
 
     def of(self, function: Callable[..., Any]) -> Callable[[Array, Params], Any]:
         """A function of unknowns and parameters of the problem as one of the new parameters."""
-        return partial(_through, self, function)
+        return partial(self._through, function)
 
-
-def _through(ties: Ties, function: Callable[..., Any], x: Array, params: Params) -> Any:
-    return function(x, ties(params))
+    def _through(self, function: Callable[..., Any], x: Array, params: Params) -> Any:
+        return function(x, self(params))
 
 
 def _of_point(function: Callable[[Params], Any], point: Any) -> float:
