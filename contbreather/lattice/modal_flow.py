@@ -131,8 +131,8 @@ def driven_spectrum(
 ) -> DrivenSpectrum:
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
     in gamma, spring, damping or a parameter of the forcing; 0 in all others."""
-    own = by in forcing.params
-    m, F = _forces(forcing, by if own else "")
+    own = by if by in forcing.params else ""
+    m, F = _forces(forcing, own)
     if not lattice.even:
         medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)
         answer = medium.answers(m, forces)
@@ -142,7 +142,7 @@ def driven_spectrum(
         elif by and not own:
             answer = np.zeros_like(answer)
         return DrivenSpectrum(m, answer)
-    lam, shapes, share, gap = _driven_modes(lattice, forcing, gamma, spring, damping)
+    lam, shapes, share, gap = _driven_modes(lattice, forcing, gamma, spring, damping, own)
     answer = share * F / gap
     if by and not own:  # d(F/gap) = -F/gap^2 d(gap)
         rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
@@ -152,14 +152,14 @@ def driven_spectrum(
 
 @lru_cache(maxsize=16)
 def _driven_modes(
-    lattice: Finite, forcing: Forcing, gamma: float, spring: float, damping: float
+    lattice: Finite, forcing: Forcing, gamma: float, spring: float, damping: float, by: str
 ) -> tuple[FloatArray, FloatArray, FloatArray, Array]:
     """lam, shapes and shares of the modes that a drive moves, and how far each is from answering
-    its harmonics beyond all bounds."""
+    its harmonics, or those of its derivative, beyond all bounds."""
     # where nothing stretches a bond all sites are one
     modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
     lam, shapes, share = modes
-    m, F = _forces(forcing, "")
+    m, F = _forces(forcing, by)
     gap = (gamma * lam + spring)[:, None] - m * m + 1j * m * damping
     # so close to a harmonic a driven mode answers it beyond all bounds
     low = (abs(gap) <= 1e-12 * m * m) & (F != 0.0)
