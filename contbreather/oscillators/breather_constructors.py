@@ -34,6 +34,14 @@ _OWN = {"orbit", "mesh", "half", "period", "energy", "action", "participation", 
 _OWN |= {"largest", "max|u|", "omega"}
 
 
+class CouplingEnds(NoSolution):
+    """The walk in the coupling ends on its way, at a share of what was asked for."""
+
+    def __init__(self, reason: str, share: float) -> None:
+        super().__init__(reason)
+        self.share = share
+
+
 @one_thread
 def breather(
     chain: Oscillators,
@@ -172,7 +180,8 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     ends = (replace(fold(), ends="branch"),)
     branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
     if branch[-1][SHARE] < 1.0:
-        raise NoSolution(_refusal(code, branch, chain, omega))
+        reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
+        raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
     problem: Any = branch[-1].problem
     return problem
 
