@@ -79,6 +79,11 @@ class Structure:
         of period 2 that of fixed points."""
         return None
 
+    def invariants(self, point: Any) -> Array | None:
+        """Numbers that a solution has however it is written, as the period and the extremes of a
+        cycle, whose mesh and first flow are a choice; None where unknowns alone are compared."""
+        return None
+
     def lift(self, kind: str) -> Callable[[Any], Any] | None:
         """Maker of the `SwitchingProblem` of a point of this kind, which has the curves that leave
         it: `switch` follows them. None where there are none."""
