@@ -47,7 +47,7 @@ class DrivenOscillator:
 
     def field(self, t: float, y: Array) -> Array:
         """Positions and velocities of many, one after the other."""
-        u, v = np.split(y, 2)
+        u, v = y[: len(y) // 2], y[len(y) // 2 :]
         drive = self.force * self.chain.drive(t, self.params)
         return np.concatenate([v, drive - self.loss * v - self.single.pull(u)])
 
@@ -76,9 +76,11 @@ class DrivenOscillator:
             end = self.run(self.starts(), periods, 1e-6).y[:, -1].reshape(2, -1).T
         found: list[Attractor] = []
         for state in end[np.isfinite(end).all(axis=1)]:
-            orbit = self._closed(state)
-            if orbit and not orbit.repels and all(abs(orbit.state - o.state).max() > 1e-6 for o in found):
-                found.append(orbit)
+            near = 0.02 * abs(state).max()  # as close as it has settled
+            if all(abs(orbit.state - state).max() > near for orbit in found):
+                orbit = self._closed(state)
+                if orbit and not orbit.repels:
+                    found.append(orbit)
         return sorted(found, key=lambda orbit: orbit.amplitude)
 
     def _closed(self, state: Array) -> Attractor | None:
