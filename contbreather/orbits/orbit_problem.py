@@ -16,8 +16,7 @@ from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
-from contbreather.continuation.curve.problem import Problem
-from contbreather.continuation.curve.ties import TiedProblem
+from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Chains
 from contbreather.lattice.conditions import Conditions
