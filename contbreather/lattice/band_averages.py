@@ -228,7 +228,8 @@ class UniformLattice:
     def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
         """A mean as kernels take it; the same at every coupling where one is given."""
         if gamma is not None:
-            return BandAverage(*np.empty((2, 0)), np.array([self.mean(gamma, name)]))
+            none = np.empty(0)
+            return BandAverage(none, none, np.array([self.mean(gamma, name)]))
         return BandAverage(*map(np.array, self._expansions[name]))
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:

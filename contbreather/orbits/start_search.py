@@ -222,7 +222,7 @@ def find_event(
             refusal = refusal or error
             continue
         problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
-        kinds = dict.fromkeys([*(event.kind for event in problem.events), "PD"])
+        kinds = [*dict.fromkeys([*(event.kind for event in problem.events), "PD"])]
         one_of("the kind under this drive" if start.section.sign > 0 else "the kind", kind, kinds)
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)

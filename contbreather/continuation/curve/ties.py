@@ -85,10 +85,8 @@ class TiedProblem(Problem):
         for name, value in inner.items():
             number(name, value, -math.inf, math.inf, "a number from its function")
         gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
-        domain, scales = (
-            {n: value for n, value in entries.items() if n not in functions}
-            for entries in (base.domain, base.scales)
-        )
+        domain = {n: ends for n, ends in base.domain.items() if n not in functions}
+        scales = {n: size for n, size in base.scales.items() if n not in functions}
         return cls(
             ties.of(base.residual), base.start, params, events=base.events, label=base.label,
             record={**base.record, **gone}, domain=domain, scales=scales, base=base, ties=ties,
