@@ -40,7 +40,7 @@ __all__ = front(
         "orbits.atlas": "atlas zones_many",
         "orbits.constructors": "shooting",
         "orbits.multibreathers": "multibreather multibreathers",
-        "oscillators": "Oscillators breather",
+        "oscillators": "Oscillators breather breathers",
         "plotting": "plot save_figure",
         "runs": "Run load save",
         "simulation": "simulate",

@@ -60,6 +60,7 @@ from .orbits.multibreathers import multibreather as multibreather
 from .orbits.multibreathers import multibreathers as multibreathers
 from .oscillators import Oscillators as Oscillators
 from .oscillators import breather as breather
+from .oscillators import breathers as breathers
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure
 from .runs import Run as Run

@@ -112,6 +112,14 @@ class Cycle(HtmlRepr):
         states = _states(self.flights, inside)
         return states[:, 0] if t.ndim == 0 else states
 
+    @property
+    def begin_of_orbit(self) -> tuple[Any, dict[str, float], Params, float, float, float]:
+        """Its flows, the state at its start, parameters, the period, when it starts, and how exact
+        a step is: what `contbreather.integrate` goes on from."""
+        first = self.flights[0]
+        state = dict(zip(self.equations.states, first.states[0].tolist(), strict=False))
+        return self.equations.flows, state, self.params, self.period, first.start, 1e-12
+
     @cached_property
     def max(self) -> dict[str, float]:
         return {name: self.extreme(name, 1.0) for name in self.equations.states}
@@ -258,6 +266,10 @@ class CycleProblem(Problem):
 
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
+
+    @property
+    def begin_of_orbit(self) -> Any:
+        return cycle_of(self).begin_of_orbit
 
     def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
         raise BadInput(

@@ -74,7 +74,7 @@ class Resonance(BadInput):
 
 @dataclass(frozen=True)
 class Response:
-    """How a lattice answers to the drive and to recurring impulses at some of its sites.
+    """Answer of a lattice to the drive and to recurring impulses at some of its sites.
 
     Parameters
     ----------
@@ -173,14 +173,14 @@ class Response:
         return np.zeros(1), np.zeros(len(self.hit))
 
     def varied(self, name: str) -> Response:
-        """The same as one that has derivatives in a parameter."""
+        """Itself, as one that has derivatives in a parameter."""
         return self
 
 
 @dataclass(frozen=True)
 class UniformResponse(Response):
-    """That of the infinite chain, and of rings without losses, in closed form, to drives without a
-    mean."""
+    """Response of the infinite chain, and of rings without losses, in closed form, to drives
+    without a mean."""
 
     def varied(self, name: str) -> Response:
         held = name in ("damping", "spring") and name not in self.drive.params
@@ -238,7 +238,7 @@ def harmonics(turns: int, sign: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ModalResponse(Response):
-    """That of any finite lattice with masses, damping and springs, mode by mode."""
+    """Response of any finite lattice with masses, damping and springs, mode by mode."""
 
     @cached_property
     def basis(self) -> Basis:
@@ -449,7 +449,7 @@ class ModalResponse(Response):
 
 @dataclass(frozen=True)
 class UnevenResponse(ModalResponse):
-    """That of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+    """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
     interactions = Response.interactions
 
@@ -583,7 +583,7 @@ class AtRest(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
-    """With springs of so many times the coupling; an infinite one holds all other sites at 0."""
+    """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
 

@@ -381,13 +381,13 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
     class."""
     alike = nx.Graph()
     alike.add_nodes_from(itertools.combinations(range(lattice.sites), count))
-    for places in _symmetries(_coloured(lattice, walls)):
+    for places in exchanges_of_sites(_coloured(lattice, walls)):
         images = [(sites, tuple(sorted(places[n] for n in sites))) for sites in alike]
         alike.add_edges_from(images)
     return [(min(images), len(images)) for images in nx.connected_components(alike)]
 
 
-def _symmetries(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
+def exchanges_of_sites(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
     """Exchanges of sites that together generate all symmetries: with the first n sites held, those
     that take the next one to all places it can be taken to."""
     far = nx.floyd_warshall_numpy(graph, weight=None)

@@ -8,6 +8,7 @@ __all__ = front(
     __name__,
     {
         "breather_constructors": "breather",
+        "breather_catalogue": "CodedBreather breathers",
         "breather_problem": "Breather BreatherProblem",
         "oscillator_lattice": "Oscillators",
     },

@@ -34,7 +34,7 @@ class SingleOscillator:
         # the bonds that hold it even without coupling, by their signs and weights
         self.bonds = [
             (sign, weights[bond])
-            for ends, weights in chain.parts(self.params)
+            for (ends, _), weights in chain.parts(self.params)
             for bond, sign in zip(*_column(ends, site), strict=True)
             if weights[bond]
         ]
@@ -160,10 +160,11 @@ def half_without_coupling(
             raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
         single = SingleOscillator(chain, site, p)
         motions[site] = single.motion(single.amplitude(real(value), omega), half)
-    return fitted(scheme, 0.0, half, partial(_together, chain.sites, motions))
+    return fitted(scheme, 0.0, half, partial(together, chain.sites, motions))
 
 
-def _together(sites: int, motions: Mapping[int, Callable[[Array], Array]], t: Array) -> Array:
+def together(sites: int, motions: Mapping[int, Callable[[Array], Array]], t: Array) -> Array:
+    """The states of a lattice of which some sites move, and all others rest."""
     states = np.zeros((2 * sites, np.size(t)))
     for site, motion in motions.items():
         states[[site, sites + site]] = motion(t)

@@ -15,19 +15,32 @@ from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
 from ..flows.collocation import Collocation, sizes_of
+from ..flows.equations import FlowEquations
+from ..flows.flow import Flow
 from ..one_thread import one_thread
 from .anticontinuum import half_without_coupling, resonance
+from .attractors import driven_without_coupling, forcing_period
 from .breather_events import events_of_breather
-from .breather_problem import BreatherProblem, breather_problem
+from .breather_problem import Breather, BreatherProblem, breather_problem
 from .half_orbit import HalfOrbit
+from .impacting import between_walls_without_coupling
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
-HALF = Collocation(6, 6)  # of half an orbit: errors about 1e-11 where few harmonics matter
-_RESOLVED, _MOST = 1e-10, 400  # trivial multiplier off 1; intervals that are not made finer
+WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
+_RESOLVED, _TAIL = 1e-10, 1e-4
+_MOST = 400  # intervals that are not made finer
 
 _OWN = {"orbit", "mesh", "half", "period", "energy", "action", "participation", "unstable"}
 _OWN |= {"largest", "max|u|", "omega"}
+
+
+class CouplingEnds(NoSolution):
+    """The walk in the coupling ends on its way, at a share of what was asked for."""
+
+    def __init__(self, reason: str, share: float) -> None:
+        super().__init__(reason)
+        self.share = share
 
 
 @one_thread
@@ -87,17 +100,14 @@ def breather(
     check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
     omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     values = _params(chain, {} if params is None else params, omega)
-    half = (
-        HALF
-        if collocation is None
-        else replace(collocation, intervals=max(2, -(-collocation.intervals // 2)))
-    )
-    name = label or "breather"
+    scheme = collocation or WHOLE
+    if chain.walls is not None or not chain.dissipative:  # it is made of two halves
+        scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
     try:  # on few points first: they lead there as well
-        reached = _walked(chain, code, values, replace(half, points=min(half.points, 4)))
+        reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
     except NoSolution:
-        reached = _walked(chain, code, values, half)
-    return _closed(reached, half, values, events, name)
+        reached = _walked(chain, code, values, scheme)
+    return _closed(reached, scheme, values, events, label or "breather")
 
 
 def _closed(
@@ -105,15 +115,23 @@ def _closed(
 ) -> BreatherProblem:
     """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
     needs."""
-    (flight,) = reached.residual.flights(reached.x, reached.params)
-    sizes = sizes_of([flight])
-    start = flight.on(flight.knots, scheme).adapted(sizes[0])
-    equations = replace(reached.residual, start=(start,), sizes=sizes)
+    flights = reached.residual.flights(reached.x, reached.params)
+    sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
+    start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
+    equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
-    while abs(problem.solution.trivial - 1) > _RESOLVED and problem.start["mesh"].size < _MOST:
+    while _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
         problem = problem.halved().solve(tolerance=1e-12)[0]
     return problem
+
+
+def _coarse(orbit: Breather) -> bool:
+    """Tell whether errors may be above 1e-10: by the trivial multiplier, or where there is none by
+    the highest term of its polynomials."""
+    if orbit.paired:
+        return abs(orbit.trivial - 1) > _RESOLVED
+    return max(flight.unresolved()[0] for flight in orbit.flights) > _TAIL
 
 
 def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
@@ -140,11 +158,23 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
     omega = params["omega"]
-    flight = half_without_coupling(chain, code, omega, params, scheme)
-    sizes = sizes_of([flight])
+    flows: tuple[Flow, ...] = (Flow(chain),)
+    if chain.walls is not None:
+        flows, flights = between_walls_without_coupling(chain, code, params, scheme)
+    elif chain.dissipative:
+        flights = (driven_without_coupling(chain, code, params, scheme),)
+    else:
+        flights = (half_without_coupling(chain, code, omega, params, scheme),)
+    sizes = sizes_of(flights)
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    more = {"start": (flight.adapted(sizes[0]),), "states": names, "sizes": sizes}
-    alone = breather_problem(HalfOrbit.of(chain, "omega", **more), {**params, SHARE: 0.0}, (), "")
+    start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
+    more = {"start": start, "states": names, "sizes": sizes}
+    equations: FlowEquations
+    if chain.dissipative:
+        equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
+    else:
+        equations = HalfOrbit.of(chain, "omega", **more)
+    alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
     try:
         start = alone.solve(tolerance=1e-11)[0]
     except NotConverged as error:
@@ -155,7 +185,8 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     ends = (replace(fold(), ends="branch"),)
     branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
     if branch[-1][SHARE] < 1.0:
-        raise NoSolution(_refusal(code, branch, chain, omega))
+        reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
+        raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
     problem: Any = branch[-1].problem
     return problem
 

@@ -18,6 +18,7 @@ from ..continuation.curve.problem import Problem
 from ..flows.collocation import TrajectorySegment
 from ..flows.cycle_problem import Cycle, CycleProblem
 from ..flows.equations import FlowEquations
+from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
 from .half_orbit import HalfOrbit, unfolded_half
@@ -61,6 +62,13 @@ class Breather(Cycle):
         if isinstance(self.equations, HalfOrbit):
             return (unfolded_half(flights[0], self.equations.reversor),)
         return flights
+
+    @property
+    def begin_of_orbit(self) -> Any:
+        flows, *rest, exact = super().begin_of_orbit
+        if isinstance(self.equations, HalfOrbit):  # so exact that hundreds of periods keep H
+            flows, exact = Flow(self.chain), 1e-13
+        return flows, *rest, exact
 
     # --- its motion ---------------------------------------------------------------------------
 

@@ -19,11 +19,13 @@ from scipy import sparse
 
 from ..checks import brief, numbers, real
 from ..errors import BadInput
+from ..flows.functions import slopes_along
 from ..lattice.finite import Finite, finite, stiffness_of
-from .potentials import Params, SmoothFunction
+from .potentials import Function, Params, SmoothFunction
 
 Array = NDArray[np.float64]
 
+_NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
 SHARE = "share of the coupling"  # no name that a formula may have: 1 where it is not given
 
 
@@ -55,6 +57,9 @@ class Oscillators:
         The force ``-damping * v``: a number, or a formula in parameters.
     drive : str or callable, optional
         The force on each site, a formula in ``t`` of the period ``2*pi/omega``, or ``F(t, p)``.
+    walls, k : float or str, optional
+        Where the walls of each site are, at -walls and +walls, and the restitution of impacts,
+        ``v -> -k v``: numbers, or formulas in parameters.
     masses, onsite : array_like, shape (N,), optional
         Mass, and share of V, of each site, in place of those of the lattice.
     couplings : array_like, optional
@@ -80,6 +85,8 @@ class Oscillators:
     lattice: Finite | None = None
     damping: Any = None
     drive: Any = None
+    walls: Any = None
+    k: Any = None
     masses: Any = None
     onsite: Any = None
     couplings: Any = None
@@ -95,10 +102,13 @@ class Oscillators:
             object.__setattr__(self, name, row)
         if not self.masses.min() > 0:
             raise BadInput(f"masses = {brief(self.masses.tolist())}: every mass must be positive.")
-        for name, variable in (("V", "u"), ("W", "r"), ("drive", "t"), ("damping", "")):
+        if (self.walls is None) != (self.k is None):
+            raise BadInput("walls= and k= go together: where the walls are, and their restitution")
+        variables = {"V": "u", "W": "r", "drive": "t"} | dict.fromkeys(_NUMBERS, "_")
+        for name, variable in variables.items():
             given = getattr(self, name)
-            if name == "damping" and np.isfinite(real(given)):
-                given = repr(real(given)) if real(given) else None
+            if name in _NUMBERS and np.isfinite(real(given)):
+                given = repr(real(given)) if real(given) or name == "k" else None
             if given is None and name in ("V", "W"):
                 given = "0"
             if not (given is None or isinstance(given, str) or callable(given)):
@@ -116,12 +126,12 @@ class Oscillators:
     @property
     def dissipative(self) -> bool:
         """Tell whether it is driven or damped, and conserves nothing."""
-        return self.drive is not None or self.damping is not None
+        return not (self.drive is None and self.damping is None and self.walls is None)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters of its formulas."""
-        parts = (self.V, self.W, self.damping, self.drive)
+        parts = (self.V, self.W, self.damping, self.drive, self.walls, self.k)
         return tuple(dict.fromkeys(name for part in parts if part for name in part.names))
 
     @cached_property
@@ -152,30 +162,75 @@ class Oscillators:
     def gradient(self, u: Any, p: Params) -> NDArray[Any]:
         """Differentiate the potential energy in the positions, shape (N,) or (N, m)."""
         total = _beside(self.onsite, u) * self.V.slope(u, p)
-        for ends, weights in self.parts(p):
+        for (ends, back), weights in self.parts(p):
             r = ends @ u
-            total = total + ends.T @ (_beside(weights, r) * self.W.slope(r, p))
+            total = total + back @ (_beside(weights, r) * self.W.slope(r, p))
         return total
 
-    def curvatures(self, u: Any, p: Params) -> Any:
-        """Differentiate that once more at one place: a sparse matrix (N, N)."""
-        total = sparse.diags_array(self.onsite * self.V.curvature(u, p))
-        for ends, weights in self.parts(p):
-            stiff = weights * self.W.curvature(ends @ u, p)
-            total = total + ends.T @ sparse.diags_array(stiff) @ ends
-        return total.tocsr()
+    def curvatures(self, u: Any, p: Params) -> tuple[Any, Any, NDArray[Any]]:
+        """Differentiate that once more at positions (N, m): rows, columns and values (entries, m)
+        of what is not zero; those of one entry add up."""
+        (rows, columns), spread = self._second
+        values = [spread[0] @ (_beside(self.onsite, u) * self.V.curvature(u, p))]
+        for entries, ((ends, _), weights) in zip(spread[1:], self.parts(p), strict=False):
+            r = ends @ u
+            values.append(entries @ (_beside(weights, r) * self.W.curvature(r, p)))
+        return rows, columns, np.asarray(sum(values))
 
-    def parts(self, p: Params) -> list[tuple[Any, Any]]:
+    @cached_property
+    def _second(self) -> tuple[tuple[Any, Any], list[Any]]:
+        """Places in the second derivative of the energy, each once, and where the curvature of
+        each site and of each bond goes there, of those that hold one end as well."""
+        ends, n = self.bonds.ends, self.sites
+        sites = sparse.eye_array(n, format="csr")
+        cells, moved = [np.arange(n) * (n + 1)], [(np.arange(n), np.ones(n))]
+        for part, _ in self._ends:
+            pairs = [
+                (i * n + j, bond, a * b)
+                for bond in range(part.shape[0])
+                for i, a in _entries_of(part, bond)
+                for j, b in _entries_of(part, bond)
+            ]
+            cell, bond, sign = (np.array(column) for column in zip(*pairs, strict=True))
+            cells.append(cell)
+            moved.append((bond, sign))
+        places = np.unique(np.concatenate(cells).astype(int))
+        spread = [
+            sparse.csr_array(
+                (sign, (np.searchsorted(places, cell), source.astype(int))),
+                (places.size, sites.shape[0] if k == 0 else ends.shape[0]),
+            )
+            for k, (cell, (source, sign)) in enumerate(zip(cells, moved, strict=True))
+        ]
+        return np.divmod(places, n), spread
+
+    @property
+    def jacobian(self) -> LatticeJacobian:
+        """Its derivative in the states, as flows ask for it."""
+        return LatticeJacobian(self)
+
+    def parts(self, p: Params) -> list[tuple[tuple[Any, Any], Any]]:
         """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
         be left at 0, the rest holds each of both ends as if the other one were at rest."""
-        ends, share = self.bonds.ends, p.get(SHARE, 1.0)
-        parts = [(ends, share * self.couplings)]
-        if self.bare and not (isinstance(share, float) and share == 1.0):
-            two = _two(ends)  # those to the ground stay
-            rest = np.where(two, 1.0 - share, 0.0) * self.couplings
-            parts[0] = ends, np.where(two, share, 1.0) * self.couplings
-            parts += [(ends.maximum(0), rest), (ends.minimum(0), rest)]
-        return parts
+        share = p.get(SHARE, 1.0)
+        if not self.bare or self.walls or (isinstance(share, float) and share == 1.0):
+            return [(self._ends[0], share * self.couplings)]
+        two = np.diff(self.bonds.ends.indptr) == 2  # those to the ground stay
+        rest = np.where(two, 1.0 - share, 0.0) * self.couplings
+        weights = np.where(two, share, 1.0) * self.couplings, rest, rest
+        return list(zip(self._ends, weights, strict=True))
+
+    @cached_property
+    def _ends(self) -> list[tuple[Any, Any]]:
+        """Ends of bonds, and of each the one and the other alone, each with its transpose."""
+        ends = self.bonds.ends
+        return [(e, e.T.tocsr()) for e in (ends, ends.maximum(0), ends.minimum(0))]
+
+    @property
+    def least_share(self) -> float:
+        """Share of the coupling from which it is walked: without any, sites between walls that no
+        potential and no damping holds would be free."""
+        return 0.02 if self.bare and self.walls and self.damping is None else 0.0
 
     @cached_property
     def bare(self) -> bool:
@@ -188,8 +243,9 @@ class Oscillators:
         """Energy of each site at states (2N,) or (2N, m): half of a bond belongs to each end."""
         u, v = x[: self.sites], x[self.sites :]
         total = 0.5 * _beside(self.masses, v) * v * v + _beside(self.onsite, u) * self.V(u, p)
-        for ends, weights in self.parts(p):
-            r, halves = ends @ u, abs(ends).multiply(1 / abs(ends).sum(axis=1)[:, None])
+        for (ends, _), weights in self.parts(p):
+            r, count = ends @ u, np.maximum(np.diff(ends.indptr), 1)
+            halves = sparse.diags_array(1 / count) @ abs(ends)
             total = total + halves.T @ (_beside(weights, r) * self.W(r, p))
         return np.asarray(total)
 
@@ -200,7 +256,9 @@ class Oscillators:
     def frequencies(self, p: Params) -> Array:
         """Frequencies of small oscillations about rest, ascending; NaN of those that grow."""
         root = np.sqrt(self.masses)
-        matrix = self.curvatures(np.zeros(self.sites), p).toarray() / np.multiply.outer(root, root)
+        rows, columns, values = self.curvatures(np.zeros((self.sites, 1)), p)
+        matrix = np.zeros((self.sites, self.sites))
+        matrix[rows, columns] = values[:, 0] / (root[rows] * root[columns])
         squares = np.linalg.eigvalsh(matrix)
         squares[abs(squares) < 1e-13 * max(1.0, abs(squares).max())] = 0.0
         return np.sqrt(np.where(squares < 0, np.nan, squares))
@@ -209,13 +267,62 @@ class Oscillators:
         return f"<Oscillators: V = {self.V}, W = {self.W}, {self.lattice.describe()}>"
 
 
+@dataclass(frozen=True)
+class LatticeJacobian:
+    """The derivative of the field of a lattice in its states, of many states at once."""
+
+    chain: Oscillators
+
+    def slopes(
+        self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]
+    ) -> tuple[Array, Array, Array]:
+        """Evaluate the field at K states, and its derivatives in states, (n, n, K), and in time
+        and named parameters."""
+        (n, count), (value, other) = x.shape, self._others(f, t, x, p, names)
+        matrix = np.zeros((n, n, count))
+        rows, columns, entries = self._entries(x, p)
+        matrix[rows, columns] = entries
+        return value, matrix, other
+
+    def entries(
+        self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]
+    ) -> tuple[Array, Any, Array]:
+        """The same as rows, columns and values of one matrix with K blocks on its diagonal."""
+        value, other = self._others(f, t, x, p, names)
+        rows, columns, entries = self._entries(x, p)
+        first = len(x) * np.arange(x.shape[1])[:, None]
+        return value, ((first + rows).ravel(), (first + columns).ravel(), entries.T.ravel()), other
+
+    def matrix(self, t: float, x: Array, p: Params) -> Any:
+        rows, columns, entries = self._entries(x[:, None], p)
+        return sparse.csc_array((entries[:, 0], (rows, columns)), (x.size, x.size))
+
+    def is_sparse(self, t: float, x: Array, p: Params) -> bool:
+        return True
+
+    def _others(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Any:
+        return slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
+
+    def _entries(self, x: Array, p: Params) -> tuple[Any, Any, Array]:
+        chain, n, count = self.chain, self.chain.sites, x.shape[1]
+        rows, columns, stiff = chain.curvatures(x[:n], p)
+        sites, one = np.arange(n), np.ones((n, count))
+        places = [(sites, n + sites, one), (n + rows, columns, -stiff / chain.masses[rows, None])]
+        if chain.damping is not None:
+            lost = chain.lattice.dampings * chain.damping(0.0, p) / chain.masses
+            places.append((n + sites, n + sites, -lost[:, None] * one))
+        parts = (np.concatenate(column) for column in zip(*places, strict=True))
+        return tuple(parts)
+
+
+def _entries_of(matrix: Any, row: int) -> list[tuple[int, float]]:
+    at = slice(matrix.indptr[row], matrix.indptr[row + 1])
+    return [(j, value) for j, value in zip(matrix.indices[at], matrix.data[at]) if value]
+
+
 def _beside(row: Any, x: Any) -> Any:
     """A number for each row of x, however many columns that has."""
     return row if np.ndim(x) == 1 else row[:, None]
-
-
-def _two(ends: Any) -> NDArray[np.bool_]:
-    return np.asarray(np.diff(ends.indptr) == 2)
 
 
 def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
@@ -237,7 +344,7 @@ def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
     if lattice.shape:
         rows, columns = lattice.shape
         (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
-        closing = (right - c == columns - 1 > 1) | (below - r == rows - 1 > 1)
+        closing = (right - c > 1) | (below - r > 1)
     elif ((second - first == 1) | (second - first == n.size - 1)).all():
         closing = (second - first) > 1
     first, second = np.where(closing, second, first), np.where(closing, first, second)
