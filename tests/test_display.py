@@ -408,6 +408,16 @@ def test_progress_begins_after_a_second_and_is_said_ten_times_a_second_at_most(m
     assert shown == [(9, "rows"), *lines, lines[-1], "stop"]
 
 
+def test_progress_is_shown_before_the_first_item_is_done(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with progress.Bar(True, 7, "rows") as bar:
+        bar.first.join()
+    assert "0/7 rows" in capsys.readouterr().err
+    with progress.Bar(False, 7, "rows"):
+        pass
+    assert capsys.readouterr().err == ""
+
+
 def test_a_table_is_one_wherever_it_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     branch = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a", within={"a": (0.5, 0.8)})
     print(branch.table())

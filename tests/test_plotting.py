@@ -151,7 +151,7 @@ def test_points_of_several_branches_in_a_corner_are_named_once_by_their_kind() -
     """The doublings of a cascade, each the first of its branch, crowd at its end: PD1 all of them,
     and not one point that is there five times."""
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5)).axes
+    ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=4)).axes
     words = [text for text in ax.texts if text.get_text().startswith("PD")]
     assert sorted(text.get_text() for text in words) == ["PD", "PD1"]
     places = [ax.transData.transform(word.xy) for word in words]

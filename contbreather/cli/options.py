@@ -171,11 +171,12 @@ class ZoneOptions(LatticeOptions):
     gamma_window: Annotated[Span | None, window_help("gamma")] = None
     a_window: Annotated[Span | None, window_help("a")] = None
     k_window: Annotated[Span | None, window_help("k")] = None
+    omega_window: Annotated[Span | None, window_help("omega")] = None
     past_folds: bool = False
 
     def options(self) -> dict[str, Any]:
         """Make all arguments of `zones` of it; say so where a window is cut."""
-        typed = {name: getattr(self, f"{name}_window") for name in NEEDED}
+        typed = {name: getattr(self, f"{name}_window") for name in (*NEEDED, "omega")}
         within = {name: span for name, span in typed.items() if span}
         for name, (low, high) in within.items():
             least, most = window_of(name)

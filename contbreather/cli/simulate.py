@@ -181,13 +181,16 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
 def _breather(where: ModelOptions, on: dict[str, Any], lattice: Any) -> tuple[Any, float]:
     """Find the exact breather at t = 0, or a quarter of a period later if it hits just then. On a
     ring it is the one without damping, as in the paper; on --lattice it has all."""
+    from contbreather.orbits.start_search import breather_at
+
     values = where.given() | ({} if where.lattice else {"damping": 0.0})
-    breather = cb.symmetric(**{**values, **on, "lattice": lattice or cb.Ring(SITES)})
+    breather = breather_at(None, **{**values, **on, "lattice": lattice or cb.Ring(SITES)})
     margins = breather.admissibility()
     if not margins.ok:
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
     # a period should not begin at an impact: it might be counted there or not
-    t0 = 0.0 if abs(math.remainder(breather.phi, math.pi)) > CLOSE else 0.5 * math.pi
+    near = min(abs(math.remainder(time, math.pi)) for time in breather.times)
+    t0 = 0.0 if near > CLOSE else 0.5 * math.pi
     return breather.state(t=t0), t0
 
 

@@ -95,7 +95,7 @@ def polynomial(coefficients: Any, x: Any) -> tuple[Any, Any]:
 
 @inlined
 def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
-    """A mean, by the mean of ``z q/(1 - z q)`` of the lattice."""
+    """A mean at one x or many, by the mean of ``z q/(1 - z q)`` of the lattice."""
     total = 0.0
     for c in series.powers:
         total = total * x + c
@@ -157,10 +157,9 @@ def chi_of_chain() -> tuple[FloatArray, ...]:
     return *np.array(raw.poles).T.copy(), powers, powers.copy(), q_moments(None, 0)
 
 
-_BINOMIALS = np.array(
-    [[math.comb(j, n) for n in range(TERMS + 1)] for j in range(TERMS + 1)], float
-)
-_APART = np.maximum(np.subtract.outer(range(TERMS + 1), range(TERMS + 1)), 0)
+_POWERS = range(TERMS + 1)
+_BINOMIALS = np.array([[math.comb(j, n) for n in _POWERS] for j in _POWERS], float)
+_APART = np.maximum(np.subtract.outer(_POWERS, _POWERS), 0)
 
 
 def in_powers_of_x(spring: Any, size: int = TERMS + 1) -> FloatArray:
@@ -228,7 +227,8 @@ class UniformLattice:
     def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
         """A mean as kernels take it; the same at every coupling where one is given."""
         if gamma is not None:
-            return BandAverage(*np.empty((2, 0)), np.array([self.mean(gamma, name)]))
+            none = np.empty(0)
+            return BandAverage(none, none, np.array([self.mean(gamma, name)]))
         return BandAverage(*map(np.array, self._expansions[name]))
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:

@@ -103,11 +103,8 @@ class Chains:
     tau = InfiniteChain.tau
 
     def __init__(self, spring: Any = 0.0) -> None:
-        many = np.ndim(spring) > 0
-        self.spring, self._expansions = (
-            spring,
-            (expansions if many else band_averages)(None, spring),
-        )
+        self.spring, of = spring, expansions if np.ndim(spring) else band_averages
+        self._expansions = of(None, spring)
 
     def mean(self, gamma: Any, name: str) -> Any:
         return average(self._expansions[name], 4.0 * gamma, _excesses)

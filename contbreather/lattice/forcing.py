@@ -229,6 +229,14 @@ def mean_of(forcing: Forcing, by: str = "") -> float:
     return sum(A for m, A, _ in rows if m == 0)
 
 
+def with_even(share: float, forcing: Forcing) -> Forcing:
+    """A drive with so much of its even harmonics and mean."""
+    if share == 1.0 or not even_harmonics(forcing):
+        return forcing
+    rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in forcing.harmonics]
+    return Fourier.from_response({m: A for m, A, _ in rows if A}, {m: B for m, _, B in rows if B})
+
+
 def check_symmetric(forcing: Forcing) -> None:
     """`BadInput` for even harmonics or a mean, under which no orbit is its own mirror image."""
     even = even_harmonics(forcing)
@@ -240,7 +248,8 @@ def check_symmetric(forcing: Forcing) -> None:
             f"the forcing, {forcing.describe()}, has {' and '.join(parts)}: without F(t + pi) = "
             "-F(t) no orbit is its own mirror image half a period later, and there is no half "
             "section and no pitchfork; drop them, or shoot the whole period from the breather b "
-            "of its odd harmonics, shooting(b, forcing=..., symmetric=False)."
+            "of its odd harmonics, shooting(b, forcing=..., symmetric=False), as find_symmetric() "
+            "and contbreather branch do."
         )
 
 

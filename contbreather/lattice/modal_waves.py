@@ -160,11 +160,12 @@ def square_root(x: complex) -> complex:
 
 
 def modal_interactions(
-    of: Waves, lam: Vector, weights: Cube, on: Recurring, times: Vector, out: Cube
+    of: Waves, lam: Vector, weights: Cube, on: Recurring, damping: float, times: Vector, out: Cube
 ) -> None:
     """Answers of each impact's site to each impact, ``[VALUE + order, i, j]``, order 0 to 3, and
     their slopes in gamma, spring and damping, to order 2: as they go on where the last impact comes
-    after the first of the next section."""
+    after the first of the next section; of an impact to itself the mean velocity, and the
+    acceleration just before."""
     T, slope = length_of(on), 0.0
     for i in range(times.size):
         for j in range(times.size):
@@ -198,6 +199,10 @@ def modal_interactions(
                     if order > 0:
                         out[BY_DAMPING + order - 1, i, j] += slope
                     power, less = power * rate, power + less * rate
+        # u' jumps by 1 at an impulse, and the damping brakes it by that much
+        out[VALUE + 1, i, i] -= 0.5
+        out[VALUE + 2, i, i] += damping
+        out[BY_DAMPING + 2, i, i] += 1.0
 
 
 WAVES, MODAL_INTERACTIONS = Kernel(find_waves), Kernel(modal_interactions)

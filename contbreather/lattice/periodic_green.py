@@ -268,7 +268,7 @@ def half_period_tables(
     """Tables of `half_period_green` of infinite chains of many couplings, and perhaps as many
     springs, (n, sites, POWERS + 2), and `largest` of each."""
     x, rest, m = 4.0 * gamma[:, None], 1.0 - np.reshape(spring, (-1, 1)), np.array(distances)
-    powers = moments_of(InfiniteChain(), distances) * x[..., None] ** _ORDERS
+    powers = moments_of(InfiniteChain(), distances) * x[..., None] ** np.arange(TERMS + 1)
     if np.any(spring):
         powers = powers @ in_powers_of_x(spring).swapaxes(-1, -2)
     r = np.sqrt(1.0 - x / rest)

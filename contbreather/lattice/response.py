@@ -74,7 +74,7 @@ class Resonance(BadInput):
 
 @dataclass(frozen=True)
 class Response:
-    """How a lattice answers to the drive and to recurring impulses at some of its sites.
+    """Answer of a lattice to the drive and to recurring impulses at some of its sites.
 
     Parameters
     ----------
@@ -125,17 +125,13 @@ class Response:
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
         (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
-        out = self._interacting(np.ascontiguousarray(times, dtype=float), by).copy()
+        out = np.empty((4, times.size, times.size))
+        INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
         i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}.get(by, 0.0)
         # u' jumps by 1 at an impulse, and the damping brakes it by that much
         out[1, i, i] -= 0.5 * (not by)
         if jump:
             out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
-        return out
-
-    def _interacting(self, times: FloatArray, by: str) -> FloatArray:
-        out = np.empty((4, times.size, times.size))
-        INTERACTIONS(self.table(self.hits, by), times, out)
         return out
 
     # ------------------------------------------------------------------------ to the drive
@@ -177,14 +173,14 @@ class Response:
         return np.zeros(1), np.zeros(len(self.hit))
 
     def varied(self, name: str) -> Response:
-        """The same as one that has derivatives in a parameter."""
+        """Itself, as one that has derivatives in a parameter."""
         return self
 
 
 @dataclass(frozen=True)
 class UniformResponse(Response):
-    """That of the infinite chain, and of rings without losses, in closed form, to drives without a
-    mean."""
+    """Response of the infinite chain, and of rings without losses, in closed form, to drives
+    without a mean."""
 
     def varied(self, name: str) -> Response:
         held = name in ("damping", "spring") and name not in self.drive.params
@@ -242,7 +238,7 @@ def harmonics(turns: int, sign: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ModalResponse(Response):
-    """That of any finite lattice with masses, damping and springs, mode by mode."""
+    """Response of any finite lattice with masses, damping and springs, mode by mode."""
 
     @cached_property
     def basis(self) -> Basis:
@@ -289,7 +285,7 @@ class ModalResponse(Response):
         rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
         return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
 
-    def _interacting(self, times: FloatArray, by: str) -> FloatArray:
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         return _modal_interactions(self, times.tobytes())[by]
 
     @cached_property
@@ -453,9 +449,9 @@ class ModalResponse(Response):
 
 @dataclass(frozen=True)
 class UnevenResponse(ModalResponse):
-    """That of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+    """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    _interacting = Response._interacting
+    interactions = Response.interactions
 
     @cached_property
     def basis(self) -> Basis:
@@ -500,7 +496,7 @@ def _modal_interactions(of: ModalResponse, times: bytes) -> dict[str, FloatArray
     at = np.frombuffer(times)
     out = np.empty((13, at.size, at.size))
     lam, weights = _couplings(of.lattice, of.hits)
-    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, at, out)
+    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, float(of.damping), at, out)
     first = {"": VALUE, "gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}
     return {name: out[row : row + (3 if name else 4)] for name, row in first.items()}
 
@@ -587,7 +583,7 @@ class AtRest(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
-    """With springs of so many times the coupling; an infinite one holds all other sites at 0."""
+    """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
 

@@ -29,7 +29,7 @@ from contbreather.lattice.periodic_green import periodic_green, sinc, slope_rati
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import so_far_apart
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_events import events_without_losses
+from contbreather.orbits.orbit_events import events_of
 from contbreather.orbits.orbit_problem import OrbitProblemByEquations, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.parameters import NEEDED, NUMBERS
@@ -211,7 +211,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(
             pitchfork_of_arms(),
             fold_of_arms(),
-            *events_without_losses(orbit.section, on.lattice, threshold),
+            *events_of(orbit.section, on, threshold),
         ),
         record={"asymmetry": _unequal, "unstable": unstable_by(threshold)},
         # a smaller impulse is none

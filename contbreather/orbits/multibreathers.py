@@ -25,15 +25,16 @@ from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
 from contbreather.lattice.finite import PER_SITE, ROWS, Finite, finite, stiffness_of
-from contbreather.lattice.forcing import Drive, Fourier, even_harmonics
+from contbreather.lattice.forcing import Drive, even_harmonics, with_even
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.by_impacts import ByImpacts, symmetric_orbits
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.grazing import CATCHING, GRAZING
-from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import from_arms
 from contbreather.orbits.section import WEAK, Section
+from contbreather.orbits.start_search import grown
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
@@ -166,10 +167,10 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
         orbit = orbit.solution
     if isinstance(orbit, str) and orbit in ROOTS:
         # one alone at the fold (14), where both meet, and where the lower has no p > 0
-        roots = symmetric_orbits(site, _with_even(0.0, on))
+        roots = symmetric_orbits(site, replace(on, forcing=with_even(0.0, on.forcing)))
         orbit = roots[min(ROOTS.index(orbit), len(roots) - 1)]
         if even_harmonics(on.forcing):
-            orbit = _grown(orbit, on)
+            orbit = grown(orbit, on.forcing)
     elif not isinstance(orbit, Orbit):
         raise BadInput(
             f"site {site}: {orbit!r} was given; 'upper', 'lower' or an orbit of the single "
@@ -188,30 +189,6 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
             f"is expected, a = {on.a}, k = {on.k} and {on.forcing.describe()}, say."
         )
     return site, orbit
-
-
-def _with_even(share: float, on: Conditions) -> Conditions:
-    """Conditions with so much of the even harmonics of their drive."""
-    if not even_harmonics(on.forcing):
-        return on
-    rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in on.forcing.harmonics]
-    cos, sin = {m: A for m, A, _ in rows if A}, {m: B for m, _, B in rows if B}
-    return replace(on, forcing=Fourier.from_response(cos, sin))
-
-
-def _grown(orbit: Orbit, on: Conditions) -> Orbit:
-    """The orbit of a whole drive that an orbit of its odd harmonics becomes."""
-    orbit = orbit.unfolded()
-    try:
-        for share in np.linspace(0.1, 1.0, 10).tolist():
-            under, impacts = _with_even(share, on), (orbit.times, orbit.impulses)
-            orbit = orbit_of(under, orbit.section, *impacts, orbit.offsets).solved()
-    except NotConverged as error:
-        raise NoSolution(
-            f"the orbit of the odd harmonics of {on.forcing.describe()} does not go on to all of "
-            f"them: {error}"
-        ) from error
-    return orbit
 
 
 def _under(on: Conditions, site: int) -> FloatArray:
@@ -349,6 +326,7 @@ def multibreathers(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
+    omega: float = 1.0,
     forcing: Drive | None = None,
 ) -> tuple[Multibreather, ...]:
     """Choices of up to `most` sites that impact on their upper root, one for each class of
@@ -361,6 +339,17 @@ def multibreathers(
     >>> [(entry.sites, entry.copies, entry.exists) for entry in catalogue]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
+        return tuple(
+            replace(
+                entry,
+                gamma=entry.gamma * frequency**2,
+                orbit=entry.orbit and replace(entry.orbit, omega=frequency),
+            )
+            for entry in in_time_of_drive(multibreathers, frequency, most=most, **given)
+        )
     finite(lattice)
     whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
     if not whole or not 1 <= most <= lattice.sites:

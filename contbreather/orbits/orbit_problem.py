@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
-from contbreather.continuation.curve.problem import Problem
-from contbreather.continuation.curve.ties import TiedProblem
+from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Chains
 from contbreather.lattice.conditions import Conditions
@@ -113,7 +113,8 @@ class OrbitProblem(Problem):
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
-        return replace(driven, domain={**driven.domain, "omega": NUMBERS["omega"].domain})
+        domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
+        return replace(driven, residual=partial(_in_users_units, driven.residual), domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         if "omega" in names:
@@ -148,6 +149,24 @@ class OrbitProblemByEquations(OrbitProblem):
         return derivative
 
 
+def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
+    """Ask what ends with the parameters in question: where the drive comes to the band of chain or
+    ring its refusal is about that, in the unit of time of omega."""
+    try:
+        return asked(*given)
+    except (BadInput, Undefined) as error:
+        params = next(part for part in given if isinstance(part, Mapping))
+        omega, gamma, spring = (params.get(name, 0.0) for name in ("omega", "gamma", "spring"))
+        low, high = (math.sqrt(max(0.0, edge)) for edge in (spring, spring + 4.0 * gamma))
+        if not high >= 0.999 * omega:
+            raise
+        held = f", spring = {spring:.6g}" if spring else ""
+        raise type(error)(
+            f"harmonic 1 of the drive, omega = {omega:.6g}, comes to the band of the lattice, "
+            f"{low:.6g} to {high:.6g} at gamma = {gamma:.6g}{held}"
+        ) from error
+
+
 def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
     return params[name] / params["omega"] ** power
 
@@ -160,6 +179,9 @@ class DrivenProblem(TiedProblem, OrbitProblem):
     def serialised(self) -> Mapping[str, Any]:
         form = dict(self.base.serialised or {})
         return {"kind": self.kind, "of": form.pop("kind"), "form": form}
+
+    def untied(self, *given: Any) -> Any:
+        return _in_users_units(super().untied, *given)
 
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
         inner = self.ties(point.params)

@@ -69,7 +69,7 @@ class Zones(Columns, HtmlRepr):
     past_folds: bool = False
     interrupted: bool = False
     ceiling: float | None = None
-    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
+    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it a second
     beyond: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:

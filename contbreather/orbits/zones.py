@@ -21,7 +21,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
-from contbreather.orbits.zone_search import ZoneSearch
+from contbreather.orbits.zone_search import ZoneSearch, second_of
 from contbreather.parameters import HEAVIEST, parameter
 from contbreather.progress import Counter
 from contbreather.stability.verdict import threshold_on
@@ -91,8 +91,9 @@ def zones(
     ----------
     k, gamma, a : float or sequence of float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
-        Several values give as many diagrams. Or gamma and one of the others: the plane is that of
-        the frequency and the third, ``(omega, a)`` of ``zones(k=0.8, gamma=0.05)``.
+        Several values give as many diagrams. Or two of them: the plane is that of the frequency and
+        the third, ``(omega, a)`` of ``zones(k=0.8, gamma=0.05)``, ``(omega, gamma)`` of ``zones(
+        k=0.8, a=0.9)``.
     forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
@@ -147,12 +148,13 @@ def zones(
     every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
     fixed = {name: v for name, v in every.items() if v is not None}
     held = {} if parameter("omega", omega) == 1.0 else {"omega": omega}
-    if len(fixed) == 2 and gamma is not None and not held:
-        held["gamma"] = fixed.pop("gamma")
+    if (second := second_of(fixed)) and not held:
+        held[second] = fixed.pop(second)
     if len(fixed) != 1:
         raise BadInput(
             f"zones need exactly one of k, gamma and a fixed, got {fixed or 'none'}; "
-            "zones(k=0.8) draws the plane (gamma, a)"
+            "zones(k=0.8) draws the plane (gamma, a), and zones(k=0.8, gamma=0.05) that of omega "
+            "and a"
         )
     ((name, value),) = fixed.items()
     # a diagram for each; a string is iterable too, but no values

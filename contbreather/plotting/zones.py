@@ -23,7 +23,7 @@ from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.parameters import NUMBERS
 from contbreather.plotting import canvas
-from contbreather.plotting.canvas import BLACK, BLUE, COLUMN, PAGE, VERMILLION, Drawn
+from contbreather.plotting.canvas import BLACK, COLUMN, PAGE, Drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,9 @@ _DASHES: dict[str, Any] = {
     "dashed": (0, (5, 1.5)),
     "dashdot": (0, (6, 1.2, 1.2, 1.2)),
 }
-_COLOURS = {"black": BLACK, "vermillion": VERMILLION, "blue": BLUE}
 LINES: dict[str, dict[str, Any]] = {
     kind: {
-        "color": _COLOURS[look_of(kind).colour],
+        "color": getattr(canvas, look_of(kind).colour.upper()),
         "linestyle": _DASHES[look_of(kind).line],
         "label": f"{look_of(kind).name} ({kind})",
     }

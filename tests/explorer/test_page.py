@@ -66,6 +66,13 @@ def test_a_click_into_the_zones_shows_that_breather(bare: Page) -> None:
     assert bare.multipliers.dots.data["x"].size == 800
 
 
+def test_a_click_where_nothing_is_says_so_below_the_figure(bare: Page) -> None:
+    tap(bare.zones.figure, 0.08, 0.001)
+    assert "smallest" in sentence(bare.zones_trouble)
+    tap(bare.zones.figure, 0.08, 0.5)
+    assert sentence(bare.zones_trouble) == ""
+
+
 @pytest.mark.parametrize(
     ("name", "typed", "words"),
     [

@@ -10,7 +10,6 @@ import pytest
 import contbreather as cb
 import contbreather.simulation as sim
 from contbreather.orbits import symmetric
-from contbreather.simulation.measures import weighted_mean
 from tests.simulation.zoo import breather
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -34,13 +33,6 @@ def test_rotation_number_of_a_curve_is_found_to_eight_digits(number):
     assert found.number == pytest.approx(min(number % 1, 1 - number % 1), abs=1e-9)
     assert found.error < 1e-8
     assert found.hole > 0.05
-
-
-def test_weighted_mean_beats_the_plain_one_on_a_torus():
-    values = 1.0 / (1.2 + np.cos(2 * math.pi * GOLDEN * np.arange(2000)))
-    exact = 1.0 / math.sqrt(1.2**2 - 1.0)
-    assert abs(weighted_mean(values) - exact) < 1e-12
-    assert abs(values.mean() - exact) > 1e-5
 
 
 # --- the torus of the theory notes ----------------------------------------------------------------

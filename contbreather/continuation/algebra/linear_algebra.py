@@ -186,8 +186,6 @@ def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
 
 # --- bordered matrices along a curve -------------------------------------------------------------
 
-_LOOKS = 3  # steps of inverse iteration: close to a zero one is enough, and far away none is needed
-
 
 @dataclass(frozen=True, eq=False)
 class Bordered:
@@ -210,10 +208,6 @@ class Bordered:
 
     def sign(self) -> int:
         return self.factors.sign(self.row[None, :])
-
-    def signed_least(self) -> float:
-        """About the least singular value, with the sign of the determinant."""
-        return by_inverses(self, self.row.size, _LOOKS)[0]
 
 
 def inverses_between(first: Bordered, *others: Bordered) -> Array:
@@ -256,7 +250,7 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
 def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
     """Tell whether an eigenvalue may be of size 1: most steps of a walk are short against all."""
     x, growth = any_vector(size), 0.0
-    for _ in range(_LOOKS):
+    for _ in range(3):
         # power iteration: a few steps show an eigenvalue of size 1 among small ones
         x = matvec(x)
         growth = float(np.linalg.norm(x))

@@ -21,10 +21,10 @@ from ...tables import Column, HtmlRepr, Sheet
 from ..curve.branch import Branch, Stop
 from ..curve.point import Event, Point
 from ..curve.problem import Problem
-from ..curve.settings import Steps, Within, all_of, steps_of, windows
+from ..curve.settings import Settings, Steps, Within
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import Startable, trace
-from .duplicates import duplicate_of, same_place, simplest
+from .duplicates import duplicate_of, ending_at, same_place, simplest
 from .switching import Seed, branches_leave, follow, seeds_at
 
 if TYPE_CHECKING:
@@ -286,10 +286,8 @@ def diagram(
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
     with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
-        growth = _Growth(
-            free, windows(within), depth, all_of(events), steps_of(steps), most,
-            flag("beyond", beyond), shown, kept,
-        )  # fmt: skip
+        settings, further = Settings.of(within, events, steps, False), flag("beyond", beyond)
+        growth = _Growth(free, depth, settings, most, further, shown, kept)
         with partial_result(growth.so_far):
             growth.run(start)
         if kept:
@@ -302,10 +300,8 @@ class _Growth:
     """A diagram under way."""
 
     free: str
-    within: Within
     depth: int
-    events: tuple[Event, ...] | None
-    steps: Steps
+    settings: Settings
     most: int
     beyond: bool
     shown: Counter
@@ -316,7 +312,8 @@ class _Growth:
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
         walk = partial(trace, start, self.free)
-        self._grow(Bifurcation(0), walk, within=self.within, events=self.events)
+        asked = self.settings
+        self._grow(Bifurcation(0), walk, within=asked.within, events=asked.events)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -357,17 +354,18 @@ class _Growth:
         """Follow one arm, unless its first step is on a branch that is known."""
         problem, point = seed.problem, place.point
         # those that were given, for the problem they were given for
-        events = self.events if problem.residual is point.curve.problem.residual else None
+        steps, same = self.settings.steps, problem.residual is point.curve.problem.residual
+        events = self.settings.events if same else None
         within = self._within(problem)
         glance = partial(follow, point, seed, within=within, events=(), progress=False)
-        first = glance(steps=replace(self.steps, most=1))
+        first = glance(steps=replace(steps, most=1))
         if len(first) < 2 and first.stop is Stop.BOUND:
             return  # at the edge of the window, beyond which it lies
-        if first.curve.length(first[-1].z - first[0].z) < 0.1 * self.steps.first:
+        if first.curve.length(first[-1].z - first[0].z) < 0.1 * steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
-            first = glance(steps=replace(self.steps, most=12))
+            first = glance(steps=replace(steps, most=12))
         reach = first.curve.length(first[-1].z - first[0].z)
-        duplicate = duplicate_of(first[-1], self.tree, reach)
+        duplicate = duplicate_of(first[-1], self.tree, reach) or ending_at(first[0], self.tree)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
             larger = problem.residual is not self.tree[place.branch].problem.residual
             if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
@@ -397,11 +395,12 @@ class _Growth:
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
             save = self.kept and Inner(self.kept, whole)
-            branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
+            branch = walk(**how, steps=self.settings.steps, progress=self.shown, save=save)
         self._add(branch, birth)
 
     def _within(self, problem: Problem) -> Within:
-        return {name: window for name, window in self.within.items() if name in problem.names}
+        within = self.settings.within.items()
+        return {name: window for name, window in within if name in problem.names}
 
     def _add(self, branch: Branch, birth: Bifurcation) -> None:
         places, fresh = list[Place](), list[Place]()

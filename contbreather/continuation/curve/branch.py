@@ -66,13 +66,6 @@ class Points(Sequence[Point]):
         return piece
 
     @staticmethod
-    def one(point: Point) -> Points:
-        numbers = np.array([point.arclength]), np.array([point.residual])
-        points = Points(point.curve, point.z[None], point.direction[None], *numbers)
-        points._points[0] = point
-        return points
-
-    @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:

@@ -41,7 +41,7 @@ class Crossing:
     double: bool = False  # whether the derivative loses another rank as close by as curves may be
 
 
-def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
+def crossing(curve: Curve, z: Array) -> Crossing:
     """The branch point near z, by Newton's iteration on ``H + beta w = 0, w^T H_z = 0, |w| = 1``.
 
     That system is regular where two curves cross at an angle; along one of them Newton's
@@ -54,7 +54,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     """
     # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
-    for iteration in range(1, most + 1):
+    for iteration in range(1, 13):
         value = curve.equations(z) / curve.row_scales
         matrix = _finite(curve.balanced(curve.jacobian(z)))
         weak = least_singular(matrix)

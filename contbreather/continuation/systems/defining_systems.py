@@ -22,7 +22,13 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ..algebra import derivatives
-from ..algebra.linear_algebra import Bordered, LeastSingular, inverses_between, least_singular
+from ..algebra.linear_algebra import (
+    Bordered,
+    LeastSingular,
+    by_inverses,
+    inverses_between,
+    least_singular,
+)
 from ..algebra.sparse import Dense, Matrix, above, beside
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
@@ -122,7 +128,8 @@ def _places(values: NDArray[Any]) -> Array:
 def signed_smallest(matrix: Matrix) -> float:
     """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
     if isinstance(matrix, Bordered):
-        return matrix.signed_least()
+        # close to a zero one turn is enough, and far away none is needed
+        return by_inverses(matrix, matrix.row.size, 3)[0]
     weak = least_singular(matrix)
     return weak.sign * weak.size
 

@@ -40,6 +40,9 @@ class StepFailed(Exception):
         self.stop, self.reason = stop, reason
 
 
+Step = tuple[Point, Point | None, Stop | None]  # its end, and as of a piece
+
+
 @dataclass(frozen=True)
 class BranchPiece:
     """Accepted steps, one or more."""
@@ -89,22 +92,22 @@ class Stepper:
         """Take the next steps: many at once; or one, or of small problems a few."""
         if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
             return BranchPiece(points)
-        step = self._one(point, count)
-        ends, most = [step.points[0]], min(self.few, self.steps.most - count)
-        while len(ends) < most and not (step.crossing or step.stop):
+        point, crossing, stop = self._one(point, count)
+        ends, most = [point], min(self.few, self.steps.most - count)
+        while len(ends) < most and not (crossing or stop):
             try:
-                step = self._one(ends[-1], count + len(ends))
+                point, crossing, stop = self._one(point, count + len(ends))
             except StepFailed:  # it will again, the first of its piece
                 break
-            ends.append(step.points[0])
+            ends.append(point)
         if not self.pieces and point.z.size <= FEW:
             self.few = min(2 * self.few, _FIRST)
-        return step if len(ends) == 1 else replace(step, points=Points.of(ends))
+        return BranchPiece(Points.of(ends), crossing, stop)
 
-    def _one(self, point: Point, count: int) -> BranchPiece:
+    def _one(self, point: Point, count: int) -> Step:
         """The next step, which may close a loop."""
         try:
-            step = self._advance(point)
+            last, crossing, stop = self._advance(point)
         except StepFailed as failed:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
@@ -112,8 +115,7 @@ class Stepper:
             wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
             if wrong:
                 raise StepFailed(wrong) from failed
-            step = self._advance(point)
-        last = step.points[0]
+            last, crossing, stop = self._advance(point)
         length = last.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
@@ -122,9 +124,8 @@ class Stepper:
             raise StepFailed(f"{_PATIENCE} steps in a row had to be tiny")
         if (count > 2 or not self.outset) and (start := self._passed(point, last)):
             length = point.arclength + self.curve.length(start.z - point.z)
-            end = Points.of([replace(start, arclength=length)])
-            step = replace(step, points=end, stop=Stop.CLOSED)
-        return step
+            return replace(start, arclength=length), crossing, Stop.CLOSED
+        return last, crossing, stop
 
     # --- many at once ---
 
@@ -186,7 +187,7 @@ class Stepper:
         home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
         return home if closes else None
 
-    def _advance(self, point: Point) -> BranchPiece:
+    def _advance(self, point: Point) -> Step:
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
@@ -202,7 +203,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed()
 
-    def _attempt(self, point: Point, size: float) -> BranchPiece:
+    def _attempt(self, point: Point, size: float) -> Step:
         curve, curvature, sign = self.curve, self.curvature, self.sign
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
@@ -248,7 +249,7 @@ class Stepper:
         self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
         self.sign = side or sign
         self.curvature = (tangent - point.direction) / (arclength - point.arclength)
-        return BranchPiece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
+        return last, branch_point, None if landing is None else Stop.BOUND
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
