@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -103,10 +104,10 @@ def breather(
     scheme = collocation or WHOLE
     if chain.walls is not None or not chain.dissipative:  # it is made of two halves
         scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
-    try:  # on few points first: they lead there as well
+    reached = None
+    with suppress(NoSolution):  # on few points first: they lead there as well
         reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
-    except NoSolution:
-        reached = _walked(chain, code, values, scheme)
+    reached = reached or _walked(chain, code, values, scheme)
     return _closed(reached, scheme, values, events, label or "breather")
 
 
@@ -194,9 +195,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
 def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:
     """Say how far a breather reaches, and why not farther."""
     end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
-    turns = "it turns back" if end.kind == "LP" else branch.reason or branch.stop.value
+    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     near = resonance(chain, omega, end.params)[0]
     return (
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
-        f"for; there {turns.removesuffix('.')}. Of its harmonics {near}."
+        f"for; there {turns}. Of its harmonics {near}."
     )

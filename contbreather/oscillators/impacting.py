@@ -75,9 +75,7 @@ def between_walls_without_coupling(
         )
     (site,) = sites
     orbit = _single(chain, site, p)
-    resting = {
-        n: DrivenOscillator(chain, n, p).periodic() for n in range(chain.sites) if n != site
-    }
+    resting = {n: DrivenOscillator(chain, n, p).periodic() for n in range(chain.sites) if n != site}
     flights = []
     for flight in orbit.flights:
         motions = {n: partial(_taken_back, motion, 2 * math.pi / p["omega"])

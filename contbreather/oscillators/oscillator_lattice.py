@@ -317,7 +317,8 @@ class LatticeJacobian:
 
 def _entries_of(matrix: Any, row: int) -> list[tuple[int, float]]:
     at = slice(matrix.indptr[row], matrix.indptr[row + 1])
-    return [(j, value) for j, value in zip(matrix.indices[at], matrix.data[at]) if value]
+    pairs = zip(matrix.indices[at].tolist(), matrix.data[at].tolist(), strict=True)
+    return [(j, value) for j, value in pairs if value]
 
 
 def _beside(row: Any, x: Any) -> Any:
@@ -342,7 +343,7 @@ def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
     ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
     closing = np.zeros(first.size, dtype=bool)
     if lattice.shape:
-        rows, columns = lattice.shape
+        columns = lattice.shape[1]
         (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
         closing = (right - c > 1) | (below - r > 1)
     elif ((second - first == 1) | (second - first == n.size - 1)).all():
