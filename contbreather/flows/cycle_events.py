@@ -140,6 +140,9 @@ BRANCH_POINT = replace(
 # --- where flows end ----------------------------------------------------------------------------
 
 
+AT_ONCE = 1e-8  # of margins: what is as close to a wall touches it as well
+
+
 class Margin(NamedTuple):
     """Distance of an orbit from one end of its branch, the equations of the end, a sentence, the
     flow that comes to it, and which of its guards does."""
@@ -167,7 +170,11 @@ class _Nearest:
     def examine(self, point: Point) -> Examined:
         least = self._least(point)
         guard = {"guard": least.guard} if least.guard else {}
-        return {"said": least.said, "flow": least.flow, **guard}
+        # by a symmetry others come to their ends with it
+        others = self.margins(point.base_point.solution)
+        once = [other.said for other in others if other.value < AT_ONCE and other.guard]
+        more = {"at once": "; ".join(once)} if len(once) > 1 else {}
+        return {"said": least.said, "flow": least.flow, **guard, **more}
 
     def _least(self, point: Point) -> Margin:
         return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)

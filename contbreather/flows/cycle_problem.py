@@ -304,6 +304,11 @@ class CycleProblem(Problem):
             np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
         )
 
+    def invariants(self, point: Point) -> Array | None:
+        orbit, free = point.solution, [float(point[name]) for name in point.curve.free]
+        extremes = (*orbit.max.values(), *orbit.min.values())
+        return np.array([len(orbit.flights), *free, orbit.period, *extremes])
+
     def simpler(self, point: Point) -> Problem | None:
         """The orbit a single time around, where it goes around several times."""
         orbit: Cycle = point.solution
@@ -653,7 +658,12 @@ def _hit(
     part, reason = detail.get("touch", 1.0), ""
     joins = hit is own and not (system and "touch" in detail)
     following = (list(flows) * 3)[len(hit)] if joins else first
-    if "guard" in detail and "touch" not in detail:
+    if "at once" in detail:
+        reason = (
+            f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
+            "begin there, and those that hit all; move a wall a little to follow one contact"
+        )
+    elif "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
     elif slides and "touch" in detail:
         reason = "it leaves the surface for so short a time at first that nothing tells how long"

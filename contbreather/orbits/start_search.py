@@ -15,7 +15,6 @@ from contbreather.continuation.branches.boundary import named_pair
 from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
-from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.curve.settings import windows
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged
@@ -157,12 +156,6 @@ def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterato
     yield from (value for value in spread if free != "a" or value > 0.0)  # no forcing, no breather
 
 
-def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
-    """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
-    these parameters among theirs."""
-    return orbit.problem_beyond(threshold).having(*names)
-
-
 @one_thread
 def find_event(
     kind: str,
@@ -221,8 +214,8 @@ def find_event(
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
             refusal = refusal or error
             continue
-        problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
-        kinds = dict.fromkeys([*(event.kind for event in problem.events), "PD"])
+        problem = start.problem_beyond(threshold_on(start.lattice, threshold)).having(*pair)
+        kinds = [*dict.fromkeys(event.kind for event in problem.events), "PD"]
         one_of("the kind under this drive" if start.section.sign > 0 else "the kind", kind, kinds)
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)

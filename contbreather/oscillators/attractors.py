@@ -26,6 +26,7 @@ class Attractor(NamedTuple):
 
     state: Array
     amplitude: float
+    repels: bool = False
 
 
 def forcing_period(t: Any, x: Any, p: Params) -> Any:
@@ -40,13 +41,14 @@ class DrivenOscillator:
         mass, lattice = chain.masses[site], chain.lattice
         assert lattice is not None
         self.chain, self.period = chain, 2 * math.pi / p["omega"]
-        self.loss = float(lattice.dampings[site] * chain.damping(0.0, p) / mass)
+        damping = 0.0 if chain.damping is None else float(chain.damping(0.0, p))
+        self.loss = float(lattice.dampings[site] / mass) * damping
         self.force = float(lattice.drive[site] / mass)
 
     def field(self, t: float, y: Array) -> Array:
         """Positions and velocities of many, one after the other."""
-        u, v = np.split(y, 2)
-        drive = self.force * float(self.chain.drive(t, self.params))
+        u, v = y[: len(y) // 2], y[len(y) // 2 :]
+        drive = self.force * self.chain.drive(t, self.params)
         return np.concatenate([v, drive - self.loss * v - self.single.pull(u)])
 
     def run(self, y: Array, periods: int, tolerance: float, **how: Any) -> Any:
@@ -74,36 +76,48 @@ class DrivenOscillator:
             end = self.run(self.starts(), periods, 1e-6).y[:, -1].reshape(2, -1).T
         found: list[Attractor] = []
         for state in end[np.isfinite(end).all(axis=1)]:
-            orbit = self._closed(state)
-            if orbit and all(abs(orbit.state - o.state).max() > 1e-6 for o in found):
-                found.append(orbit)
+            near = 0.02 * abs(state).max()  # as close as it has settled
+            if all(abs(orbit.state - state).max() > near for orbit in found):
+                orbit = self._closed(state)
+                if orbit and not orbit.repels:
+                    found.append(orbit)
         return sorted(found, key=lambda orbit: orbit.amplitude)
 
     def _closed(self, state: Array) -> Attractor | None:
-        """Newton's iteration for a state that comes back; None where it does not, or repels."""
-        size = abs(state).max() or 1.0
+        """Newton's iteration for a state that comes back; None where it does not."""
+        # beside rest in that of what the drive makes of it
+        size = abs(state).max() or abs(self.force) * abs(self.chain.drive(0.0, self.params)) or 1.0
         for _ in range(8):
             step = 1e-5 * size
             y = np.concatenate([state[0] + [0.0, step, 0.0], state[1] + [0.0, 0.0, step]])
             ends = self.run(y, 1, 1e-12).y[:, -1].reshape(2, 3)
             M = (ends[:, 1:] - ends[:, :1]) / step
-            move = np.linalg.solve(M - np.eye(2), state - ends[:, 0])
+            # of a site that nothing holds the place is free: the shortest correction
+            move = np.linalg.lstsq(M - np.eye(2), state - ends[:, 0], rcond=1e-6)[0]
             state = state + move
             if abs(move).max() < 1e-9 * size:
                 break
-            if not abs(move).max() < size:
+            if not abs(move).max() < 1e3 * size:
                 return None
         else:
             return None
-        if abs(np.linalg.eigvals(M)).max() > 1 + 1e-6:
-            return None
-        return Attractor(
-            state, float(np.ptp(self.motion(state)(np.linspace(0, self.period, 200))[0]) / 2)
-        )
+        repels = bool(abs(np.linalg.eigvals(M)).max() > 1 + 1e-6)
+        swing = self.motion(state)(np.linspace(0, self.period, 200))[0]
+        return Attractor(state, float(np.ptp(swing) / 2), repels)
 
     def motion(self, state: Array) -> Callable[[Array], Array]:
         motion: Callable[[Array], Array] = self.run(state, 1, 1e-12, dense_output=True).sol
         return motion
+
+    def periodic(self) -> Callable[[Array], Array]:
+        """The motion beside rest, whether it attracts or not."""
+        orbit = self._closed(np.array([0.0, 0.0]))
+        if orbit is None:
+            raise NoSolution(f"site {self.single.site}: alone it has no periodic motion about rest")
+        swing = self.motion(orbit.state)(self.period * np.arange(64) / 64)[0]
+        if not self.single.pull(np.append(swing, 1.0)).any():  # nothing says where: about rest
+            return self.motion(orbit.state - [swing.mean(), 0.0])
+        return self.motion(orbit.state)
 
     def chosen(self, code: Any, found: list[Attractor]) -> Attractor:
         """The attractor that a code stands for: "low" swings least, "high" most, and a number that

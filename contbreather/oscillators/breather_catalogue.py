@@ -162,9 +162,9 @@ def _exchanges(chain: Oscillators, params: Params) -> list[Mapping[int, int]]:
     lattice, graph = chain.lattice, nx.Graph()
     assert lattice is not None
     for n in range(chain.sites):
-        ground = [w for (e, w) in _grounds(chain) if e == n]
-        traits = chain.masses[n], chain.onsite[n], lattice.dampings[n], lattice.drive[n], sum(ground)
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))
+        ground = sum(weight for site, weight in _grounds(chain) if site == n)
+        own = chain.masses[n], chain.onsite[n], lattice.dampings[n], lattice.drive[n], ground
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own))
     ends = chain.bonds.ends
     for bond, weight in enumerate(chain.couplings):
         places = ends.indices[ends.indptr[bond] : ends.indptr[bond + 1]].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from .attractors import driven_without_coupling, forcing_period
 from .breather_events import events_of_breather
 from .breather_problem import Breather, BreatherProblem, breather_problem
 from .half_orbit import HalfOrbit
+from .impacting import between_walls_without_coupling
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
@@ -100,12 +102,12 @@ def breather(
     omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     values = _params(chain, {} if params is None else params, omega)
     scheme = collocation or WHOLE
-    if not chain.dissipative:  # half of the orbit is discretised
+    if chain.walls is not None or not chain.dissipative:  # it is made of two halves
         scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
-    try:  # on few points first: they lead there as well
+    reached = None
+    with suppress(NoSolution):  # on few points first: they lead there as well
         reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
-    except NoSolution:
-        reached = _walked(chain, code, values, scheme)
+    reached = reached or _walked(chain, code, values, scheme)
     return _closed(reached, scheme, values, events, label or "breather")
 
 
@@ -114,10 +116,10 @@ def _closed(
 ) -> BreatherProblem:
     """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
     needs."""
-    (flight,) = reached.residual.flights(reached.x, reached.params)
-    sizes = sizes_of([flight])
-    start = flight.on(flight.knots, scheme).adapted(sizes[0])
-    equations = replace(reached.residual, start=(start,), sizes=sizes)
+    flights = reached.residual.flights(reached.x, reached.params)
+    sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
+    start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
+    equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
     while _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
@@ -157,19 +159,23 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
     omega = params["omega"]
-    if chain.dissipative:
-        flight = driven_without_coupling(chain, code, params, scheme)
+    flows: tuple[Flow, ...] = (Flow(chain),)
+    if chain.walls is not None:
+        flows, flights = between_walls_without_coupling(chain, code, params, scheme)
+    elif chain.dissipative:
+        flights = (driven_without_coupling(chain, code, params, scheme),)
     else:
-        flight = half_without_coupling(chain, code, omega, params, scheme)
-    sizes = sizes_of([flight])
+        flights = (half_without_coupling(chain, code, omega, params, scheme),)
+    sizes = sizes_of(flights)
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    more = {"start": (flight.adapted(sizes[0]),), "states": names, "sizes": sizes}
+    start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
+    more = {"start": start, "states": names, "sizes": sizes}
     equations: FlowEquations
     if chain.dissipative:
-        equations = FlowEquations(flows=(Flow(chain),), period=forcing_period, turns=1, **more)
+        equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
     else:
         equations = HalfOrbit.of(chain, "omega", **more)
-    alone = breather_problem(equations, {**params, SHARE: 0.0}, (), "")
+    alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
     try:
         start = alone.solve(tolerance=1e-11)[0]
     except NotConverged as error:
@@ -189,9 +195,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
 def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:
     """Say how far a breather reaches, and why not farther."""
     end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
-    turns = "it turns back" if end.kind == "LP" else branch.reason or branch.stop.value
+    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     near = resonance(chain, omega, end.params)[0]
     return (
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
-        f"for; there {turns.removesuffix('.')}. Of its harmonics {near}."
+        f"for; there {turns}. Of its harmonics {near}."
     )

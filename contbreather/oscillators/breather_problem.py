@@ -56,6 +56,16 @@ class Breather(Cycle):
         chain: Oscillators = self.equations.flows[0].f
         return chain
 
+    @property
+    def lattice(self) -> Any:
+        return self.chain.lattice
+
+    @cached_property
+    def swings(self) -> Array:
+        """How far each site moves, from end to end."""
+        states = np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
+        return np.asarray(np.ptp(states, axis=1))
+
     @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         flights = self.equations.flights(self.x, self.params)

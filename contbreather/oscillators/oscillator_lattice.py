@@ -25,6 +25,7 @@ from .potentials import Function, Params, SmoothFunction
 
 Array = NDArray[np.float64]
 
+_NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
 SHARE = "share of the coupling"  # no name that a formula may have: 1 where it is not given
 
 
@@ -56,6 +57,9 @@ class Oscillators:
         The force ``-damping * v``: a number, or a formula in parameters.
     drive : str or callable, optional
         The force on each site, a formula in ``t`` of the period ``2*pi/omega``, or ``F(t, p)``.
+    walls, k : float or str, optional
+        Where the walls of each site are, at -walls and +walls, and the restitution of impacts,
+        ``v -> -k v``: numbers, or formulas in parameters.
     masses, onsite : array_like, shape (N,), optional
         Mass, and share of V, of each site, in place of those of the lattice.
     couplings : array_like, optional
@@ -81,6 +85,8 @@ class Oscillators:
     lattice: Finite | None = None
     damping: Any = None
     drive: Any = None
+    walls: Any = None
+    k: Any = None
     masses: Any = None
     onsite: Any = None
     couplings: Any = None
@@ -96,10 +102,13 @@ class Oscillators:
             object.__setattr__(self, name, row)
         if not self.masses.min() > 0:
             raise BadInput(f"masses = {brief(self.masses.tolist())}: every mass must be positive.")
-        for name, variable in (("V", "u"), ("W", "r"), ("drive", "t"), ("damping", "_")):
+        if (self.walls is None) != (self.k is None):
+            raise BadInput("walls= and k= go together: where the walls are, and their restitution")
+        variables = {"V": "u", "W": "r", "drive": "t"} | dict.fromkeys(_NUMBERS, "_")
+        for name, variable in variables.items():
             given = getattr(self, name)
-            if name == "damping" and np.isfinite(real(given)):
-                given = repr(real(given)) if real(given) else None
+            if name in _NUMBERS and np.isfinite(real(given)):
+                given = repr(real(given)) if real(given) or name == "k" else None
             if given is None and name in ("V", "W"):
                 given = "0"
             if not (given is None or isinstance(given, str) or callable(given)):
@@ -117,12 +126,12 @@ class Oscillators:
     @property
     def dissipative(self) -> bool:
         """Tell whether it is driven or damped, and conserves nothing."""
-        return self.drive is not None or self.damping is not None
+        return not (self.drive is None and self.damping is None and self.walls is None)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters of its formulas."""
-        parts = (self.V, self.W, self.damping, self.drive)
+        parts = (self.V, self.W, self.damping, self.drive, self.walls, self.k)
         return tuple(dict.fromkeys(name for part in parts if part for name in part.names))
 
     @cached_property
@@ -204,7 +213,7 @@ class Oscillators:
         """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
         be left at 0, the rest holds each of both ends as if the other one were at rest."""
         share = p.get(SHARE, 1.0)
-        if not self.bare or (isinstance(share, float) and share == 1.0):
+        if not self.bare or self.walls or (isinstance(share, float) and share == 1.0):
             return [(self._ends[0], share * self.couplings)]
         two = np.diff(self.bonds.ends.indptr) == 2  # those to the ground stay
         rest = np.where(two, 1.0 - share, 0.0) * self.couplings
@@ -216,6 +225,12 @@ class Oscillators:
         """Ends of bonds, and of each the one and the other alone, each with its transpose."""
         ends = self.bonds.ends
         return [(e, e.T.tocsr()) for e in (ends, ends.maximum(0), ends.minimum(0))]
+
+    @property
+    def least_share(self) -> float:
+        """Share of the coupling from which it is walked: without any, sites between walls that no
+        potential and no damping holds would be free."""
+        return 0.02 if self.bare and self.walls and self.damping is None else 0.0
 
     @cached_property
     def bare(self) -> bool:
@@ -302,7 +317,8 @@ class LatticeJacobian:
 
 def _entries_of(matrix: Any, row: int) -> list[tuple[int, float]]:
     at = slice(matrix.indptr[row], matrix.indptr[row + 1])
-    return [(j, value) for j, value in zip(matrix.indices[at], matrix.data[at]) if value]
+    pairs = zip(matrix.indices[at].tolist(), matrix.data[at].tolist(), strict=True)
+    return [(j, value) for j, value in pairs if value]
 
 
 def _beside(row: Any, x: Any) -> Any:
@@ -327,7 +343,7 @@ def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
     ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
     closing = np.zeros(first.size, dtype=bool)
     if lattice.shape:
-        rows, columns = lattice.shape
+        columns = lattice.shape[1]
         (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
         closing = (right - c > 1) | (below - r > 1)
     elif ((second - first == 1) | (second - first == n.size - 1)).all():

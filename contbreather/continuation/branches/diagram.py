@@ -24,7 +24,7 @@ from ..curve.problem import Problem
 from ..curve.settings import Settings, Steps, Within
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import Startable, trace
-from .duplicates import duplicate_of, same_place, simplest
+from .duplicates import duplicate_of, ending_at, same_place, simplest
 from .switching import Seed, branches_leave, follow, seeds_at
 
 if TYPE_CHECKING:
@@ -365,7 +365,7 @@ class _Growth:
             # so close to a branch point rounding decides on which of two curves a solution lies
             first = glance(steps=replace(steps, most=12))
         reach = first.curve.length(first[-1].z - first[0].z)
-        duplicate = duplicate_of(first[-1], self.tree, reach)
+        duplicate = duplicate_of(first[-1], self.tree, reach) or ending_at(first[0], self.tree)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
             larger = problem.residual is not self.tree[place.branch].problem.residual
             if larger and duplicate.branch == place.branch:  # else a curve that crosses itself

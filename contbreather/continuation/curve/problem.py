@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import cached_property, partial
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,9 +16,7 @@ from ...one_thread import one_thread
 from ..algebra.newton import Array, Solution, Undefined, approach, newton
 from ..algebra.sparse import Matrix, Pattern
 from .curve import Curve, Params, Residual
-
-if TYPE_CHECKING:
-    from .ties import TiedProblem
+from .ties import Ties
 
 
 class Structure:
@@ -79,6 +77,11 @@ class Structure:
     def simpler(self, point: Any) -> Any:
         """Smaller problem that has a solution too, as its start: of a fixed point among the cycles
         of period 2 that of fixed points."""
+        return None
+
+    def invariants(self, point: Any) -> Array | None:
+        """Numbers that a solution has however it is written, as the period and the extremes of a
+        cycle, whose mesh and first flow are a choice; None where unknowns alone are compared."""
         return None
 
     def lift(self, kind: str) -> Callable[[Any], Any] | None:
@@ -312,8 +315,6 @@ class Problem(Structure):
         >>> round(by_area.solve()[0].start["x"], 12), list(by_area.params)
         (2.0, ['mu', 'area'])
         """
-        from .ties import TiedProblem
-
         return TiedProblem.tie(self, functions, values)
 
     def check_names(self, names: Iterable[str]) -> None:
@@ -402,3 +403,58 @@ def problem_in(owner: object) -> Problem:
             f"{kind_of(owner)}"
         )
     return problem
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TiedProblem(Problem):
+    """A problem whose parameters are functions of others, from `Problem.tied`."""
+
+    ties: Ties = field(kw_only=True)
+
+    @classmethod
+    def tie(
+        cls, base: Problem, functions: Mapping[str, Any], values: Mapping[str, float], **more: Any
+    ) -> Any:
+        """Tie a problem; `more` are fields of a derived class."""
+        ties, params = Ties.checked(base, functions, values)
+        gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
+        return cls(
+            ties.of(base.residual), base.start, params, events=base.events, label=base.label,
+            record={**base.record, **gone}, ties=ties,
+            domain={n: edges for n, edges in base.domain.items() if n not in functions},
+            scales={n: size for n, size in base.scales.items() if n not in functions}, **more,
+        )  # fmt: skip
+
+    @property
+    def base(self) -> Problem:
+        """The problem in its own parameters."""
+        base: Problem = self.ties.base
+        return base
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
+        return self.ties.derivatives(self.start, x, params, free)
+
+    @property
+    def tested(self) -> bool:  # type: ignore[override]
+        # what the base has no derivatives for is by differences anyhow
+        return self.base.tested or self.base.jacobian is None
+
+    @property
+    def interpret(self) -> Callable[[Any], Any] | None:  # type: ignore[override]
+        asked: Any = self.base.interpret
+
+        def interpreted(point: Any) -> Any:
+            curve, z, _ = self.ties.untied(self.start, point.x, point.params, point.curve.free)
+            return asked(replace(point, curve=curve, z=z, tangent=None))
+
+        return asked and interpreted
+
+    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+        return self.base.images(x, self.ties(params))
+
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
+        return self.base.modulo(x, self.ties(params))
+
+
+def _of_point(function: Callable[[Params], Any], point: Any) -> float:
+    return float(function(point.params))
