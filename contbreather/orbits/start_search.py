@@ -99,12 +99,12 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
     )
 
 
-def breather_at(number: int | None, **conditions: Any) -> Any:
+def breather_at(root: int | None = None, **conditions: Any) -> Any:
     """The symmetric breather of a root, or what it becomes as the even harmonics of the drive and
     its mean grow from 0."""
     drive = forcing_of(conditions.get("forcing"))
     odd = with_even(0.0, drive)
-    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), number)
+    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), root)
     return orbit if odd is drive else grown(orbit, drive)
 
 
