@@ -55,8 +55,9 @@ class Cycle(HtmlRepr):
         The sum of the durations of its flows. Of a symmetric orbit that is written as half of
         itself with a mirror as `reset`, that half.
     multipliers : ndarray
-        Of small perturbations over the period, the largest first; the trivial one of an
-        autonomous orbit is among them. One is infinite where an impact loses its velocity (VI),
+        Of small perturbations over the period, the largest first, of many states (more than 250,
+        given with a sparse `jacobian`) the leading ones; the trivial one of an autonomous orbit is
+        among them. One is infinite where an impact loses its velocity (VI),
         where all others are NaN.
     trivial : float
         That one, 1 but for what the mesh does not resolve; NaN for forced orbits. Where something
@@ -166,7 +167,8 @@ class Cycle(HtmlRepr):
     @property
     def coarse(self) -> str:
         """Reason why the mesh does not resolve the orbit; empty if it does."""
-        off = abs(self.trivial - 1)
+        # of a large flow multipliers are not asked for here
+        off = abs(self.trivial - 1) if self.equations.condensed else math.nan
         if off <= 1e-4:  # so far off 1 it may be of a resolved orbit
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
@@ -188,7 +190,8 @@ class Cycle(HtmlRepr):
         rows += [
             (f"{what}({n})", v) for what in ("min", "max") for n, v in getattr(self, what).items()
         ]
-        rows += [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), 1)]
+        leading = self.multipliers[:12].tolist()  # of a large flow there are many
+        rows += [(f"multiplier {i}", mu) for i, mu in enumerate(leading, 1)]
         return Sheet.of(rows)
 
     def __repr__(self) -> str:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import chain
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,6 +58,7 @@ class Layout:
         self.knots, self.lengths = parts[flows : 2 * flows], parts[2 * flows]
         self.phase = parts[-3].tolist()  # no unknown, or one
         self.levels, self.lambdas = parts[-2:]
+        self.last = self.nodes[0][0]  # equations in which the length counts by the last velocity
         self.ended = [flow.until is not None for flow in equations.flows]
         self.autonomous = equations.autonomous
         self._cells: dict[int, Places] = {}
@@ -158,6 +159,8 @@ class FlowEquations:
         return {**self.__dict__, "_latest": {}}  # but for what was solved lately
 
     # --- the unknowns -----------------------------------------------------------------------------
+
+    condensed = True  # whether all multipliers are had, or the leading ones only
 
     @cached_property
     def phased(self) -> bool:

@@ -277,7 +277,7 @@ def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Mat
     for i in endless if equations.autonomous else ():
         square[layout.lengths[i]] = 0.0
         if i == endless[-1]:  # its length is free, and brings back to the section
-            square[layout.lengths[i], start] = square[start, layout.lengths[i]].T
+            square[layout.lengths[i], start] = square[layout.last, layout.lengths[i]].T
         else:
             square[layout.lengths[i], layout.lengths[i]] = 1.0
     if equations.phased:

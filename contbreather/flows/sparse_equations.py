@@ -41,6 +41,7 @@ class SparseLayout(Layout):
         shape = equations.start[0].slopes.shape
         count = math.prod(shape)
         self.inside: Places = self.orbit + np.arange(count).reshape(shape)
+        self.last = self.inside[-1, -1]
         self.knots = [knots + count for knots in self.knots]
         self.lengths, self.levels, self.lambdas = (
             places + count for places in (self.lengths, self.levels, self.lambdas)
@@ -154,9 +155,7 @@ class SparseFlowEquations(FlowEquations):
         f, entries, other = given.jacobian.entries(flow.f, flight.inner, states, full, unfolded)
         h, T = flight.lengths[:, None, None], flight.duration
         f, other = f.T.reshape(shape), other.transpose(2, 0, 1).reshape(*shape, -1)
-        rows, columns, data = entries
-        places, lengths = inside.ravel(), np.repeat(flight.lengths, inside[0].size)
-        yield places[rows], places[columns], -lengths[rows] * data  # - h f_x
+        yield self._field(entries, flight)
         # h = T (s_1 - s_0), t = T (s_0 + c (s_1 - s_0)): how h f changes with s_0, s_1 and T
         c, rate = flight.scheme.nodes[:, None], h * other[..., 0]
         left, right = np.concatenate([[-1], knots[:-1]]), np.append(knots[:-1], -1)
@@ -179,24 +178,38 @@ class SparseFlowEquations(FlowEquations):
             yield length, np.append(length, parameters), self._of_period(0, p, names)
         if kept:
             rows = np.concatenate([layout.levels, layout.lambdas])[:, None]
-            columns = np.concatenate([layout.nodes[0][0], layout.lengths, layout.levels, parameters])
+            columns = np.concatenate(
+                [layout.nodes[0][0], layout.lengths, layout.levels, parameters]
+            )
             yield rows, columns, self._given_slopes(kept, x, p, names)
 
+    def _field(self, entries: Any, flight: TrajectorySegment) -> tuple[Array, ...]:
+        """Entries of - h f_x."""
+        rows, columns, data = entries
+        places, lengths = (
+            self.layout.inside.ravel(),
+            np.repeat(flight.lengths, flight.slopes[0].size),
+        )
+        return places[rows], places[columns], -lengths[rows] * data
 
     # --- multipliers ------------------------------------------------------------------------------
 
     @property
-    def condensed(self) -> bool:
-        """Tell whether all multipliers are had, or the leading ones only."""
+    def condensed(self) -> bool:  # type: ignore[override]
         return self.start[0].dimension <= MANY or self.conservation is not None
 
     def maps(self, x: Array, p: Params) -> list[Callable[[Array], Array]]:
         """Map small perturbations over each interval: what is inside is solved for."""
         from scipy.sparse import csc_array
 
-        matrix = self.derivatives(x, p)
-        inside, forced = self.layout.inside.reshape(len(self.layout.inside), -1), self._inverse.sum(axis=1)
-        ends = self._ends
+        (flow,), (flight,), full = self.flows, self.flights(x, p), self._unfolded(x, p)
+        given: Any = flow.f
+        states = reached(flight, flight.slopes)
+        entries = given.jacobian.entries(flow.f, flight.inner, states, full, ())[1]
+        rows, columns, data = _joined([self._inner, self._field(entries, flight)])
+        inside, forced, ends = self.layout.inside, self._inverse.sum(axis=1), self._ends
+        first, size = inside.flat[0], inside[0].size
+        whole = csc_array((data, (rows - first, columns - first)), (inside.size, inside.size))
 
         def over(factors: Any, start: Array) -> Array:
             # (A^-1 - h f_x) X = A^-1 x_0
@@ -204,12 +217,11 @@ class SparseFlowEquations(FlowEquations):
             states = factors.solve(right).reshape(ends.size, *start.shape)
             return np.asarray((1 - ends.sum()) * start + np.tensordot(ends, states, 1))
 
-        blocks = (matrix[:, of[0] : of[-1] + 1][of[0] : of[-1] + 1] for of in inside)
+        starts = range(0, inside.size, size)
+        blocks = (whole[:, start : start + size][start : start + size] for start in starts)
         return [partial(over, factorised(csc_array(block))) for block in blocks]
 
-    def linearised(
-        self, x: Array, p: Params, names: tuple[str, ...] | None = None
-    ) -> SolvedPlace:
+    def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Map all perturbations over each interval, dense."""
         place = self._solved(x, p)
         if not place.linear:
@@ -238,7 +250,9 @@ class SparseFlowEquations(FlowEquations):
             way = way / np.linalg.norm(way)
             trivial = np.array([way @ around(way)])
         # M v = v along the flow: the others are those of the complement of v
-        whole = LinearOperator((n, n), lambda start: _across(way, around(_across(way, start))), dtype=float)
+        whole = LinearOperator(
+            (n, n), lambda start: _across(way, around(_across(way, start))), dtype=float
+        )
         for wanted in itertools.count(_LEADING, _LEADING):
             try:
                 mu = eigs(
