@@ -158,4 +158,4 @@ def test_many_states_without_events_ask_for_no_multipliers(monkeypatch: Any) -> 
     (cycles,) = cb.switch(born, events=(), within={"L": (0.45, 0.6)}, steps=cb.Steps(most=2))
     assert np.isfinite(cycles["max(u)"]).all()
     with pytest.raises(AssertionError, match="multipliers"):
-        cycles[-1].solution.multipliers
+        print(cycles[-1].solution.multipliers)
