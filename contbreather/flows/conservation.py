@@ -97,6 +97,8 @@ class FieldAlone:
     def _beside(
         self, given: Any, unfolded: Unfolded, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Any, Array]:
+        # what is linear in lambda is differentiated where that is 0, not rounding
+        p = {**p, **dict.fromkeys(unfolded.quantities, 0.0)}
         value, other = slopes_along(unfolded, t, x, p, names, np.empty((len(x), 0)))
         return value, given(self.f, t, x, p, ())[1], other
 
