@@ -16,6 +16,7 @@ from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
 from ..flows.collocation import Collocation, sizes_of
+from ..flows.cycle_constructors import state_names
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
@@ -167,9 +168,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     else:
         flights = (half_without_coupling(chain, code, omega, params, scheme),)
     sizes = sizes_of(flights)
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    parts = state_names(dict.fromkeys("uv", np.zeros(chain.sites)))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    more = {"start": start, "states": names, "sizes": sizes}
+    more = {"start": start, "parts": parts, "sizes": sizes}
     equations: FlowEquations
     if chain.dissipative:
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
