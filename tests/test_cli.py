@@ -20,7 +20,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import DONE, FAILED
+from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.files import write_csv
 from contbreather.orbits import smallest_amplitude
 from contbreather.parameters import window_of
@@ -415,6 +415,21 @@ def test_zones_in_other_planes(run: Run, name: str, value: str) -> None:
     for row in [row for row in rows if row["curve"] == "LP"][::10]:
         fold = smallest_amplitude(float(row["gamma"]), float(row["k"]))
         assert float(row["a"]) == pytest.approx(fold, abs=1e-10)
+
+
+def test_zones_in_planes_of_the_frequency_are_those_of_the_library(run: Run) -> None:
+    window = {"omega": (0.7, 1.0)}
+    status, out, _ = run("zones --k 0.8 --gamma 0.05 --omega-window 0.7 1 --json")
+    (diagram,) = strict(out)["zones"]
+    assert (status, diagram["pair"]) == (DONE, ["omega", "a"])
+    assert diagram["fixed"] == {"k": 0.8, "gamma": 0.05}
+    own = cb.zones(k=0.8, gamma=0.05, within=window)
+    for kind, branch in own:
+        drawn = next(curve for curve in diagram["curves"] if curve["curve"] == kind)
+        assert drawn["omega"] == branch["omega"].tolist()
+        assert drawn["a"] == branch["a"].tolist()
+    status, _, err = run("zones --k 0.8 --gamma 0.05 --gamma 0.06")
+    assert (status, "--gamma: one value is expected in planes of omega" in err) == (BAD_INPUT, True)
 
 
 @pytest.mark.slow

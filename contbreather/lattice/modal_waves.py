@@ -32,8 +32,8 @@ class Recurring(NamedTuple):
     half: bool  # with the other sign, after half a period
 
 
-class Waves(NamedTuple):
-    """Waves of all modes, one mode after the other."""
+class ModeWaves(NamedTuple):
+    """ModeWaves of all modes, one mode after the other."""
 
     parts: Cube  # RATE.. of each wave, real and imaginary
     modes: Counts  # whose it is
@@ -42,11 +42,11 @@ class Waves(NamedTuple):
     filled: Counts  # number of all waves
 
 
-def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: Waves) -> None:
-    """Waves of modes z; `swings` are the harmonics that are taken out, of other modes 0."""
-    out.filled[0], T = 0, length_of(on)
+def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: ModeWaves) -> None:
+    """ModeWaves of modes z; `swings` are the harmonics that are taken out, of other modes 0."""
+    out.filled[0], T = 0, section_length(on)
     for k in range(z.size):
-        apart = out.apart[k] = distance(z[k], swings[k], damping, on)
+        apart = out.apart[k] = harmonic_gap(z[k], swings[k], damping, on)
         slow = abs(z[k] - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
         if not on.half:
             slow = slow or abs(z[k]) < CLOSE * apart
@@ -79,12 +79,12 @@ def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: Wa
 
 
 @inlined
-def length_of(on: Recurring) -> float:
+def section_length(on: Recurring) -> float:
     return (1.0 if on.half else 2.0) * math.pi * on.turns
 
 
 @inlined
-def distance(z: float, swing: float, damping: float, on: Recurring) -> float:
+def harmonic_gap(z: float, swing: float, damping: float, on: Recurring) -> float:
     """How far z is from the harmonics of the orbit; that of 0 is taken out, and so is a swing."""
     first = 1.0 / on.turns
     step = 2.0 * first if on.half else first
@@ -100,18 +100,18 @@ def distance(z: float, swing: float, damping: float, on: Recurring) -> float:
 
 @inlined
 def add_waves(
-    out: Waves, k: int, z: complex, damping: float, on: Recurring, times: float, share: complex,
+    out: ModeWaves, k: int, z: complex, damping: float, on: Recurring, times: float, share: complex,
     by_share: complex,
 ) -> None:  # fmt: skip
     """Both waves of a mode, or, with 2 times the one, its real half; or their shares of a mean."""
-    T = length_of(on)
-    root = square_root(z - 0.25 * damping * damping)
+    T = section_length(on)
+    root = complex_root(z - 0.25 * damping * damping)
     D = 2j * root
     for side in range(1 if times == 2.0 else 2):
         sign = 1.0 - 2.0 * side
         rate = sign * 1j * root - 0.5 * damping
         if on.half:
-            E = grown(rate * T)
+            E = exponential(rate * T)
             rest, slope = 1.0 + E, -E
         else:
             less = grown_by(rate * T)
@@ -125,7 +125,9 @@ def add_waves(
 
 
 @inlined
-def add(out: Waves, k: int, rate: complex, size: complex, growth: complex, drift: complex) -> None:
+def add(
+    out: ModeWaves, k: int, rate: complex, size: complex, growth: complex, drift: complex
+) -> None:
     n = out.filled[0]
     out.modes[n], out.filled[0] = k, n + 1
     out.parts[RATE, n, 0], out.parts[RATE, n, 1] = rate.real, rate.imag
@@ -135,7 +137,7 @@ def add(out: Waves, k: int, rate: complex, size: complex, growth: complex, drift
 
 
 @inlined
-def grown(x: complex) -> complex:
+def exponential(x: complex) -> complex:
     """exp(x)."""
     size = math.exp(x.real)
     return complex(size * math.cos(x.imag), size * math.sin(x.imag))
@@ -150,7 +152,7 @@ def grown_by(x: complex) -> complex:
 
 
 @inlined
-def square_root(x: complex) -> complex:
+def complex_root(x: complex) -> complex:
     half = math.sqrt(0.5 * (math.sqrt(x.real * x.real + x.imag * x.imag) + abs(x.real)))
     if half == 0.0:
         return 0j
@@ -160,13 +162,19 @@ def square_root(x: complex) -> complex:
 
 
 def modal_interactions(
-    of: Waves, lam: Vector, weights: Cube, on: Recurring, damping: float, times: Vector, out: Cube
+    of: ModeWaves,
+    lam: Vector,
+    weights: Cube,
+    on: Recurring,
+    damping: float,
+    times: Vector,
+    out: Cube,
 ) -> None:
     """Answers of each impact's site to each impact, ``[VALUE + order, i, j]``, order 0 to 3, and
     their slopes in gamma, spring and damping, to order 2: as they go on where the last impact comes
     after the first of the next section; of an impact to itself the mean velocity, and the
     acceleration just before."""
-    T, slope = length_of(on), 0.0
+    T, slope = section_length(on), 0.0
     for i in range(times.size):
         for j in range(times.size):
             for row in range(out.shape[0]):
@@ -185,7 +193,7 @@ def modal_interactions(
                 k = of.modes[n]
                 weight = sign * weights[i, j, k]
                 rate = complex(of.parts[RATE, n, 0], of.parts[RATE, n, 1])
-                wave = weight * grown(rate * s)
+                wave = weight * exponential(rate * s)
                 size = wave * complex(of.parts[SIZE, n, 0], of.parts[SIZE, n, 1])
                 growth = wave * complex(of.parts[GROWTH, n, 0], of.parts[GROWTH, n, 1])
                 drift = wave * complex(of.parts[DRIFT, n, 0], of.parts[DRIFT, n, 1])

@@ -42,8 +42,8 @@ from contbreather.lattice.modal_waves import (
     SIZE,
     VALUE,
     WAVES,
+    ModeWaves,
     Recurring,
-    Waves,
 )
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
@@ -259,13 +259,13 @@ class ModalResponse(Response):
     # ------------------------------------------------------------------------ to impulses
 
     @cached_property
-    def _waves(self) -> Waves:
+    def _waves(self) -> ModeWaves:
         """All of their waves with slopes, for kernels."""
         K, swings = self.z.size, np.zeros(self.z.size)
         for i, w in self.resonant:
             swings[i] = w
         room = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
-        waves = Waves(*room, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
+        waves = ModeWaves(*room, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
         WAVES(self.z, swings, float(self.damping), self._section, waves)
         if not (waves.apart > RESONANT).all():
             w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
