@@ -21,8 +21,8 @@ __all__ = front(
     __name__,
     {
         "": (
-            "certified continuation errors explorer flows lattice orbits paper plotting simulation "
-            "stability studies workers"
+            "certified continuation errors explorer flows lattice orbits oscillators paper "
+            "plotting simulation stability studies workers"
         ),
         "continuation": (
             "Branch Event Problem Steps boundary branch_point extend fold hopf trace user"
@@ -40,6 +40,7 @@ __all__ = front(
         "orbits.atlas": "atlas zones_many",
         "orbits.constructors": "shooting",
         "orbits.multibreathers": "multibreather multibreathers",
+        "oscillators": "Oscillators breather breathers",
         "plotting": "plot save_figure",
         "runs": "Run load save",
         "simulation": "simulate",

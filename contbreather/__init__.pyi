@@ -5,6 +5,7 @@ from . import explorer as explorer
 from . import flows as flows
 from . import lattice as lattice
 from . import orbits as orbits
+from . import oscillators as oscillators
 from . import paper as paper
 from . import plotting as plotting
 from . import simulation as simulation
@@ -57,6 +58,9 @@ from .orbits.atlas import zones_many as zones_many
 from .orbits.constructors import shooting as shooting
 from .orbits.multibreathers import multibreather as multibreather
 from .orbits.multibreathers import multibreathers as multibreathers
+from .oscillators import Oscillators as Oscillators
+from .oscillators import breather as breather
+from .oscillators import breathers as breathers
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure
 from .runs import Run as Run

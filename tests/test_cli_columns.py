@@ -15,7 +15,6 @@ import pytest
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE
 from contbreather.cli.output import say, to_json
-from contbreather.simulation import open_recording
 
 from .typed import Run, table
 
@@ -179,22 +178,6 @@ def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
     assert 150 < max(map(len, lines)) <= 160
 
 
-def test_the_end_of_a_long_stream_is_a_run_of_its_own(run) -> None:
-    """Its periods are counted from where it begins, its times from the start of the stream."""
-    run(f"{ELASTIC} --periods 30 --stream kept.nc")
-    shown = open_recording("kept.nc").last(10)
-    whole = cb.simulate(
-        cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3)).state(3, 0.5 * math.pi),
-        a=0.2, gamma=0.08, k=1.0, periods=30, t0=0.5 * math.pi,
-    )  # fmt: skip
-    assert shown.periods == 10
-    np.testing.assert_allclose(shown.times, whole.times[20:], atol=1e-9)
-    np.testing.assert_allclose(shown.strobe.u, whole.strobe.u[20:], atol=1e-9)
-    late = whole.impacts[whole.impacts["period"] >= 20]
-    assert shown.impacts["period"].tolist() == (late["period"] - 20).tolist()
-    np.testing.assert_allclose(shown.impacts["time"], late["time"], atol=1e-9)
-
-
 # --- titles, and pictures that commands write -----------------------------------------------------
 
 
@@ -292,12 +275,6 @@ def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictu
         assert np.abs(data_of(below) - there).max(axis=1).min() < 1e-9
     flat = [line for line in below.get_lines() if len(line.get_xdata()) > 1]
     assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
-
-
-def test_picture_of_zones_has_a_panel_for_each_value(run, pictures) -> None:
-    run("zones --k 0.8 --k 0.6 --gamma-window 0.05 0.06 -o z.png")
-    titles = [ax.get_title(loc="left") for ax in pictures[0].axes]
-    assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
 
 
 def test_picture_of_a_diagram_shows_every_branch_by_its_asymmetry(run, pictures) -> None:

@@ -189,40 +189,28 @@ def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(tmp_path, line,
 
 
 # When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written
-# in C do; or numba, which does the like, is at work.
+# in C do.
 AMID_IMPORT = """
 import signal, sys
 wanted = [sys.argv.pop(1)]
-
-def interrupt():
-    try:
-        signal.raise_signal(signal.SIGINT)
-    except BaseException as error:
-        raise ImportError("it failed") from error
 
 class Finder:
     def find_spec(self, name, path=None, target=None):
         if name in wanted:
             wanted.remove(name)
-            interrupt()
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except BaseException as error:
+                raise ImportError("it failed") from error
 
 sys.meta_path.insert(0, Finder())
-if "in numba" in wanted:
-    from contbreather.simulation.integrator import EventDriven
-    advance = EventDriven.advance
-    own = dict(globals(), __name__="numba.core.dispatcher")
-    exec("def interrupted(*given, **more): interrupt(); return advance(*given, **more)", own)
-    EventDriven.advance = own["interrupted"]
 from contbreather.__main__ import main
 sys.exit(main())
 """
 SIMULATE = "simulate --a 0.1 --gamma 0.04 --k 0.8 --periods 3 --json"
 IMPORTED = [
     (SIMULATE, "cyclopts"),
-    (SIMULATE, "contbreather.simulation"),
     (SIMULATE, "llvmlite.binding"),
-    (SIMULATE, "in numba"),
-    ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),
     ("branch --free a --gamma 0.08 --k 0.8 --window 0.5 0.55 -o b.png", "matplotlib.figure"),
 ]
 

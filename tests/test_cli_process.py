@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import Any
 from unittest.mock import Mock
 
@@ -18,7 +19,7 @@ import pytest
 import contbreather.__main__ as entry
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
-from contbreather.cli.process import computing, interruptible
+from contbreather.cli.process import CutShort, computing, interruptible
 from contbreather.errors import Interrupted, NotConverged
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
@@ -144,23 +145,12 @@ def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     assert done == []
 
 
-@pytest.mark.apart
-def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> None:
-    for _ in range(2):
-        with pytest.raises(KeyboardInterrupt):
-            interrupted_after_computing(alone=False)
-    assert len(spoken) == 2
-    with interruptible(alone=False):
-        pass
-
-
 # --- what is written ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["-", "/dev/fd/1"])
-def test_a_table_on_standard_output_has_it_to_itself(name: str) -> None:
+def test_a_table_on_standard_output_has_it_to_itself() -> None:
     line = ["branch", "--free", "a", "--gamma", "0.08", "--k", "0.8", "--window", "0.5", "0.55"]
-    command = [sys.executable, "-m", "contbreather", *line, "--csv", name]
+    command = [sys.executable, "-m", "contbreather", *line, "--csv", "-"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     header, *rows = done.stdout.splitlines()
     assert header == "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"
@@ -194,14 +184,13 @@ def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> N
 def test_a_picture_that_was_cut_short_says_so_above(tmp_path) -> None:
     from matplotlib.figure import Figure
 
-    for cut in (False, True):
+    into = output.Output(output=str(tmp_path / "t.svg"))
+    for cut, stopped in ((False, nullcontext()), (True, pytest.raises(CutShort))):
         figure = Figure()
-        axes = figure.add_subplot()
-        for drawn in (figure, axes):
-            path = output.to_figure(str(tmp_path / "t.svg"), lambda drawn=drawn: drawn, cut=cut)
-            assert path.exists()
-        title = figure.get_suptitle()
-        assert title == ("interrupted: cut short" if cut else "")
+        for drawn in (figure, figure.add_subplot()):
+            with stopped:
+                into.leave(output.Result(dict, list, tuple, lambda drawn=drawn: drawn), cut=cut)
+        assert figure.get_suptitle() == ("interrupted: cut short" if cut else "")
 
 
 def test_an_interruption_says_what_it_brings() -> None:

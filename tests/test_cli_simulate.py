@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
-import threading
 from importlib import import_module
 from pathlib import Path
 
@@ -13,8 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather import progress
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from contbreather.cli import BAD_INPUT, DONE, INTERRUPTED
 from contbreather.simulation.integrator import EventDriven
 
 from .typed import table
@@ -71,13 +68,6 @@ def test_rests_on_a_wall_are_counted_after_chatters_whose_last_impacts_are_not(r
     assert count >= 40
     assert re.search(rf"came to rest on a wall *│ *{count} times", run(line + stream)[1])
     assert "rest on a wall" not in run(f"{STABLE} --periods 5")[1]
-
-
-def test_torus_has_its_rotation_number(run):
-    line = "simulate --a 0.15 --gamma 0.106 --k 0.8 --damping 0.02 --periods 3000 --json"
-    verdict = json.loads(run(line)[1])["verdict"]
-    assert verdict["kind"] == "QUASI_PERIODIC"
-    assert verdict["evidence"]["rotation"] == pytest.approx(0.3916, abs=1e-6)
 
 
 def test_elastic_breather_is_not_started_at_its_impact(run):
@@ -227,32 +217,6 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
     assert state_of({"final": json.loads(Path("f.json").read_text())}).shape == (2, 4)
 
 
-def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypatch):
-    def stopped(_):
-        assert Path("s.csv").exists()
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(import_module("contbreather.simulation.classify"), "judge", stopped)
-    status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
-    content = json.loads(out)
-    assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)
-    assert content["verdict"]["kind"] == content["verdict"]["motion"] == "UNDECIDED"
-    assert content["impacts"]["total"] == 240
-    assert len(table("s.csv")) == 121
-
-
-def test_interruption_inside_newtons_method_is_not_taken_for_its_failure(monkeypatch):
-    from contbreather.simulation import periodic
-
-    def stopped(*args, **kwargs):
-        raise KeyboardInterrupt
-
-    state = cb.symmetric(0.1, 0.08, 0.8).state(4)
-    monkeypatch.setattr(EventDriven, "advance", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        periodic(state, a=0.1, gamma=0.08, k=0.8, damping=0.02)
-
-
 # --- files, refusals ------------------------------------------------------------------------------
 
 
@@ -274,29 +238,3 @@ def test_help_says_that_a_run_is_kept_at_its_end_and_not_that_it_can_be_extended
     assert "Keep the run in this file when it has ended, for show and load" in words
     assert "extend" not in words
     assert "extend follows branches" in " ".join(run("branch --help")[1].replace("│", " ").split())
-
-
-def test_progress_is_shown_while_the_first_state_is_computed(run, monkeypatch) -> None:
-    shown, lines = threading.Event(), []
-
-    class Line:
-        def __init__(self, total: int | None, unit: str) -> None:
-            lines.append((total, unit))
-
-        def show(self, text: str, done: int | None) -> None:
-            lines.append((text, done))
-            shown.set()
-
-        def stop(self) -> None: ...
-
-    def slow(**_: object) -> None:
-        shown.wait(60.0)
-        raise cb.NotConverged("it took too long")
-
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "_Terminal", Line)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(cb, "symmetric", slow)
-    status, out, err = run(f"{LOST} --periods 7")
-    assert (status, out, err) == (FAILED, "", "contbreather: it took too long\n")
-    assert lines[:2] == [(7, "periods"), ("0/7 periods", 0)]

@@ -408,17 +408,6 @@ def test_progress_begins_after_a_second_and_is_said_ten_times_a_second_at_most(m
     assert shown == [(9, "rows"), *lines, lines[-1], "stop"]
 
 
-def test_a_walk_without_points_yet_says_so(monkeypatch) -> None:
-    said: list[str] = []
-    line = SimpleNamespace(show=lambda text, done: said.append(text), stop=lambda: None)
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "_Terminal", lambda *_: line)
-    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
-    with progress.Counter(True) as shown:
-        shown.first.join()
-    assert set(said) == {"no points yet"}
-
-
 def test_progress_is_shown_before_the_first_item_is_done(monkeypatch, capsys) -> None:
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     with progress.Bar(True, 7, "rows") as bar:

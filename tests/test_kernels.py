@@ -269,13 +269,6 @@ def test_a_kernel_that_asks_for_memory_is_refused(own: None) -> None:
         compiler.object_of(Kernel(greedy))
 
 
-def test_code_that_needs_what_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    llvm = pytest.importorskip("llvmlite.binding")
-    monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
-    with pytest.raises(NotCompiled, match="needs exp2, which this Python does not have"):
-        machine_code._load(b"entry\nexp2\nobject")
-
-
 def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: None) -> None:
     pytest.importorskip("llvmlite")
 

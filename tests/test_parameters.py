@@ -1,10 +1,8 @@
-"""The model's parameters are declared once: what is made of the list says the same everywhere; and
-what is not said means what the documentation says."""
+"""The model's parameters are declared once: what is made of the list says the same everywhere."""
 
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import inspect
 import math
 import re
@@ -94,35 +92,3 @@ def test_the_coupling_has_one_limit() -> None:
         assert orbit.problem.domain["gamma"][1] == window_of("gamma")[1]
     arm, _ = cb.switch(cb.trace(cb.symmetric(a=0.6, gamma=0.03, k=0.8), "a").first("PF"))
     assert arm[0].problem.domain["gamma"] == window_of("gamma")
-
-
-# --- what is not said means what the documentation says -------------------------------------------
-
-# Where one name has several meanings: whose is whose, as the pages of these functions say.
-WHOSE = {
-    "simulation.classify": {"settle": 4000, "periods": 4096},
-    "simulation.lyapunov": {"settle": 0, "count": 2, "seed": 0},
-    "simulation.attraction": {"periods": 500, "tolerance": 1e-3, "site": None},
-    "simulation.periodic": {"periods": None, "symmetric": False},
-    "diagram": {"depth": 2, "most": 100},
-    "multibreathers": {"most": 3},
-    "FixedPoint": {"period": 1},
-    "trace": {"towards": "both"},
-    "continuation.iterate": {"towards": "up"},
-    "boundary": {"towards": "both"},
-    "Steps": {"first": 0.01, "largest": None, "smallest": 1e-9, "growth": 1.5, "most": 2000},
-    "paper.figure2": {"sites": 400, "points": 100, "threshold": 1.005},
-    "paper.chain_lengths": {"a": 0.2, "k": 0.8, "sites": (200, 400, 800), "threshold": 1.005},
-    "plotting.plot_multipliers": {"digits": 4, "half": False},
-    "plotting.plot_sweep": {"y": "p"},
-    "plotting.plot_section": {"site": 0, "skip": 0},
-}
-
-
-@pytest.mark.parametrize("name", WHOSE)
-def test_what_is_not_said_is_as_its_page_says(name: str) -> None:
-    folder, _, own = name.rpartition(".")
-    module = importlib.import_module(f"contbreather.{folder}" if folder else "contbreather")
-    given = inspect.signature(getattr(module, own)).parameters
-    for option, value in WHOSE[name].items():
-        assert given[option].default == value, option

@@ -153,19 +153,6 @@ def test_a_title_names_the_forcing_where_it_is_not_the_paper_s(on: dict[str, Any
     assert ax.get_title(loc="left") == title
 
 
-def test_meetings_are_named_by_the_curves_that_meet_there(panel, diagram: Zones) -> None:
-    """Stability first; the word belongs to the point that it is tied to."""
-    wanted = {"GR-PF": "PF–GR", "GR-NS": "NS–GR", "LP-NS": "NS–LP"}
-    for point in diagram.special:
-        (word,) = [
-            text
-            for text in panel.texts
-            if text.get_text()
-            and np.allclose(getattr(text, "xy", (0, 0)), (point["gamma"], point["a"]))
-        ]
-        assert word.get_text() == wanted["-".join(sorted(point.kind.split("-")))]
-
-
 # --- branches -----------------------------------------------------------------------------------
 
 
@@ -234,17 +221,6 @@ def test_a_pair_is_written_once_with_its_signs(unstable_pair) -> None:
     negative = cb.symmetric(0.0572, 0.1, 0.8)  # next to its fold: near -1
     words = {text.get_text() for text in plots.plot_multipliers(negative, half=True).axes.texts}
     assert any(word.startswith("−0.") for word in words), words
-
-
-def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_pair) -> None:
-    ax = plots.plot_multipliers(unstable_pair, half=True, sites=40).axes
-    circle = ax.get_lines()[0]
-    np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.0, rtol=1e-14)
-    angles = np.unwrap(np.angle(circle.get_xdata() + 1j * circle.get_ydata()))
-    assert np.ptp(angles) == pytest.approx(TURN)  # all around, unlike the arcs of the band
-    assert ax.get_xlim() == ax.get_ylim() == tuple(-x for x in ax.get_xlim()[::-1])
-    assert max(abs(mu) for mu, _ in dots_of(ax)) < ax.get_xlim()[1]
-    assert ax.get_xticks().tolist() == ax.get_yticks().tolist() == [-1, 0, 1]
 
 
 def test_the_band_of_the_period_map_turns_twice_as_far() -> None:

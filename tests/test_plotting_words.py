@@ -87,25 +87,6 @@ def test_a_word_keeps_off_a_curve(ax: Axes) -> None:
     assert np.hypot(*(stands(ax, 150, 100) - plain)) > 5.0
 
 
-def test_points_and_gaps_of_a_curve_are_kept_off_too(ax: Axes) -> None:
-    plain = stands(ax, 150, 100)
-    for one in list(ax.texts):
-        one.remove()
-    where = 150 + plain[0], 100 + plain[1]
-    for x, y in (
-        ([where[0]], [where[1]]),
-        ([where[0], where[0]], [where[1], where[1]]),
-        ([np.nan, where[0], np.nan], [1.0, where[1], np.inf]),
-    ):
-        (line,) = ax.plot(x, y)
-        assert np.hypot(*(stands(ax, 150, 100) - plain)) > 3.0
-        ax.texts[-1].remove()
-        line.remove()
-    ax.plot([np.nan], [0.0])
-    ax.axline((0, 150), (1, 150))  # what the axes draw in units of their own is where it is seen
-    assert stands(ax, 150, 100) == pytest.approx(plain)
-
-
 def test_eight_words_of_one_place_and_a_legend_keep_off_each_other(ax: Axes) -> None:
     boxes = [box(ax, word) for word in placed(ax, *(8 * [(150, 100)]))]
     for i, one in enumerate(boxes):

@@ -48,9 +48,8 @@ def obeyed(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("where", range(STUDY.count('"{}"')))
-@pytest.mark.parametrize("how", ["", "--dry-run", "--json"])
-def test_no_word_of_a_study_is_obeyed(where: int, how: str, tmp_path: Path, run: Command) -> None:
-    path = tmp_path / "study.toml"
+def test_no_word_of_a_study_is_obeyed(where: int, tmp_path: Path, run: Command) -> None:
+    path, how = tmp_path / "study.toml", ("", "--dry-run", "--json")[where % 3]
     words = ["a"] * STUDY.count('"{}"')
     words[where] = f"a{TYPED}"
     path.write_text(STUDY.format(*words))

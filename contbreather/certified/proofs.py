@@ -333,7 +333,6 @@ def _joined(sheet: BranchSheet, first: ProvenPiece, second: ProvenPiece) -> bool
 
 
 def _tile(sheet: BranchSheet, piece: ProvenPiece) -> Tile:
-    """As it is handed out."""
     first, last = (end[-1] for end in piece.ends)
     low, high = sorted((first, last))
     inner = 0.0 if piece.along == 2 else OVERLAP  # ends of other tiles are known to rounding

@@ -311,7 +311,6 @@ def _lines(
 
 
 def _table(arms: Sequence[cb.Branch]) -> Sheet:
-    """A line for each special point of each arm."""
     from contbreather.tables import Column, Sheet
 
     free = arms[0].free

@@ -171,11 +171,12 @@ class ZoneOptions(LatticeOptions):
     gamma_window: Annotated[Span | None, window_help("gamma")] = None
     a_window: Annotated[Span | None, window_help("a")] = None
     k_window: Annotated[Span | None, window_help("k")] = None
+    omega_window: Annotated[Span | None, window_help("omega")] = None
     past_folds: bool = False
 
     def options(self) -> dict[str, Any]:
         """Make all arguments of `zones` of it; say so where a window is cut."""
-        typed = {name: getattr(self, f"{name}_window") for name in NEEDED}
+        typed = {name: getattr(self, f"{name}_window") for name in (*NEEDED, "omega")}
         within = {name: span for name, span in typed.items() if span}
         for name, (low, high) in within.items():
             least, most = window_of(name)
@@ -231,7 +232,7 @@ class BranchWindow:
         """Window of the parameter, where it is looked at unless given."""
         return {self.free: self.window or window_of(self.free)}
 
-    def start(self, where: ModelOptions, root: int | None = None) -> Any:
+    def start(self, where: ModelOptions, root: int | None = None) -> cb.orbits.Orbit:
         """Find a breather at the value of the free parameter, if one is given, or in its window."""
         free, on = self.free, where.on(self.free)
         params = where.given(free)
@@ -243,7 +244,6 @@ class BranchWindow:
     ) -> cb.Problem:
         """Equations of the breather, with all events; where other branches are `switched` to, on
         finite lattices those of shooting."""
-        from contbreather.orbits.start_search import problem_with
         from contbreather.stability.verdict import THRESHOLD
 
         breather = self.start(where, root)
@@ -255,7 +255,7 @@ class BranchWindow:
             )
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)
-        return problem_with(breather, self.free, threshold=threshold)
+        return breather.problem_beyond(threshold).having(self.free)
 
 
 @Parameter(name="*")

@@ -7,7 +7,6 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
@@ -18,11 +17,8 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
 from contbreather.tables import visible
 
-PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
-ENDLESS = 100_000
 Table = tuple[Sequence[str], Iterable[Sequence[Any]]]  # the names of columns, and the rows
 CUT = "interrupted: cut short"
-BOTH = 1e-6  # of two margins that vanish together
 
 
 def say(*lines: object, aside: bool = False) -> None:
@@ -30,12 +26,13 @@ def say(*lines: object, aside: bool = False) -> None:
     standard output to itself it is said on standard error."""
     from rich.console import Console
 
-    width = None if (sys.stderr if aside else sys.stdout).isatty() else PIPE_WIDTH
+    # of sentences, where there is no terminal to fit into
+    width = None if (sys.stderr if aside else sys.stdout).isatty() else 160
     shown = Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
     for line in lines:
         free = not isinstance(line, str) and not shown.is_terminal
         line = visible(line) if isinstance(line, str) else line
-        shown.print(line, markup=False, width=ENDLESS if free else None)
+        shown.print(line, markup=False, width=100_000 if free else None)
 
 
 def inform(line: str) -> None:
@@ -63,15 +60,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
-    """Draw and write; what was cut short by Ctrl-C says so above."""
-    drawn = draw()
-    if cut:
-        figure: Any = getattr(drawn, "figure", None) or drawn
-        figure.suptitle(CUT, fontsize="small")
-    return cb.plotting.canvas.save_figure(drawn, path)
 
 
 def table_of(columns: Mapping[str, Any]) -> Table:
@@ -160,7 +148,10 @@ class Output:
             # what was cut short by Ctrl-C says so in a last line
             written.append(str(write_csv(self.csv, *result.table(), CUT if cut else "")))
         if self.output is not None:
-            written.append(str(to_figure(self.output, result.draw, cut=cut)))
+            drawn = result.draw()
+            if cut:
+                (getattr(drawn, "figure", None) or drawn).suptitle(CUT, fontsize="small")
+            written.append(str(cb.plotting.canvas.save_figure(drawn, self.output)))
         if self.json:
             entry = result.entry()
             cut_too = entry.get("interrupted", cut)
@@ -301,7 +292,8 @@ def _grazed(point: cb.continuation.Point) -> str:
         return f"impacts {point.detail['impacts']}"
     margins = point.solution.admissibility()
     by_margin = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
-    places = [by_margin[name] for name in by_margin if getattr(margins, name) < BOTH]
+    # two margins that are as small as this vanish together
+    places = [by_margin[name] for name in by_margin if getattr(margins, name) < 1e-6]
     if kinds == ["GR", "GR"] and len(places) > 1:
         *several, last = (
             "the far field" if site is None else f"site {site} at t = {time:.6g}"

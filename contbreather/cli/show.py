@@ -197,14 +197,12 @@ def _entries(by_name: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _entry(result: Any) -> dict[str, Any]:
-    """Describe a result for JSON."""
     if isinstance(result, cb.continuation.Point):
         return point_entry(result)
     return {"kind": type(result).__name__, "description": _described(result)}
 
 
 def _stacked(by_name: Mapping[str, Any]) -> Table:
-    """Put all columns below each other."""
     results = list(by_name.values())
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")

@@ -135,7 +135,6 @@ class RunOptions:
             return summary
 
     def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
-        """Read the state in a file, and its time."""
         (u, v), t0 = read_state(str(self.start))
         if lattice is not None and lattice.sites != len(u):
             typed = "--sites" if where.lattice is None else "--lattice"
@@ -182,13 +181,16 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
 def _breather(where: ModelOptions, on: dict[str, Any], lattice: Any) -> tuple[Any, float]:
     """Find the exact breather at t = 0, or a quarter of a period later if it hits just then. On a
     ring it is the one without damping, as in the paper; on --lattice it has all."""
+    from contbreather.orbits.start_search import breather_at
+
     values = where.given() | ({} if where.lattice else {"damping": 0.0})
-    breather = cb.symmetric(**{**values, **on, "lattice": lattice or cb.Ring(SITES)})
+    breather = breather_at(None, **{**values, **on, "lattice": lattice or cb.Ring(SITES)})
     margins = breather.admissibility()
     if not margins.ok:
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
     # a period should not begin at an impact: it might be counted there or not
-    t0 = 0.0 if abs(math.remainder(breather.phi, math.pi)) > CLOSE else 0.5 * math.pi
+    near = min(abs(math.remainder(time, math.pi)) for time in breather.times)
+    t0 = 0.0 if near > CLOSE else 0.5 * math.pi
     return breather.state(t=t0), t0
 
 
@@ -307,7 +309,6 @@ class RunSummary:
 
 
 def _judged(run: Ran) -> dict[str, Any]:
-    """Find kind, sentence and evidence from the later half of a run."""
     from contbreather.simulation.classify import judge
 
     half = min(JUDGED, run.periods // 2)
@@ -330,7 +331,6 @@ def _undecided(reason: str) -> dict[str, Any]:
 
 
 def _length(run: Ran) -> str:
-    """Length of a run in words, the fraction of a period at its end included."""
     from contbreather.simulation.states import PERIOD
 
     return _in_periods(run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6))
@@ -410,7 +410,6 @@ def _strobes(summary: RunSummary) -> Iterator[list[float]]:
 
 
 def _draw(summary: RunSummary) -> Figure:
-    """Draw the last periods of three sites, the section of one, and how localised it was."""
     run, site = summary.run, summary.site
     plotting = cb.plotting
     titles = ["the last periods", "once in a period, later half", "where the energy is"]

@@ -20,6 +20,7 @@ from contbreather.cli.output import (
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
+from contbreather.orbits.zone_search import second_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -46,17 +47,22 @@ def zones(
         Restitution, one diagram in (gamma, a) for each; 0.8 and 0.4 unless another parameter is
         given.
     gamma
-        Coupling: diagrams in (k, a) instead.
+        Coupling: diagrams in (k, a) instead; one value beside k or a: in (omega, a) or (omega, k).
     a
-        Amplitude: diagrams in (k, gamma) instead.
+        Amplitude: diagrams in (k, gamma) instead; one value beside k: in (omega, gamma).
     beyond
         Say of the regions beyond GR which orbit is there: with other sites that impact, or more
         impacts of the same.
     """
-    typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
+    every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
+    typed = {name: values for name, values in every.items() if values}
     if into == SavedOutput():
         into = SavedOutput(csv="zones.csv", output="zones.png")
     into.check(plane.read)
+    if second := second_of(typed):
+        if len(typed[second]) != 1:
+            raise BadInput(f"--{second}: one value is expected in planes of omega, not several")
+        typed[second] = typed[second][0]
     options = {("ks" if name == "k" else name): values for name, values in typed.items()}
     options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
     diagrams, cut = until_interrupted(_computed, options, beyond, into.save)
@@ -80,7 +86,6 @@ def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
 
 
 def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbits.Zones, ...]:
-    """Draw all diagrams, over the cores where that pays."""
     from contbreather.continuation.walk.checkpoint import checkpoint
     from contbreather.workers import Failed
 
@@ -98,7 +103,7 @@ def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbi
 
 
 def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
-    shown = ("gamma", "a", "k", "p", "nu", "t")
+    shown = ("omega", "gamma", "a", "k", "p", "nu", "t")
     curves = [
         {"curve": kind, **{name: branch[name] for name in shown if name in branch.curve.slots},
          "p": branch["p"], "phi": cb.orbits.zone_diagram.phases_on(branch),
@@ -117,6 +122,7 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     ]
     losses = {name: diagram.model.get(name) for name in ("damping", "spring")}
     fixed = dict([diagram.fixed]) | {n: value for n, value in losses.items() if value is not None}
+    fixed |= diagram.held
     table = diagram.table()  # the codim-2 points, each once
     names = [column.heading for column in table.columns]
     points = [dict(zip(names, row, strict=True)) for row in table.rows]
@@ -131,7 +137,8 @@ def zones_lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
     for plane in planes:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in plane.curves.items() if c)
         cut = "; interrupted, curves may be missing" if plane.interrupted else ""
-        yield f"Points on the curves at {plane.fixed[0]} = {plane.fixed[1]:g}: {sizes}{cut}."
+        at = ", ".join(f"{n} = {x:g}" for n, x in {**dict([plane.fixed]), **plane.held}.items())
+        yield f"Points on the curves at {at}: {sizes}{cut}."
         for told in plane.sentences():
             drawn = plane.beyond or "damping" in plane.model
             yield f"{told}." if drawn else f"{told}; --past-folds draws them."
@@ -217,7 +224,6 @@ def _failed(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:
-    """Count diagrams, and say what is missing."""
     kinds = _columns(dataset)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
     count = len({*dataset.slice.values.tolist()})

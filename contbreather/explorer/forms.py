@@ -16,7 +16,7 @@ from contbreather.explorer import jobs
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import RING, Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
-from contbreather.parameters import CHOICES, NEEDED, NUMBERS, parameter, window_of
+from contbreather.parameters import CHOICES, NEEDED, NUMBERS, window_of
 
 Read = Callable[[str], Any]
 # where walks go unless a window is typed
@@ -44,13 +44,6 @@ def some_sites(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(map(a_count, text.replace(",", " ").split())))
 
 
-def a_lattice(text: str) -> str:
-    """Read a lattice as at the command line, or the size of a ring."""
-    typed = f"ring:{text.strip()}" if text.strip().isdecimal() else text.strip()
-    jobs.OnLattice.typed(typed)
-    return typed
-
-
 def optional(read: Read) -> Read:
     return lambda text: read(text) if text.strip() else None
 
@@ -68,16 +61,12 @@ class Field:
 
     @classmethod
     def of_the_model(cls, name: str, value: str, read: Read = str.strip) -> Field:
-        """Field of a parameter of the model, by its label, range and default."""
+        """Field of a parameter of the model, by its label and default."""
         if name not in NUMBERS:
             return cls(CHOICES[name].label, value, read, hint=str(CHOICES[name].default))
-
-        def in_range(text: str) -> float:
-            return parameter(name, a_number(text))
-
         if name in NEEDED:
-            return cls(NUMBERS[name].label, value, in_range)
-        return cls(NUMBERS[name].label, value, optional(in_range), hint="none")
+            return cls(NUMBERS[name].label, value, a_number)
+        return cls(NUMBERS[name].label, value, optional(a_number), hint="none")
 
 
 class Words:
@@ -199,24 +188,11 @@ class PageForms:
         name, value = self.explorer.state.fixed
         first = {name: f"{NUMBERS[name].first:g}" for name in NEEDED}
         first |= {"site": str(CHOICES["site"].default), name: f"{value:g}"}
-        known = self.explorer.lattices
-        readers: dict[str, Read] = {
-            "site": a_count,
-            # of one that a curve brought the field has the description
-            "lattice": lambda text: text if text in {"", *known} else a_lattice(text),
-        }
+        names = (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "omega", "walls")
+        readers: dict[str, Read] = {"site": a_count}
         self.breather = {
             name: Field.of_the_model(name, first.get(name, ""), readers.get(name, str.strip))
-            for name in (
-                *NEEDED,
-                "forcing",
-                "lattice",
-                "site",
-                "spring",
-                "damping",
-                "omega",
-                "walls",
-            )
+            for name in names
         }
         # 1 has the largest p, admissible or not
         self.breather["root"] = Field("root, by p", "", optional(a_count), hint="upper")

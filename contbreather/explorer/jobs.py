@@ -159,6 +159,8 @@ class OnLattice:
 
     @classmethod
     def typed(cls, text: str) -> OnLattice:
+        """Read a lattice as at the command line, or the size of a ring."""
+        text = f"ring:{text}" if text.isdecimal() else text
         return cls(small(lattice_by(text or None, option="lattice")), as_code(text) if text else "")
 
 

@@ -141,7 +141,6 @@ class Page:
         return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[style.OUTER], margin=0)
 
     def _on(self, widget: Any, do: Callable[[Any], object]) -> None:
-        """Do something when a person changes a widget, but not when the page does."""
         self.moved.append(widget)
 
         def changed(event: Any) -> None:

@@ -17,7 +17,7 @@ from contbreather.explorer.state import Chosen, PageState, point_of, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
-from contbreather.orbits.closed_form import symmetric
+from contbreather.orbits.start_search import breather_at
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, NUMBERS, OPTIONAL, parameter
@@ -201,10 +201,11 @@ class Session:
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
         params, words = arguments(on, **values)
-        orbit = symmetric(**params)
+        orbit = breather_at(None, **params)
         self.lattices[lattice] = on
         typed = (*values.items(), ("lattice", lattice))
-        return Chosen(f"cb.symmetric({words})", orbit, typed=typed)
+        made = "symmetric(" if orbit.symmetric else "orbits.start_search.breather_at(None, "
+        return Chosen(f"cb.{made}{words})", orbit, typed=typed)
 
     def lattice_of(self, chosen: Chosen) -> str:
         """Text to type for its lattice: of one that a curve brought, its description."""

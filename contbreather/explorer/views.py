@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from textwrap import wrap
 from typing import Any
+from unicodedata import lookup
 
 import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool, Range1d
@@ -37,7 +38,6 @@ from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]
 
-GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
 # what Bokeh calls the markers of print
 MARKS = {
     "s": "square", "D": "diamond", "^": "triangle", "o": "circle", "v": "inverted_triangle",
@@ -64,7 +64,10 @@ def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
 
 
 def letter(name: str) -> str:
-    return GREEK.get(name, name)
+    try:
+        return lookup(f"GREEK SMALL LETTER {name}")
+    except KeyError:
+        return name
 
 
 def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any:
@@ -98,7 +101,6 @@ def _legend(fig: Any, theme: Theme, place: str, **more: Any) -> None:
 
 
 def _reach(axis: Range1d, values: Iterable[float]) -> None:
-    """Let an axis show all values, and a little more."""
     finite = np.array([value for value in values if np.isfinite(value)])
     if not finite.size:
         return

@@ -370,21 +370,56 @@ def derivatives(
     longer = f + whole[..., n] * scheme.nodes[:, None]
     # of h f at each Gauss point, in the state, the time, the length of the interval, parameters
     right = np.concatenate([whole[..., : n + 1], longer[..., None], whole[..., n + 1 :]], axis=-1)
-    # entry (c i, d j) of the equations for dk is delta - a_cd h df_i/dx_j at node c
-    matrix = right[..., :n][:, :, :, None] * -scheme.matrix[:, None, :, None]
-    matrix = matrix.reshape(count, points * n, points * n)
-    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
-    if not np.isfinite(matrix.sum()):
-        raise Undefined("the vector field is not finite")
-    try:
-        inverse = np.asarray(np.linalg.inv(matrix))
-    except np.linalg.LinAlgError as error:
-        raise Undefined("an interval of the mesh is too long for its flow") from error
+    inverse = _inverse(scheme, right[..., :n])
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inside = inverse @ right.reshape(count, points * n, -1)
     ends = (scheme.weights @ inside.reshape(count, points, -1)).reshape(count, n, -1)
     ends[:, :, :n] += np.eye(n)
     return Slopes(ends, inside, inverse, f * lengths)
+
+
+def _inverse(scheme: Collocation, jacobian: Array) -> Array:
+    """Invert the equations for the slopes inside, of all intervals, from h f_x at Gauss points.
+
+    Where the states are positions and then their velocities, u' = v, half of them are eliminated:
+
+        |    1     -h A    |         S = 1 - h A f_v - h^2 A^2 f_u
+        | -h A f_u  1 - h A f_v |
+    """
+    (count, points, n, _), m, A = jacobian.shape, jacobian.shape[2] // 2, scheme.matrix
+    long = jacobian[:, :, :1, m : m + 1] if n > 1 else jacobian  # h, if so
+    if n % 2 or not (jacobian[:, :, :m] == long * np.eye(m, n, m)).all():
+        # entry (c i, d j) of the equations for dk is delta - a_cd h df_i/dx_j at node c
+        return _inverted(jacobian[:, :, :, None] * -A[:, None, :, None])
+    h, of_u, of_v = long[..., None], jacobian[:, :, m:, :m], jacobian[:, :, m:, m:]
+    schur = of_u[:, :, :, None] * (-h * (A @ A)[:, None, :, None])
+    if of_v.any():
+        schur -= of_v[:, :, :, None] * A[:, None, :, None]
+    inner = _inverted(schur).reshape(count, points, m, points, m)
+    inverse = np.empty((count, points, n, points, n))
+    inverse[:, :, m:, :, m:] = inner
+    # S^-1 h A f_u
+    turned = inner.transpose(0, 3, 1, 2, 4).reshape(count, points, points * m, m) @ of_u
+    turned = np.tensordot(turned, A, axes=(1, 0)).reshape(count, points, m, m, points)
+    inverse[:, :, m:, :, :m] = turned.transpose(0, 1, 2, 4, 3)
+    lower = inverse[:, :, m:].reshape(count, points, -1)
+    upper = inverse[:, :, :m]
+    upper[...] = (A @ lower).reshape(upper.shape) * h
+    np.einsum("jcici->jci", upper[..., :m])[...] += 1.0  # a view
+    return inverse.reshape(count, points * n, points * n)
+
+
+def _inverted(matrix: Array) -> Array:
+    """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
+    size = matrix.shape[1] * matrix.shape[2]
+    matrix = matrix.reshape(-1, size, size)
+    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
+    if not np.isfinite(matrix.sum()):
+        raise Undefined("the vector field is not finite")
+    try:
+        return np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("an interval of the mesh is too long for its flow") from error
 
 
 def fitted(

@@ -157,16 +157,25 @@ def refuse_drift(
         p = {**params, **({name: params[name] + 0.01 * (abs(params[name]) or 1.0)} if name else {})}
         for called, quantity in quantities.items():
             check_function(f"conserves ({called})", quantity, (), 0.0, x[:, 0], p)
-            terms = slopes(quantity, 0.0, x, p)[1][0, :-1] * values(f, 0.0, x, p)
-            rates, size = terms.sum(axis=0), abs(terms).sum(axis=0).max()
-            worst = int(abs(rates).argmax())
-            if abs(rates[worst]) > _DRIFTS * size:
-                why = f" where {name} moves" if name else ""
-                raise BadInput(
-                    f"{called} is not conserved{why}: it changes at the rate {rates[worst]:.3g} "
-                    f"{place(0.0, x[:, worst])}, of terms up to {size:.3g}; conserves= is a "
-                    "function of (x, p) that is constant along the flow"
-                )
+        if drifts := drift(quantities, f, x, p, f" where {name} moves" if name else ""):
+            raise BadInput(
+                f"{drifts}; conserves= is a function of (x, p) that is constant along the flow"
+            )
+
+
+def drift(quantities: Quantities, f: Function, x: Array, p: Params, where: str = "") -> str:
+    """Say which quantity changes along the flow at states, shape (n, m), beyond rounding; empty if
+    none does."""
+    for called, quantity in quantities.items():
+        terms = slopes(quantity, 0.0, x, p)[1][0, :-1] * values(f, 0.0, x, p)
+        rates, size = terms.sum(axis=0), abs(terms).sum(axis=0).max()
+        worst = int(abs(rates).argmax())
+        if abs(rates[worst]) > _DRIFTS * size:
+            return (
+                f"{called} is not conserved{where}: it changes at the rate {rates[worst]:.3g} "
+                f"{place(0.0, x[:, worst])}, of terms up to {size:.3g}"
+            )
+    return ""
 
 
 def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,6 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
 from ..continuation.systems.defining_systems import rank_locus
 from .cycle_problem import Cycle, equations_of
-from .multipliers import around
 
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _OFF, _BY_SIDE = 1e-6, 1e-2  # of the angle of a meeting: where both multipliers are, and neither
@@ -41,14 +40,14 @@ _UNKNOWN = "unknown: the field is no constant matrix times the gradient of what 
 # --- at +1 and -1 -------------------------------------------------------------------------------
 
 
-def _beside(point: Point) -> float:
+def nearest_to_minus_one(point: Point) -> float:
     """Measure the index nearest to -1, with a sign that tells how many are beyond."""
     off = point.base_point.solution.indices + 1
     sides = np.sign(off.real[off.imag == 0])
     return float(sides.prod() * abs(off).min()) if off.size else math.nan
 
 
-def _examine_place(place: float, found: Examined, point: Point) -> Examined:
+def examine_place(place: float, found: Examined, point: Point) -> Examined:
     off = abs(point.base_point.solution.indices - place).min(initial=math.inf)
     far = f"no multiplier is {place:+g}: the nearest index is {off:.2g} off"
     return unresolved(point) or (found if off < _NEAR else far)
@@ -81,22 +80,12 @@ def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
 # --- on the circle ------------------------------------------------------------------------------
 
 
-def _symplectic(orbit: Cycle) -> tuple[Array, Array | None]:
-    """The derivative of the turn where it begins, and the symplectic form, where it is known."""
-    (factors,), _ = around(orbit.equations, orbit.x, orbit.params)
-    kept = orbit.equations.conservation
-    assert kept is not None
-    states = orbit.flights[0].states.T
-    J = kept.poisson(orbit.equations.flows[0].f, states, orbit.params)
-    return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
-
-
 def signatures(orbit: Cycle) -> tuple[Array, Array]:
     """The indices that are on the unit circle, and the Krein signatures of their pairs: +1 or -1, 0
     where they are not known."""
     indices = orbit.indices
     on = indices.real[(indices.imag == 0) & (abs(indices.real) < 1)]
-    whole, form = _symplectic(orbit)
+    whole, form = orbit.symplectic
     if form is None:
         return on, np.zeros(on.size)
     mu, vectors = np.linalg.eig(whole)
@@ -136,7 +125,7 @@ def _examine_collision(point: Point) -> Examined:
 
 def _signatures_at(orbit: Cycle, angle: float) -> str:
     """The signatures of two pairs that meet: those of the form on the plane of both upper ones."""
-    whole, form = _symplectic(orbit)
+    whole, form = orbit.symplectic
     if form is None:
         return _UNKNOWN
     place, mu = complex(math.cos(angle), math.sin(angle)), np.linalg.eigvals(whole)
@@ -176,11 +165,11 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     lp = replace(plain, locus=partial(_fold_locus, plain))
     said = {"said": "a fold in the energy, not in the period"}
     turn = Event(
-        "LP", _energy_over_period, examine=partial(_examine_place, 1.0, said),
+        "LP", _energy_over_period, examine=partial(examine_place, 1.0, said),
         locus=Always(rank_locus(partial(singular_with, 1.0))), may_jump=True,
     )  # fmt: skip
     pd = Event(
-        "PD", _beside, examine=partial(_examine_place, -1.0, ""),
+        "PD", nearest_to_minus_one, examine=partial(examine_place, -1.0, ""),
         locus=Always(rank_locus(partial(singular_with, -1.0))),
     )  # fmt: skip
     kc = Event("KC", _apart, locus=_meeting, examine=_examine_collision)

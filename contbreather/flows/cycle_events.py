@@ -132,12 +132,15 @@ _PLAIN = fold()
 _FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CIRCLE = linked(_FOLD)
 _CROSSING = crossing_event(_CIRCLE.meetings("BP"))
-_BRANCH_POINT = replace(
+BRANCH_POINT = replace(
     _CROSSING, test=Singular(bordered_matrix, _branches), count=None, examine=_examine_crossing
 )
 
 
 # --- where flows end ----------------------------------------------------------------------------
+
+
+AT_ONCE = 1e-8  # of margins: what is as close to a wall touches it as well
 
 
 class Margin(NamedTuple):
@@ -167,7 +170,11 @@ class _Nearest:
     def examine(self, point: Point) -> Examined:
         least = self._least(point)
         guard = {"guard": least.guard} if least.guard else {}
-        return {"said": least.said, "flow": least.flow, **guard}
+        # by a symmetry others come to their ends with it
+        others = self.margins(point.base_point.solution)
+        once = [other.said for other in others if other.value < AT_ONCE and other.guard]
+        more = {"at once": "; ".join(once)} if len(once) > 1 else {}
+        return {"said": least.said, "flow": least.flow, **guard, **more}
 
     def _least(self, point: Point) -> Margin:
         return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)
@@ -376,8 +383,8 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
 def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     """List the events of a cycle of these flows, and of those that follow where it meets walls."""
     flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
-    of_pairs = conservative_events(_BRANCH_POINT) if equations.conservation else ()
-    events = [*(of_pairs or (lp, _BRANCH_POINT, pd, ns))]
+    of_pairs = conservative_events(BRANCH_POINT) if equations.conservation else ()
+    events = [*(of_pairs or (lp, BRANCH_POINT, pd, ns))]
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
@@ -26,14 +26,18 @@ from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, fitted, sizes_of
-from .conservation import indices_of, refuse_drift
+from .conservation import drift, indices_of, refuse_drift
 from .equations import FlowEquations
 from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
 from .functions import Function, Params, values
 from .integrate import bottom
 from .jacobian import at_other_time
+<<<<<<< HEAD
 from .multipliers import closing_matrix, of_cycle, paces
 from .sparse_equations import SparseFlowEquations
+=======
+from .multipliers import around, closing_matrix, of_cycle, paces
+>>>>>>> main
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -115,6 +119,14 @@ class Cycle(HtmlRepr):
         states = _states(self.flights, inside)
         return states[:, 0] if t.ndim == 0 else states
 
+    @property
+    def begin_of_orbit(self) -> tuple[Any, dict[str, float], Params, float, float, float]:
+        """Its flows, the state at its start, parameters, the period, when it starts, and how exact
+        a step is: what `contbreather.integrate` goes on from."""
+        first = self.flights[0]
+        state = dict(zip(self.equations.states, first.states[0].tolist(), strict=False))
+        return self.equations.flows, state, self.params, self.period, first.start, 1e-12
+
     @cached_property
     def max(self) -> dict[str, float]:
         return {name: self.extreme(name, 1.0) for name in self.equations.parts}
@@ -151,15 +163,30 @@ class Cycle(HtmlRepr):
         mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
         return mu[np.argsort(-abs(mu), kind="stable")]
 
+    @property
+    def paired(self) -> bool:
+        """Tell whether multipliers come in pairs, as where something is conserved."""
+        return self.equations.conservation is not None
+
+    @cached_property
+    def symplectic(self) -> tuple[Array, Array | None]:
+        """The derivative of the turn where it begins, and the symplectic form, where it is known:
+        where the field is a constant matrix J times the gradient of what is conserved."""
+        (factors,), _ = around(self.equations, self.x, self.params)
+        kept, states = self.equations.conservation, self.flights[0].states.T
+        assert kept is not None
+        J = kept.poisson(self.equations.flows[0].f, states, self.params)
+        return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
+
     @cached_property
     def indices(self) -> NDArray[np.complex128]:
-        if self.equations.conservation is None:
+        if not self.paired:
             raise BadInput("multipliers come in pairs where something is conserved: conserves=")
         return indices_of(self.others)
 
     @property
     def unstable(self) -> int:
-        if self.equations.conservation:
+        if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)
             return int(outside.sum())
         return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
@@ -253,6 +280,10 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
 
+    @property
+    def begin_of_orbit(self) -> Any:
+        return cycle_of(self).begin_of_orbit
+
     def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
         raise BadInput(
             f"{', '.join(map(str, functions))}: the equations of a cycle are made of its flow; "
@@ -289,9 +320,22 @@ class CycleProblem(Problem):
             np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
         )
 
+    def invariants(self, point: Point) -> Array | None:
+        orbit, free = point.solution, [float(point[name]) for name in point.curve.free]
+        extremes = (*orbit.max.values(), *orbit.min.values())
+        return np.array([len(orbit.flights), *free, orbit.period, *extremes])
+
+    def simpler(self, point: Point) -> Problem | None:
+        """The orbit a single time around, where it goes around several times."""
+        orbit: Cycle = point.solution
+        single = once(orbit.equations, orbit.flights, point.params)
+        if single.turns == orbit.equations.turns:
+            return None
+        return problem_of(single, point.params, self.events, self.label)
+
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
-        if len(self.start["mesh"]) > 400:  # of all flows together: enough
+        if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
             return None
         if along is None:
             return self.halved(), None
@@ -327,10 +371,19 @@ class CycleProblem(Problem):
 
     def unresolved(self, point: Point) -> str:
         try:
-            reason: str = point.solution.coarse
+            return self._drift(point) or str(point.solution.coarse)
         except Undefined as error:  # it has come to rest
-            reason = str(error)
-        return reason
+            return str(error)
+
+    def _drift(self, point: Point) -> str:
+        """Say that an orbit has come to where lambda is no rounding, as nothing is conserved there:
+        equations and unfolding have solutions which are none of the flow."""
+        kept = self.residual.conservation
+        if kept is None:
+            return ""
+        flow, states = self.residual.flows[0], point.solution.flights[0].states.T
+        plain = point.params | dict.fromkeys(kept.lambdas, 0.0)
+        return drift(kept.quantities, flow.f, states, plain)
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
         problem = self
@@ -621,7 +674,12 @@ def _hit(
     part, reason = detail.get("touch", 1.0), ""
     joins = hit is own and not (system and "touch" in detail)
     following = (list(flows) * 3)[len(hit)] if joins else first
-    if "guard" in detail and "touch" not in detail:
+    if "at once" in detail:
+        reason = (
+            f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
+            "begin there, and those that hit all; move a wall a little to follow one contact"
+        )
+    elif "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
     elif slides and "touch" in detail:
         reason = "it leaves the surface for so short a time at first that nothing tells how long"

@@ -181,6 +181,12 @@ class FlowEquations:
         """Tell whether one flow that no condition ends is all of it."""
         return len(self.flows) == 1 and self.flows[0].until is None
 
+    @property
+    def standing(self) -> Any:
+        """Tell which entries of the first state stand in the equations that close, 1 or 0: all of
+        them where it is to be that in which all ends."""
+        return 1.0
+
     @cached_property
     def layout(self) -> Layout:
         return Layout(self)
@@ -289,7 +295,7 @@ class FlowEquations:
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             gaps = flight.states.copy()
-            gaps[0] -= before
+            gaps[0] = (self.standing if not rows else 1.0) * gaps[0] - before
             gaps[1:] -= flight.ends[:-1]
             rows.append(gaps.ravel())
         rows += [
@@ -460,7 +466,9 @@ class FlowEquations:
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
         """Values of all blocks, where `Layout` says."""
-        yield np.ones(self.layout.orbit)  # each state in its own row
+        own = np.ones(self.layout.orbit)  # each state in its own row
+        own[: self.start[0].dimension] = self.standing
+        yield own
         for i, piece in enumerate(self.linearised(x, p, names).linear):
             yield -piece.ends[:-1]
             yield -piece.reset @ piece.arrival

@@ -189,11 +189,17 @@ def of_cycle(
         return multipliers(factors), none
     if equations.conservation:
         states = equations.flights(x, p)[0].states.T
-        gradients = equations.conservation.gradients(states, p)
-        left, ones = without_pairs(factors[0], directions[0], gradients)
-        return multipliers([left]), ones
+        return of_family(factors[0], directions[0], equations.conservation.gradients(states, p))
     rest, trivial = without_direction(factors, directions)
     return multipliers(rest), np.array([trivial])
+
+
+def of_family(
+    stack: Array, way: Array, gradients: Sequence[Array]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Compute those of a conservative flow, and the trivial ones, as `without_pairs` has them."""
+    left, ones = without_pairs(stack, way, gradients)
+    return multipliers([left]), ones
 
 
 def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], list[Array]]:

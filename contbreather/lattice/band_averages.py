@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.kernels import Vector, inlined
-from contbreather.lattice.zeta import TERMS, binomial, zeta
+from contbreather.lattice.zeta import TERMS, zeta
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
@@ -75,13 +75,12 @@ def _functions() -> dict[str, _Raw]:
 
 
 class BandAverage(NamedTuple):
-    """A mean as ``constant + sum of weight * excess(x/width) + polynomial(x)``, x = 4 gamma: a
-    quotient of floats is below 1 wherever x is below the width that it has up to its pole."""
+    """A mean as ``sum of weight * excess(x/width) + polynomial(x)``, x = 4 gamma: a quotient of
+    floats is below 1 wherever x is below the width that it has up to its pole."""
 
-    constant: float
     weights: Vector  # of the poles
     widths: Vector
-    powers: Vector  # coefficients of x, x^2, ..., the highest first
+    powers: Vector  # coefficients of the polynomial, the highest first
 
 
 @inlined
@@ -100,7 +99,6 @@ def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
     total = 0.0
     for c in series.powers:
         total = total * x + c
-    total = total * x + series.constant
     for i in range(len(series.weights)):
         # the pole next to the band, exact
         total = total + series.weights[i] * excess(x / series.widths[i])
@@ -110,8 +108,7 @@ def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
 @inlined
 def average_slope(series: BandAverage, x: Any, excess_slope: Callable[[Any], Any]) -> Any:
     """Its derivative with respect to gamma."""
-    value, slope = polynomial(series.powers, x)
-    total = value + x * slope
+    _, total = polynomial(series.powers, x)
     for i in range(len(series.weights)):
         width = series.widths[i]
         total = total + series.weights[i] / width * excess_slope(x / width)
@@ -133,28 +130,42 @@ def excess_slope(z: float) -> float:
 @lru_cache(maxsize=256)
 def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, BandAverage]:
     """Expansions of the means; ``sites=None`` is the infinite chain."""
-    return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
+    return expansions(sites, spring)
 
 
-def _series(raw: _Raw, sites: int | None, spring: float) -> BandAverage:
-    tail = np.concatenate([[raw.constant], raw.tail]) @ in_powers_of_x(spring)
-    powers = tail[1:] * q_moments(sites, 0)[1:]
+def expansions(sites: int | None, spring: Any) -> dict[str, BandAverage]:
+    """For one spring or an array of them."""
+    shifted = in_powers_of_x(spring)
+    return {name: _series(raw, sites, spring, shifted) for name, raw in _functions().items()}
+
+
+def _series(raw: _Raw, sites: int | None, spring: Any, shifted: FloatArray) -> BandAverage:
+    powers = (np.append(raw.constant, raw.tail) @ shifted) * q_moments(sites, 0)
     # with w^2 = s + x: w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
     weights = [weight * P / (P - spring) for weight, P in raw.poles]
     widths = [P - spring for _, P in raw.poles]
-    constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
+    powers[..., 0] += sum(weight * spring / (P - spring) for weight, P in raw.poles)
     # lists of numbers: Python takes one from them sooner than from an array
-    rows: Any = weights, widths, powers[::-1].tolist()
-    return BandAverage(constant, *rows)
+    rows: Any = weights, widths, [*powers.T[::-1]] if powers.ndim > 1 else powers[::-1].tolist()
+    return BandAverage(*rows)
 
 
-@lru_cache(maxsize=256)
-def in_powers_of_x(spring: float) -> FloatArray:
-    """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
-    j = np.arange(TERMS + 1)
-    apart = np.maximum(j[:, None] - j, 0)
-    rows = binomial(j[:, None], j) * spring**apart
-    return np.asarray(np.tril(rows))
+def chi_of_chain() -> tuple[FloatArray, ...]:
+    """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
+    raw = _functions()["chi"]
+    powers = np.append(raw.constant, raw.tail)
+    return *np.array(raw.poles).T.copy(), powers, powers.copy(), q_moments(None, 0)
+
+
+_POWERS = range(TERMS + 1)
+_BINOMIALS = np.array([[math.comb(j, n) for n in _POWERS] for j in _POWERS], float)
+_APART = np.maximum(np.subtract.outer(_POWERS, _POWERS), 0)
+
+
+def in_powers_of_x(spring: Any, size: int = TERMS + 1) -> FloatArray:
+    """``(spring + x)^j`` in powers of x: row j, shape (..., size, size)."""
+    powers = np.asarray(spring, dtype=float)[..., None] ** np.arange(size)
+    return np.asarray(_BINOMIALS[:size, :size] * powers[..., _APART[:size, :size]])
 
 
 @lru_cache(maxsize=64)
@@ -208,11 +219,6 @@ class UniformLattice:
         x = 4.0 * check_gamma(gamma, self.spring)
         return float(average(self._expansions[name], x, self._excess))
 
-    def averages(self, gamma: FloatArray, name: str) -> FloatArray:
-        """`mean` of the infinite chain at many couplings inside of its domain."""
-        series = self._expansions[name]
-        return np.asarray(average(series, 4.0 * gamma, lambda z: 1.0 / np.sqrt(1.0 - z) - 1.0))
-
     def slope(self, gamma: float, name: str) -> float:
         """Derivative of `mean` with respect to gamma."""
         x = 4.0 * check_gamma(gamma, self.spring)
@@ -221,9 +227,9 @@ class UniformLattice:
     def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
         """A mean as kernels take it; the same at every coupling where one is given."""
         if gamma is not None:
-            return BandAverage(self.mean(gamma, name), *np.empty((3, 0)))
-        constant, *rows = self._expansions[name]
-        return BandAverage(constant, *map(np.array, rows))
+            none = np.empty(0)
+            return BandAverage(none, none, np.array([self.mean(gamma, name)]))
+        return BandAverage(*map(np.array, self._expansions[name]))
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:
         """``<q^j cos(n theta)>``, j = 0, 1, ..., with ``q = sin^2(theta/2)``; of several sites in

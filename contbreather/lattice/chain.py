@@ -14,10 +14,12 @@ from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import (
     UniformLattice,
+    average,
     band_averages,
     check_gamma,
     excess,
     excess_slope,
+    expansions,
 )
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
@@ -58,15 +60,16 @@ class InfiniteChain(UniformLattice):
     def describe(self) -> str:
         return "infinite chain"
 
-    def tau(self, gamma: float, edge: float | None = None) -> float:
+    def tau(self, gamma: Any, edge: Any = None) -> Any:
         """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain.
 
         ``edge``, the lower one of the band, is the root of the spring unless given: 1/tau is smooth
         in both.
         """
-        edge = math.sqrt(self.spring) if edge is None else edge
-        stiff = 0.5 * math.pi * edge * math.sqrt(edge * edge + 4.0 * gamma)
-        return (1.0 / stiff if stiff else math.inf) + self.mean(gamma, "tau")
+        edge = np.sqrt(self.spring) if edge is None else edge
+        stiff = 0.5 * math.pi * edge * np.sqrt(edge * edge + 4.0 * gamma)
+        with np.errstate(divide="ignore"):
+            return np.divide(1.0, stiff) + self.mean(gamma, "tau")
 
     def dtau(self, gamma: float) -> float:
         """Derivative of `tau` with respect to gamma, for a spring above 0."""
@@ -76,7 +79,7 @@ class InfiniteChain(UniformLattice):
     _excess, _dexcess = staticmethod(excess), staticmethod(excess_slope)
 
     def distance(self, n: Any) -> Any:
-        """How many bonds from site n to the impacting site 0; of an array for each."""
+        """Number of bonds from site n to the impacting site 0; of an array for each."""
         return abs(n)
 
     def beside(self, n: int) -> tuple[int, ...]:
@@ -91,6 +94,25 @@ class InfiniteChain(UniformLattice):
 
 
 _with_spring = lru_cache(maxsize=64)(InfiniteChain)
+
+
+class Chains:
+    """Infinite chains of many couplings or springs, which are arrays."""
+
+    sites = None
+    tau = InfiniteChain.tau
+
+    def __init__(self, spring: Any = 0.0) -> None:
+        self.spring, of = spring, expansions if np.ndim(spring) else band_averages
+        self._expansions = of(None, spring)
+
+    def mean(self, gamma: Any, name: str) -> Any:
+        return average(self._expansions[name], 4.0 * gamma, _excesses)
+
+
+def _excesses(z: Any) -> Any:
+    r = np.sqrt(1.0 - z)
+    return z / (r * (1.0 + r))  # see `excess`
 
 
 @dataclass(frozen=True)
@@ -177,8 +199,7 @@ class Ring(UniformLattice):
     # ------------------------------------------------------------------ as a chain of period N
 
     def distance(self, n: Any) -> Any:
-        """How many bonds from site n to the impacting site 0, the shorter way round; of an array
-        for each."""
+        """Number of bonds from site n to site 0, the shorter way round; of an array for each."""
         half = self.sites // 2
         return abs((n + half) % self.sites - half)
 
@@ -206,14 +227,10 @@ class Ring(UniformLattice):
         theta, weight, w : ndarray, shape (N//2 + 1,)
         """
         gamma = check_gamma(gamma)
-        half = self.sites // 2
-        j = np.arange(half + 1)
+        j = np.arange(self.sites // 2 + 1)
         weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
-        return (
-            2.0 * np.pi * j / self.sites,
-            weight,
-            2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites),
-        )
+        w = 2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites)
+        return 2.0 * np.pi * j / self.sites, weight, w
 
 
 def lattice_of(given: object) -> UniformLattice:

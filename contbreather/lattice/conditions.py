@@ -62,8 +62,8 @@ class Walls:
 
     @classmethod
     def given(cls, walls: Any) -> Walls:
-        """From a pair ``(low, high)`` for all sites or a dict of them by site, None for a wall
-        that is not there, for a site without walls too."""
+        """Make them of a pair ``(low, high)`` for all sites or a dict of them by site, None for a
+        wall that is not there, for a site without walls too."""
         if walls is None or isinstance(walls, Walls):
             return walls or cls()
         if isinstance(walls, Mapping):
@@ -102,7 +102,7 @@ class Walls:
 
     @property
     def symmetric(self) -> bool:
-        """Whether every site has both its walls equally far from 0."""
+        """True where every site has both its walls equally far from 0."""
         return all(low == -high for low, high in (self.of_all, *self._by_site.values()))
 
 
@@ -168,8 +168,8 @@ class Conditions:
         object.__setattr__(self, "walls", self.walls.placed(lattice))
 
     def checked(self) -> Conditions:
-        """The same, or what is wrong with it. Derivatives by differences look beyond the edges of
-        the domain, where everything is defined still: so this is asked where numbers come in."""
+        """Say what is wrong with it, or return it. Derivatives by differences look beyond the edges
+        of the domain, where everything is defined still: so this is asked where numbers come in."""
         for name in NAMES:
             # how far gamma goes its lattice knows: no further than 1/4 on chain and ring
             other = {"high": math.inf, "why": ""} if name == "gamma" else {}
@@ -180,7 +180,7 @@ class Conditions:
 
     @property
     def params(self) -> dict[str, float]:
-        """All parameters by name, those of the forcing last; omega where it is not 1."""
+        """Parameters by name, those of the forcing last; omega where it is not 1."""
         absent = {"k"} if self.restitution is not None else set()
         absent |= {"omega"} if self.omega == 1.0 else set()
         own = {name: getattr(self, name) for name in NAMES if name not in absent}
@@ -219,7 +219,7 @@ class Conditions:
 
     @property
     def law(self) -> ImpactLaw:
-        """What an impact does to a velocity."""
+        """The law of its impacts."""
         return ImpactLaw(self.k, self.restitution)
 
     def at(self, params: Mapping[str, float]) -> Conditions:

@@ -48,7 +48,7 @@ class Finite(Protocol):
     def masses(self) -> FloatArray: ...
     @property
     def drive(self) -> FloatArray:
-        """How strongly each site feels the forcing."""
+        """Strength of the forcing at each site."""
 
     @property
     def springs(self) -> FloatArray:
@@ -60,7 +60,7 @@ class Finite(Protocol):
     def restitutions(self) -> FloatArray: ...
     @property
     def even(self) -> bool:
-        """Whether springs and dampings are the same everywhere, so that modes decouple."""
+        """True where springs and dampings are the same everywhere, so that modes decouple."""
 
     @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]: ...
@@ -98,10 +98,6 @@ class NormalModes(NamedTuple):
     def to_sites(self, modes: FloatArray) -> FloatArray:
         """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
         return np.asarray(modes @ self.shapes.T)
-
-    def from_sites(self, values: FloatArray) -> FloatArray:
-        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
-        return np.asarray((values * self.masses) @ self.shapes)
 
 
 @inlined
@@ -291,7 +287,7 @@ class Lattice:
         return None
 
     def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
-        """All sites that are not in `hit`."""
+        """Sites that are not in `hit`."""
         return np.setdiff1d(np.arange(self.sites), hit)
 
     def basis(self, hit: tuple[int, ...]) -> NormalModes:
@@ -310,7 +306,7 @@ class Lattice:
 
 
 def _upright(shapes: FloatArray, hit: list[int]) -> FloatArray:
-    """With the sign that makes them largest upwards at a site that is hit: orbits in files are told
+    """Give them the sign that makes a site that is hit move upwards most: orbits in files are told
     by their modes, whatever sign another machine gives these."""
     there = shapes[hit]
     # the first of those that are as large, but for rounding
@@ -461,11 +457,6 @@ class PlaneWaves(NamedTuple):
         spectrum[..., self.order[self.sine]] -= 1j * scaled[..., self.sine]
         return np.roll(np.fft.irfft(spectrum, self.sites), self.origin, axis=-1)
 
-    def from_sites(self, values: FloatArray) -> FloatArray:
-        # sums of values cos and sin are its real part and minus its imaginary one
-        spectrum = np.fft.rfft(np.roll(values, -self.origin, axis=-1))[..., self.order]
-        return np.asarray(np.sqrt(self.weight) * np.where(self.sine, -spectrum.imag, spectrum.real))
-
 
 Basis = NormalModes | PlaneWaves
 
@@ -509,7 +500,6 @@ def _bonds(first: Any, second: Any) -> tuple[FloatArray, tuple[Any, Any]]:
 
 
 def _matrix_of(sites: int, *bonds: tuple[Any, Any]) -> FloatArray:
-    """The stiffness matrix of bonds of unit stiffness."""
     matrix = np.zeros((sites, sites))
     for first, second in bonds:
         entries, where = _bonds(first, second)

@@ -169,7 +169,7 @@ class Periodic:
 
     @property
     def symmetric(self) -> bool:
-        """Whether F(t + pi) = -F(t), whatever its parameters: it has odd harmonics only."""
+        """True where F(t + pi) = -F(t), whatever its parameters: it has odd harmonics only."""
         return not even_harmonics(self)
 
     @property
@@ -229,6 +229,14 @@ def mean_of(forcing: Forcing, by: str = "") -> float:
     return sum(A for m, A, _ in rows if m == 0)
 
 
+def with_even(share: float, forcing: Forcing) -> Forcing:
+    """A drive with so much of its even harmonics and mean."""
+    if share == 1.0 or not even_harmonics(forcing):
+        return forcing
+    rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in forcing.harmonics]
+    return Fourier.from_response({m: A for m, A, _ in rows if A}, {m: B for m, _, B in rows if B})
+
+
 def check_symmetric(forcing: Forcing) -> None:
     """`BadInput` for even harmonics or a mean, under which no orbit is its own mirror image."""
     even = even_harmonics(forcing)
@@ -240,7 +248,8 @@ def check_symmetric(forcing: Forcing) -> None:
             f"the forcing, {forcing.describe()}, has {' and '.join(parts)}: without F(t + pi) = "
             "-F(t) no orbit is its own mirror image half a period later, and there is no half "
             "section and no pitchfork; drop them, or shoot the whole period from the breather b "
-            "of its odd harmonics, shooting(b, forcing=..., symmetric=False)."
+            "of its odd harmonics, shooting(b, forcing=..., symmetric=False), as find_symmetric() "
+            "and contbreather branch do."
         )
 
 
@@ -499,7 +508,7 @@ def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[i
             )
         if m > HIGHEST:
             raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")
-        if not is_finite(value):
+        if not math.isfinite(real(value)):
             raise BadInput(
                 f"{kind} harmonic {m}: its coefficient {value!r} is not a finite number."
             )
@@ -518,10 +527,6 @@ def check_size(largest: float, name: str) -> None:
             f"{name} reaches {largest:.2g}, too large to be computed with; the amplitude a "
             f"multiplies any forcing, so scale it down to at most {LARGEST:g}."
         )
-
-
-def is_finite(value: object) -> bool:
-    return math.isfinite(real(value))
 
 
 # ---------------------------------------------------------------------------- samples

@@ -7,6 +7,7 @@ one. Slopes in the parameters are complex steps.
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +29,6 @@ from contbreather.lattice.forcing import (
     Samples,
     TrigonometricSeries,
     check_size,
-    is_finite,
     response_of,
     spectrum_of,
 )
@@ -93,7 +93,14 @@ class Formula(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _read(text: str) -> Formula:
+def read_formula(text: str) -> Formula:
+    """Read a formula, of which nothing is executed; `BadInput` for what is none.
+
+    Examples
+    --------
+    >>> sorted(read_formula("a*cos(w*t)").letters)
+    ['a', 'w']
+    """
     try:
         if len(text) > 20_000:  # characters, as deep as Python may read it
             raise MemoryError
@@ -157,9 +164,9 @@ def _value(node: ast.expr) -> Value:
                 raise BadInput("the order of besselj must be a number, no parameter or formula.")
         case _:
             raise BadInput(
-                f"the formula holds {brief(ast.unparse(node))}, which no forcing may: use numbers, "
-                f"t, names of parameters, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of "
-                "something in parentheses."
+                f"the formula holds {brief(ast.unparse(node))}, which no formula may: use numbers, "
+                f"names, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of something in "
+                "parentheses."
             )
     inner = [_value(part) for part in parts]
     return lambda at: do(*[value(at) for value in inner])
@@ -172,7 +179,7 @@ def _value(node: ast.expr) -> Value:
 def _series_of(
     formula: Formula, values: tuple[tuple[str, float], ...]
 ) -> dict[str, TrigonometricSeries]:
-    """That of f under the name "", those of its slopes under the names of the parameters."""
+    """Series of f under the name "", of its slopes under the names of the parameters."""
     params = dict(values)
     size = 16
     resolved: Any = np.False_
@@ -255,8 +262,8 @@ def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, A
 
 
 def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
-    """That F, or a slope of it, is finite, resolved and 2 pi periodic; without even harmonics where
-    these are rounding."""
+    """Check that F, or a slope of it, is finite, resolved and 2 pi periodic; without even harmonics
+    where these are rounding."""
     size, even = float(abs(row).max()), abs(spectrum[::2])
     if not size <= LARGEST:
         raise BadInput(f"{subject} is not a finite real number at every t{at}.")
@@ -303,7 +310,7 @@ class Symbolic(Periodic):
     values: tuple[tuple[str, float], ...]
 
     def __init__(self, expression: str | sympy.Expr, /, **params: float) -> None:
-        formula = _read(str(expression))
+        formula = read_formula(str(expression))
         _check_names(formula, params)
         object.__setattr__(self, "expression", formula.text)
         object.__setattr__(self, "values", tuple((n, float(params[n])) for n in sorted(params)))
@@ -330,7 +337,7 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
         return brief(", ".join(sorted(names))).strip("'")
 
     for name, value in params.items():
-        if not is_finite(value):
+        if not math.isfinite(real(value)):
             raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
     text, free, named = brief(formula.text), formula.letters, frozenset(params)
     if taken := free & set(RESERVED):

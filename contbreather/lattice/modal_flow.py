@@ -82,12 +82,15 @@ PROPAGATORS = Kernel(propagators)
 
 
 def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array, Array]:
-    """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
+    """The two multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
     w = np.sqrt(z - 0.25 * damping * damping + 0j)
     return np.exp((1j * w - 0.5 * damping) * time), np.exp((-1j * w - 0.5 * damping) * time)
 
 
 # --- the answer to the drive --------------------------------------------------------------------
+
+
+_ORDERS = np.arange(4)[:, None, None]
 
 
 class DrivenSpectrum(NamedTuple):
@@ -101,9 +104,10 @@ class DrivenSpectrum(NamedTuple):
 
     def along(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """Value and three derivatives of each site at its time, shape (4, times)."""
-        rows = self.table[np.array(sites) if len(self.table) > 1 else np.zeros(times.size, int)]
-        wave, turn = rows * np.exp(1j * np.multiply.outer(times, self.m)), 1j * self.m
-        return np.array([(wave * turn**order).real.sum(axis=-1) for order in range(4)])
+        rows = self.table[np.array(sites)] if len(self.table) > 1 else self.table
+        turn = 1j * self.m
+        wave = rows * np.exp(np.multiply.outer(times, turn))
+        return np.asarray((wave * turn**_ORDERS).real.sum(axis=-1))
 
     def everywhere(self, t: Any, order: int) -> FloatArray:
         """The order-th derivative for all rows, shape ``(*t.shape, rows)``."""
@@ -127,11 +131,8 @@ def driven_spectrum(
 ) -> DrivenSpectrum:
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
     in gamma, spring, damping or a parameter of the forcing; 0 in all others."""
-    own = by in forcing.params
-    series = forcing.slope_harmonics(by) if own else forcing.harmonics
-    waves = [row for row in series if row[0]]  # what a mean does depends on who is held
-    m, A, B = np.array(waves, dtype=float).reshape(-1, 3).T
-    F = -m * m * (A - 1j * B)  # f'' = F
+    own = by if by in forcing.params else ""
+    m, F = _forces(forcing, own)
     if not lattice.even:
         medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)
         answer = medium.answers(m, forces)
@@ -141,9 +142,24 @@ def driven_spectrum(
         elif by and not own:
             answer = np.zeros_like(answer)
         return DrivenSpectrum(m, answer)
+    lam, shapes, share, gap = _driven_modes(lattice, forcing, gamma, spring, damping, own)
+    answer = share * F / gap
+    if by and not own:  # d(F/gap) = -F/gap^2 d(gap)
+        rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
+        answer = -answer * rises.get(by, 0.0) / gap
+    return DrivenSpectrum(m, np.asarray(shapes @ answer))
+
+
+@lru_cache(maxsize=16)
+def _driven_modes(
+    lattice: Finite, forcing: Forcing, gamma: float, spring: float, damping: float, by: str
+) -> tuple[FloatArray, FloatArray, FloatArray, Array]:
+    """lam, shapes and shares of the modes that a drive moves, and how far each is from answering
+    its harmonics, or those of its derivative, beyond all bounds."""
     # where nothing stretches a bond all sites are one
     modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
     lam, shapes, share = modes
+    m, F = _forces(forcing, by)
     gap = (gamma * lam + spring)[:, None] - m * m + 1j * m * damping
     # so close to a harmonic a driven mode answers it beyond all bounds
     low = (abs(gap) <= 1e-12 * m * m) & (F != 0.0)
@@ -154,8 +170,13 @@ def driven_spectrum(
             "its harmonics, and without damping grows without bound; change gamma, spring or "
             "damping."
         )
-    answer = share[:, None] * F / gap
-    if by and not own:  # d(F/gap) = -F/gap^2 d(gap)
-        rises: dict[str, Any] = {"gamma": lam[:, None], "spring": 1.0, "damping": 1j * m}
-        answer = -answer * rises.get(by, 0.0) / gap
-    return DrivenSpectrum(m, np.asarray(shapes @ answer))
+    return lam[:, None], shapes, share[:, None], gap
+
+
+@lru_cache(maxsize=256)
+def _forces(forcing: Forcing, by: str) -> tuple[FloatArray, Array]:
+    """Orders and amplitudes of a drive, or of its derivative in one of its parameters."""
+    series = forcing.slope_harmonics(by) if by else forcing.harmonics
+    waves = [row for row in series if row[0]]  # what a mean does depends on who is held
+    m, A, B = np.array(waves, dtype=float).reshape(-1, 3).T
+    return m, -m * m * (A - 1j * B)  # f'' = F

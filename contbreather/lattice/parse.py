@@ -130,7 +130,7 @@ def walls_by(typed: Sequence[str], sites: int | None) -> Any:
 
 
 def as_typed(walls: Walls) -> str:
-    """What `walls_by` makes them of; nothing for the usual ones.
+    """Text that `walls_by` makes them of; nothing for the usual ones.
 
     Examples
     --------

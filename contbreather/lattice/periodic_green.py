@@ -42,7 +42,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Table, Vector, fixed, inlined
-from contbreather.lattice.band_averages import UniformLattice, check_gamma
+from contbreather.lattice.band_averages import (
+    UniformLattice,
+    check_gamma,
+    in_powers_of_x,
+    moments_of,
+)
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.zeta import TERMS, bernoulli, zeta
 
 FloatArray = NDArray[np.float64]
@@ -60,8 +66,6 @@ _PARTS = {
     "gamma": ("dfirst_harmonic", "dpowers"),
     "spring": ("first_by_spring", "spring_powers"),
 }
-_ORDERS = np.arange(TERMS + 1)
-_QUARTERS = 0.25 ** (_ORDERS + 1.0)
 
 
 @fixed
@@ -183,21 +187,6 @@ RESPONSES, INTERACTIONS = Kernel(responses_at), Kernel(interactions)
 # --- their tables ---------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
-def response_weights() -> FloatArray:
-    """``(4/pi) (-1)^i W_ij/(2i+1)!``, shape (POWERS, TERMS + 1)."""
-    order = 2.0 * np.arange(1, TERMS + 1) + 1.0
-    # 1 - beta(s) = 3^-s - 5^-s + 7^-s ...: without the cancellation of the difference
-    gap = np.concatenate(
-        [[1.0 - 0.25 * math.pi], 4.0**-order * (zeta(order, 0.75) - zeta(order, 1.25))]
-    )
-    w = np.ones((POWERS, TERMS + 1))  # rows: powers of y; columns: of w^2
-    for i in range(POWERS):
-        w[i, i:] = gap[: max(0, TERMS + 1 - i)]
-        w[i] *= (-1.0) ** i * 4.0 / (math.pi * math.factorial(2 * i + 1))
-    return w
-
-
 @lru_cache(maxsize=64)
 def periodic_green(
     lattice: UniformLattice,
@@ -273,18 +262,47 @@ def half_period_green(
     return _without_modes(np.arange(len(sites))[:, None], table, 1, half=True)
 
 
+def half_period_tables(
+    gamma: FloatArray, spring: Any, distances: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Tables of `half_period_green` of infinite chains of many couplings, and perhaps as many
+    springs, (n, sites, POWERS + 2), and `largest` of each."""
+    x, rest, m = 4.0 * gamma[:, None], 1.0 - np.reshape(spring, (-1, 1)), np.array(distances)
+    powers = moments_of(InfiniteChain(), distances) * x[..., None] ** np.arange(TERMS + 1)
+    if np.any(spring):
+        powers = powers @ in_powers_of_x(spring).swapaxes(-1, -2)
+    r = np.sqrt(1.0 - x / rest)
+    table = np.zeros((gamma.size, m.size, POWERS + 2))
+    table[..., :POWERS] = powers @ weights_per_impulse()
+    rho = x / (rest * (1.0 + r) ** 2)
+    table[..., POWERS] = 2.0 / math.pi * (-1.0) ** m * rho**m / (r * rest)
+    return table, _largest(table, half=True)
+
+
 @lru_cache(maxsize=1)
 def weights_per_impulse() -> FloatArray:
-    """`response_weights`, which are per unit p, of a unit impulse, which is -2p; the highest power
-    first."""
-    return -0.5 * response_weights()[::-1].T
+    """``-(2/pi) (-1)^i W_ij/(2i+1)!`` by j and i, the highest power first: of a unit impulse, which
+    is -2p."""
+    order = 2.0 * np.arange(1, TERMS + 1) + 1.0
+    # 1 - beta(s) = 3^-s - 5^-s + 7^-s ...: without the cancellation of the difference
+    later = 4.0**-order * (zeta(order, 0.75) - zeta(order, 1.25))
+    gap = np.append(1.0 - 0.25 * math.pi, later)
+    w = np.ones((POWERS, TERMS + 1))  # rows: powers of y; columns: of w^2
+    for i in range(POWERS):
+        w[i, i:] = gap[: max(0, TERMS + 1 - i)]
+        w[i] *= (-1.0) ** i * -2.0 / (math.pi * math.factorial(2 * i + 1))
+    return w[::-1].T
 
 
 def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -> Responses:
     none, rates = np.empty((len(table), 0)), np.empty((0, 2))
-    # harmonics beyond the second are too small for a maximum to hide between the places of a basis
-    largest = 1.01 * abs(table @ _basis(table.shape[1], half)).max(axis=1)
+    largest = _largest(table, half=half)
     return Responses(which, table, rates, none, none, largest, float(periods), half)
+
+
+def _largest(table: FloatArray, *, half: bool) -> FloatArray:
+    # harmonics beyond the second are too small for a maximum to hide between the places of a basis
+    return np.asarray(1.01 * abs(table @ _basis(table.shape[-1], half)).max(axis=-1))
 
 
 @lru_cache(maxsize=2)
@@ -299,8 +317,6 @@ def _basis(size: int, half: bool) -> FloatArray:
 def check_coupling(lattice: UniformLattice, gamma: float, periods: int) -> float:
     """``n^2 gamma``, or why no orbit of n periods lives at this coupling."""
     gamma = check_gamma(gamma)
-    if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
-        raise BadInput(f"periods = {periods!r}: a whole number of forcing periods, 1 or more.")
     scaled = periods * periods * gamma
     if scaled >= 0.25 and lattice.sites is None:
         raise BadInput(
@@ -319,7 +335,8 @@ def _rows(moments: FloatArray, first: FloatArray, second: FloatArray) -> FloatAr
     # less what the polynomial already holds of both harmonics; -(1/pi) cos s = (1/pi) cos y, and
     # -(1/pi) cos 2s = -(1/pi) cos 2y
     rows[:, EVEN_POWERS] = (first - moments.sum(axis=1)) / math.pi
-    rows[:, EVEN_POWERS + 1] = (second - moments @ _QUARTERS) / -math.pi
+    quarters = 0.25 ** np.arange(1.0, TERMS + 2.0)
+    rows[:, EVEN_POWERS + 1] = (second - moments @ quarters) / -math.pi
     return rows
 
 

@@ -31,6 +31,20 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
 from contbreather.lattice.forcing import Forcing, Harmonics, even_harmonics, mean_of
+from contbreather.lattice.modal_waves import (
+    BY_DAMPING,
+    BY_GAMMA,
+    BY_SPRING,
+    MODAL_INTERACTIONS,
+    MOST,
+    RADIUS,
+    RATE,
+    SIZE,
+    VALUE,
+    WAVES,
+    Recurring,
+    Waves,
+)
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
@@ -51,8 +65,6 @@ Sites = tuple[int, ...]
 Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of the orbit
 
 RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
-CLOSE = 0.05  # of the distance to the next harmonic, z from 0 or from critical damping
-RADIUS = 0.1  # of that distance: 16 places on the circle are exact to 0.1^16
 PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
@@ -62,7 +74,7 @@ class Resonance(BadInput):
 
 @dataclass(frozen=True)
 class Response:
-    """How a lattice answers to the drive and to recurring impulses at some of its sites.
+    """Answer of a lattice to the drive and to recurring impulses at some of its sites.
 
     Parameters
     ----------
@@ -161,14 +173,14 @@ class Response:
         return np.zeros(1), np.zeros(len(self.hit))
 
     def varied(self, name: str) -> Response:
-        """The same as one that has derivatives in a parameter."""
+        """Itself, as one that has derivatives in a parameter."""
         return self
 
 
 @dataclass(frozen=True)
 class UniformResponse(Response):
-    """That of the infinite chain, and of rings without losses, in closed form, to drives without a
-    mean."""
+    """Response of the infinite chain, and of rings without losses, in closed form, to drives
+    without a mean."""
 
     def varied(self, name: str) -> Response:
         held = name in ("damping", "spring") and name not in self.drive.params
@@ -226,7 +238,7 @@ def harmonics(turns: int, sign: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ModalResponse(Response):
-    """That of any finite lattice with masses, damping and springs, mode by mode."""
+    """Response of any finite lattice with masses, damping and springs, mode by mode."""
 
     @cached_property
     def basis(self) -> Basis:
@@ -247,41 +259,34 @@ class ModalResponse(Response):
     # ------------------------------------------------------------------------ to impulses
 
     @cached_property
-    def _apart(self) -> FloatArray:
-        """Distance in z of each mode from the harmonics of the orbit; that of 0 is taken out."""
-        first, step = harmonics(self.turns, self.sign)
-        order = np.maximum(0.0, np.round((np.sqrt(abs(self.z)) - first) / step))
-        near = first + step * (order + np.array([[-1.0], [0.0], [1.0]]))
-        near = np.where(near < 0.5 * first, math.inf, near)  # no harmonic there
+    def _waves(self) -> Waves:
+        """All of their waves with slopes, for kernels."""
+        K, swings = self.z.size, np.zeros(self.z.size)
         for i, w in self.resonant:
-            near[abs(near[:, i] - w) < 0.25 * step, i] = math.inf
-        with np.errstate(invalid="ignore"):
-            gaps = abs(self.z - near * near + 1j * self.damping * near)
-        apart: FloatArray = np.nan_to_num(gaps, nan=math.inf).min(axis=0)
-        if not (apart > RESONANT).all():
-            w = math.sqrt(abs(float(self.z[apart.argmin()])))
+            swings[i] = w
+        room = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
+        waves = Waves(*room, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
+        WAVES(self.z, swings, float(self.damping), self._section, waves)
+        if not (waves.apart > RESONANT).all():
+            w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
             raise Resonance(
                 f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
                 "resonance with the orbit: change gamma or spring, or give it damping."
             )
-        return apart
+        return waves
+
+    @property
+    def _section(self) -> Recurring:
+        return Recurring(float(self.turns), self.sign < 0)
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        apart, z = self._apart, self.z
-        off = abs(z - 0.25 * self.damping**2)
-        slow = off < CLOSE * apart
-        if self.sign > 0:
-            slow |= abs(z) < CLOSE * apart
-        slow[[i for i, _ in self.resonant]] = True
-        usual = np.flatnonzero(~slow)
-        rates, sizes, means = self._exponentials(z[usual].astype(complex))
-        level = np.zeros(z.size)
-        level[usual] = means.real
-        swings = z[usual] > 0.25 * self.damping**2  # both waves are one, and its conjugate
-        parts = [(rates[0][swings], 2.0 * sizes[0][swings], usual[swings])]
-        parts += [(rates[i][~swings], sizes[i][~swings], usual[~swings]) for i in (0, 1)]
-        return self._with_circles(parts, level, np.flatnonzero(slow), 0)
+        waves, n = self._waves, int(self._waves.filled[0])
+        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
+        return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
+
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        return _modal_interactions(self, times.tobytes())[by]
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
@@ -292,14 +297,14 @@ class ModalResponse(Response):
         self, parts: list[Any], level: FloatArray, modes: Any, order: int
     ) -> AnswerWaves:
         if modes.size:
-            radius = RADIUS * self._apart[modes]
+            radius = RADIUS * self._waves.apart[modes]
             rates, sizes, means = self._exponentials(self.z[modes] + radius * PLACES[:, None])
             weight = (PLACES[:, None] * radius) ** -order / 8.0  # with conjugates: real parts
             level[modes] = (means * weight).real.sum(axis=0)
             which = np.broadcast_to(modes, rates[0].shape).ravel()
             parts += [(rates[i].ravel(), (sizes[i] * weight).ravel(), which) for i in (0, 1)]
         for i, w in self.resonant:
-            radius = RADIUS * self._apart[i]
+            radius = RADIUS * self._waves.apart[i]
             weight = (PLACES * radius) ** -order / 8.0
             for turn in (1j * w, -1j * w):
                 gap = self.z[i] + radius * PLACES - w * w + turn * self.damping
@@ -444,7 +449,9 @@ class ModalResponse(Response):
 
 @dataclass(frozen=True)
 class UnevenResponse(ModalResponse):
-    """That of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+    """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+
+    interactions = Response.interactions
 
     @cached_property
     def basis(self) -> Basis:
@@ -481,6 +488,26 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
             "or spring, or give it damping."
         )
     return medium.waves(of.length, of.sign, RADIUS * room, PLACES, by)
+
+
+@lru_cache(maxsize=16)
+def _modal_interactions(of: ModalResponse, times: bytes) -> dict[str, FloatArray]:
+    """Interactions, and what they change by: kept, as equations and their slopes ask in turn."""
+    at = np.frombuffer(times)
+    out = np.empty((13, at.size, at.size))
+    lam, weights = _couplings(of.lattice, of.hits)
+    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, float(of.damping), at, out)
+    first = {"": VALUE, "gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}
+    return {name: out[row : row + (3 if name else 4)] for name, row in first.items()}
+
+
+@lru_cache(maxsize=64)
+def _couplings(lattice: Any, hits: Sites) -> tuple[FloatArray, FloatArray]:
+    """lam of each mode, and how strongly it passes an impulse on from each impact to each."""
+    sites = np.array(hits)
+    basis = lattice.basis(tuple(sorted({*hits})))
+    values = basis.at(sites)
+    return basis.lam, values[:, None] * (values * lattice.masses[sites][:, None])
 
 
 @lru_cache(maxsize=256)
@@ -556,7 +583,7 @@ class AtRest(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
-    """With springs of so many times the coupling; an infinite one holds all other sites at 0."""
+    """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.bifurcations.equilibria import fold
 from contbreather.continuation.branches.switching import SwitchingProblem
-from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Always, DefiningSystem, Event, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
@@ -28,8 +27,9 @@ from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
+from contbreather.orbits.grazing import so_far_apart
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_events import events_without_losses
+from contbreather.orbits.orbit_events import events_of
 from contbreather.orbits.orbit_problem import OrbitProblemByEquations, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.parameters import NEEDED, NUMBERS
@@ -38,7 +38,6 @@ from contbreather.stability.verdict import THRESHOLD
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
-LEAST = 1e-12  # an impulse smaller than this is none
 NAMES = ("p", "t1", "t2", "c")
 EQUAL = 1e-9  # flights that differ by less are equal
 
@@ -73,7 +72,7 @@ class AsymmetricEquations:
     lattice: UniformLattice = field(default_factory=InfiniteChain)
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
-        """All equations, shape (4,)."""
+        """The equations, shape (4,)."""
         at = self._at(x, params)
         return np.array(
             (
@@ -143,7 +142,7 @@ def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, fl
 
 
 class _Place:
-    """All that the equations are made of, at one point."""
+    """Terms of the equations at one point."""
 
     def __init__(
         self, forcing: Forcing, lattice: UniformLattice, x: FloatArray, params: Params
@@ -212,19 +211,13 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(
             pitchfork_of_arms(),
             fold_of_arms(),
-            *events_without_losses(orbit.section, on.lattice, threshold),
+            *events_of(orbit.section, on, threshold),
         ),
-        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
-        domain={
-            **{name: NUMBERS[name].domain for name in NEEDED},
-            "p": (LEAST, math.inf),
-        },
+        record={"asymmetry": _unequal, "unstable": unstable_by(threshold)},
+        # a smaller impulse is none
+        domain={**{name: NUMBERS[name].domain for name in NEEDED}, "p": (1e-12, math.inf)},
         label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
     )
-
-
-def _asymmetry(point: Point) -> float:
-    return float(point["t2"] - point["t1"] - math.pi)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -243,23 +236,11 @@ def pitchfork_of_arms() -> Event:
 
     Nothing changes sign there but the asymmetry itself: both arms are mirror images.
     """
-    return Event(
-        "PF", _unequal, locus=Always(DefiningSystem({}, _equal_flights, _equal_flights_slope))
-    )
+    return Event("PF", _unequal, locus=Always(so_far_apart("t1", "t2", math.pi)))
 
 
 def _unequal(point: Point) -> float:
     return point.solution.asymmetry
-
-
-def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    return np.array([z[curve.slots["t2"]] - z[curve.slots["t1"]] - math.pi])
-
-
-def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    row = np.zeros((1, z.size))
-    row[0, curve.slots["t2"]], row[0, curve.slots["t1"]] = 1.0, -1.0
-    return row
 
 
 def symmetric_again(point: Point) -> SwitchingProblem:

@@ -18,8 +18,9 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.forcing import Drive, Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phases_on
-from contbreather.orbits.zone_search import PAIRS
+from contbreather.orbits.zone_search import PAIRS, second_of
 from contbreather.orbits.zones import zones
+from contbreather.parameters import parameter
 from contbreather.storage.netcdf import ATLAS, checked_file, fill_group
 from contbreather.workers import Failed, each
 
@@ -61,7 +62,8 @@ def zones_many(
     Parameters
     ----------
     ks, gamma, a : sequence of float
-        Values of exactly one of the three: each diagram is in the plane of the other two.
+        Values of exactly one of the three: each diagram is in the plane of the other two. With one
+        value of gamma, or else of a, besides: in that of the frequency and the third.
     over : dict, optional
         Values of parameters of the forcing, ``{"c3": (0.1, 0.2)}``: a diagram for each of `ks` with
         each of them, in the order of `itertools.product`, the last one fastest.
@@ -92,10 +94,13 @@ def zones_many(
     <Zones of upper breathers in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
     # planes beforehand: what is refused is refused before a worker begins
-    slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
+    values = {name: of for name, of in {"k": ks, "gamma": gamma, "a": a}.items() if of is not None}
+    second = second_of(values)
+    held: dict[str, Any] = {second: parameter(second, values.pop(second))} if second else {}
+    slices = slices_of(values, over, forcing)
     draw = partial(
         drawn_in_plane, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds,
-        site=site, damping=damping, spring=spring, walls=walls, omega=omega,
+        site=site, damping=damping, spring=spring, walls=walls, omega=omega, **held,
     )  # fmt: skip
     return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,12 @@ from contbreather.stability.chain_map import RINGS
 
 FloatArray = NDArray[np.float64]
 
+_SIMULATED = {
+    "fold": "both orbits end here, and a simulation of what is beyond goes elsewhere: to this "
+    "branch farther on, if it comes back to there, or to a motion in which more hits its walls",
+    "persists": "the orbit goes on beyond so, unstable as long as the impulse is small: a "
+    "simulation leaves it",
+}
 _STEP = 1e-6  # along a branch, of differences whose sign says on which side sites are inside
 
 
@@ -49,8 +56,8 @@ class GrazingSwitch(SwitchingProblem):
 
     def seeds(self) -> tuple[Seed, ...]:
         """The start of the branch, and what becomes of the orbit: it "persists" as one with other
-        impacts, beyond in the parameter, or both live on one side, a nonsmooth "fold";
-        and the limit of |mu| J."""
+        impacts, beyond in the parameter, or both live on one side, a nonsmooth "fold"; the limit of
+        |mu| J; and a sentence, "says", of that."""
         curve, here, (tangent, _) = Curve(self.problem, (self.free,)), self.point, self.tangents
         ahead, inside = self._grown(curve, curve.start, tangent), here.direction
         if min(ahead) * max(ahead) <= 0.0:
@@ -70,8 +77,22 @@ class GrazingSwitch(SwitchingProblem):
         )
         inside = self._grown(here.curve, here.z, inside)[0] * inside[-1]
         what = "fold" if inside * tangent[-1] > 0.0 else "persists"
-        detail = {"beyond": what, "|mu| J": multiplier_at_grazing(*longer)}
+        detail: dict[str, Any] = {"beyond": what, "|mu| J": multiplier_at_grazing(*longer)}
+        detail["says"] = f"{self._hit()}; {_SIMULATED[what]}"
         return (Seed(self.problem, curve.start, tangent, detail=detail),)
+
+    def _hit(self) -> str:
+        """Say which impacts are on one of both branches only."""
+        orbits = self.point.solution, Point(Curve(self.problem, ()), self.problem.x).solution
+        section = max((orbit.section for orbit in orbits), key=lambda section: section.count)
+        sites, (site, wall, _, _) = sorted({c.site for c in self.contacts}), self.contacts[0]
+        in_a_row = section.impacts.count((site, wall))
+        if len(sites) == 1 and in_a_row > 1:
+            times = "twice" if in_a_row == 2 else f"{in_a_row} times"
+            told = f"site {site} hits its wall {times} in a row"
+        else:
+            told = f"site{'s' * (len(sites) > 1)} {', '.join(map(str, sites))} hit a wall"
+        return told + " no more" * (self.point.kind == "VI")
 
     def _grown(self, curve: Curve, z: FloatArray, way: FloatArray) -> FloatArray:
         """By how much impulses, or else distances from walls, grow along a curve."""

@@ -21,7 +21,6 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice.finite import stiffness_of
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.section import AT_ONCE
 
@@ -120,22 +119,16 @@ def _lifted(orbit: Orbit) -> Problem:
 
 
 def changes_order(orbit: Orbit, v: FloatArray) -> bool:
-    """Whether impacts at once, of neighbours, come apart along a direction."""
+    """Test whether impacts at once, of neighbours, come apart along a direction."""
+    if orbit.gamma == 0.0:
+        return False
     sites = np.array([impact.site for impact in orbit.impacts])
     first, second = np.triu_indices(sites.size, 1)
     late = orbit.times[second] - orbit.times[first]
     late -= orbit.period * np.round(late / orbit.period)
     apart = abs(v[second] - v[first]) > SINGULAR * abs(v[: sites.size]).max()
     pairs = np.flatnonzero((abs(late) < AT_ONCE) & apart)
-    return any(_coupled(orbit, int(sites[first[i]]), int(sites[second[i]])) for i in pairs)
-
-
-def _coupled(orbit: Orbit, site: int, other: int) -> bool:
-    if orbit.gamma == 0.0:
-        return False
-    if orbit.lattice.sites is None:
-        return abs(site - other) == 1
-    return bool(stiffness_of(orbit.lattice)[site, other])
+    return any(sites[second[i]] in orbit.lattice.beside(int(sites[first[i]])) for i in pairs)
 
 
 def tangent_in(curve: Curve, point: Point, longer: Callable[[Orbit], Problem]) -> FloatArray:

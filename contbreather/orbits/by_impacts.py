@@ -20,7 +20,8 @@ from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Point
-from contbreather.continuation.curve.problem import Problem, chained
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
@@ -36,7 +37,7 @@ from contbreather.orbits.closure import general_roots
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
-from contbreather.orbits.orbit_events import events_of, events_without_losses, from_arms
+from contbreather.orbits.orbit_events import events_of, from_arms
 from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblemByEquations,
@@ -152,8 +153,8 @@ class ByImpacts:
 
     @classmethod
     def closest(cls, on: Conditions, section: Section, *given: Any) -> ByImpacts:
-        """From times, impulses, offsets; what is not given is fitted to all equations, which are
-        linear in it."""
+        """The orbit of times, impulses, offsets; what is not given is fitted to all equations,
+        which are linear in it."""
         if on.lattice.sites is not None:
             check_possible(section, on)
         check_order(section, given[0])
@@ -177,7 +178,7 @@ class ByImpacts:
 
     @cached_property
     def x(self) -> FloatArray:
-        """All unknowns of `equations`."""
+        """The unknowns of `equations`."""
         times, impulses = zip(*((hit.time, hit.impulse) for hit in self.impacts), strict=True)
         return np.array([*times, *impulses, *self.offsets, *self.amplitudes], dtype=float)
 
@@ -217,7 +218,7 @@ class ByImpacts:
 
     @property
     def chi(self) -> float:
-        """Of the impact of one site: where it is without its forced motion, per unit p."""
+        """Place of the impact of one site, without its forced motion, per unit p."""
         (impact,), at = self.impacts, self.terms
         place = self.conditions.walls.position(impact.site, impact.wall)
         return float(2.0 * (place - at.a * at.forced[0, 0]) / abs(impact.impulse))
@@ -365,10 +366,6 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     if motion.resonant != resonant_of(on, section):
         motion = ByImpacts.closest(on, section, orbit.times, orbit.impulses)
     equations, endless = motion.equations, on.lattice.sites is None
-    kept = isinstance(on.lattice, Ring) and not (on.damping or on.spring)
-    events = (events_without_losses if kept or endless else events_of)(
-        section, on.lattice, threshold
-    )
     params = {"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params}
     return OrbitProblemByEquations.of(
         "orbit with impacts",
@@ -380,7 +377,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=params if endless else on.params,
         jacobian=equations.jacobian,
         equations=equations,
-        events=(fold(), from_arms(branch_point()), *events),
+        events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
         label="orbit with impacts"
@@ -421,7 +418,7 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
 
 
 def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -> ByImpacts:
-    """From a file of shooting, whose first unknowns were the times."""
+    """The orbit in a file of shooting, whose first unknowns were the times."""
     return ByImpacts.closest(on.at(params), section, x[: section.count])
 
 
@@ -575,7 +572,7 @@ def _closure(h: FloatArray, k: float) -> tuple[float, float]:
 
 
 def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
-    """All symmetric orbits of one impacting site of a finite lattice, by descending p.
+    """Symmetric orbits of one impacting site of a finite lattice, by descending p.
 
     Raises
     ------

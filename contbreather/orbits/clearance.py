@@ -8,7 +8,7 @@ that is positive inside, zero at the limit and continuous in all unknowns and pa
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -26,8 +26,9 @@ from contbreather.orbits.margins import (
     STEEP,
     TIE,
     WHEN,
+    Along,
 )
-from contbreather.orbits.site_motion import IMPULSE, TIME, USUAL, SiteMotion, points_of
+from contbreather.orbits.site_motion import SITE, USUAL, Motion, SiteMotion, points_of
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
@@ -92,7 +93,7 @@ class Admissibility(HtmlRepr):
 
 
 class Inadmissible(NoSolution):
-    """What solves the equations is no orbit: `orbit` is that solution, and `site` (None: the far
+    """A solution of the equations is no orbit: `orbit` is that solution, and `site` (None: the far
     field) is at or behind a wall at `time` without an impact."""
 
     def __init__(self, message: str, *, orbit: Any = None) -> None:
@@ -128,11 +129,11 @@ def measured_margins(
     only_closest: bool = False,
     touching: int | None = None,
     time: float = math.nan,
-    along: tuple[FloatArray, FloatArray, FloatArray] | None = None,
+    along: Callable[[Motion], tuple[Along, FloatArray]] | None = None,
 ) -> Measured:
-    """All margins that `margins` is asked for; with `only_closest` what is farther off than others,
-    or than the far field, is not looked at closely. `along` are amplitudes, times and impulses of
-    many orbits that differ from this one in these alone, and the rows those of the last."""
+    """Margins that `margins` is asked for; with `only_closest` what is farther off than others,
+    or than the far field, is not looked at closely. `along` says of many orbits in what they differ
+    from this one, and the margins of their far fields; the rows are those of the last."""
     motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
     # one for each flight and each site, two for the other crests of a site that touches
@@ -140,17 +141,23 @@ def measured_margins(
     # the longest grid is that of a flight as long as the period, with its steep start and both ends
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP + 2))
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
-    if along is None:
-        along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
-    lowest = np.full(len(along[0]), math.inf)
+    many, far = (single(motion), orbit.far) if along is None else along(motion)
+    lowest = np.full(many.a.size, math.inf)
     if only_closest:  # finite, and beyond all others, where there is no far field
-        lowest[:] = orbit.far_of(along[0]) if orbit.endless else 1e300
-    MARGINS(motion, *along, wanted, which, time, work, lowest)
+        lowest[:] = far if orbit.endless else 1e300
+    MARGINS(motion, many, wanted, which, time, work, lowest)
     return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
 
 
+def single(motion: Motion) -> Along:
+    """Of one motion what many may differ in."""
+    of, drive, (times, impulses) = motion.responses, motion.forced, motion.impacts[:SITE]
+    parts = np.array([motion.a]), times[None], impulses[None], of.table[None], of.largest[None]
+    return Along(*parts, drive.cosines[None], drive.sines[None], np.array([drive.peak]))
+
+
 def clearance(orbit: SiteMotion) -> Admissibility:
-    """Whether, and by how much, an orbit keeps off all walls except at its impacts.
+    """Say whether, and by how much, an orbit keeps off all walls except at its impacts.
 
     Examples
     --------
@@ -162,7 +169,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     measured = measured_margins(orbit, orbit.idle, orbit.beside)
     far = Clearance(orbit.far, None, orbit.far_time())
     centre, idle = smallest_margins(of_flights(orbit, measured)), of_idle(orbit, measured)
-    neighbours = smallest_margins(idle) if idle else _nobody(orbit)
+    nobody = Clearance(1.0, orbit.hit[0] + 1, orbit.start)
+    neighbours = smallest_margins(idle) if idle else nobody
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
     existing = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
@@ -237,12 +245,6 @@ def closest(orbit: SiteMotion) -> Clearance:
     return smallest_margins([*of_flights(orbit, measured), *of_idle(orbit, measured)])
 
 
-def closest_idle(orbit: SiteMotion) -> Clearance:
-    """The site closest to a wall of all that never hit one; margin 1 if there are none."""
-    idle = of_idle(orbit, measured_margins(orbit, orbit.idle))
-    return smallest_margins(idle) if idle else _nobody(orbit)
-
-
 def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     """When and how high a site that must not impact climbs: ``(t, max over t of |u_n|)``.
 
@@ -292,24 +294,20 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
     >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
     [1, 2]
     """
-    motion = _motion_of(orbit)
-    peak = closest_idle(motion)
+    motion, verdict = _motion_of(orbit), orbit.admissibility()
+    peak = Clearance(verdict.neighbours, *verdict.places["neighbours"])
     return peak.site, peak.time, _height(motion, peak) if motion.idle else 0.0
 
 
 def centre_margin(orbit: Any) -> float:
-    """How far the impacting sites keep off their walls between their impacts, (B3)."""
-    motion = _motion_of(orbit)
-    return smallest_margins(of_flights(motion, measured_margins(motion, []))).margin
-
-
-def _nobody(orbit: SiteMotion) -> Clearance:
-    """The margin of idle sites where there are none."""
-    return Clearance(1.0, orbit.hit[0] + 1, orbit.start)
+    """Least margin of the impacting sites between their impacts, (B3)."""
+    _motion_of(orbit)
+    margin: float = orbit.admissibility().centre
+    return margin
 
 
 def _height(orbit: SiteMotion, least: Clearance) -> float:
-    """How far a site is displaced where it comes closest to a wall."""
+    """Displacement of a site where it comes closest to a wall."""
     if orbit.walls(least.site) == USUAL:
         return 1.0 - least.margin
     return abs(float(orbit.at(least.site, least.time)[0]))

@@ -164,7 +164,7 @@ class ClosedForm:
 
     @property
     def determinant(self) -> float:
-        """That of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
+        """Determinant of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
         return float(fold_scalar(terms_at(self, "chi")))
 
     @property
@@ -209,7 +209,7 @@ class ClosedForm:
         """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
-        """That of asymmetric breathers, in which a pitchfork is a regular point."""
+        """The problem of asymmetric breathers, in which a pitchfork is a regular point."""
         from contbreather.orbits.asymmetric_breather import asymmetric_problem
 
         return asymmetric_problem(Orbit(self).unfolded())
@@ -243,7 +243,7 @@ class ClosedForm:
 def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
-    """All solutions of (11) with p > 0, by descending p."""
+    """Solutions of (11) with p > 0, by descending p."""
     gamma = check_gamma(gamma, sprung(chain, drive).spring)
     a, k = parameter("a", a), parameter("k", k)
     pairs = roots(a, gamma, k, drive, chain)
@@ -364,7 +364,7 @@ def symmetric_roots(
     walls: Any = None,
     omega: float = 1.0,
 ) -> tuple[Orbit, ...]:
-    """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
+    """Every solution of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
     Examples
     --------

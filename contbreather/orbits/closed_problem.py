@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.algebra.walk_kernel import Walker
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point
-from contbreather.continuation.curve.problem import Problem, chained
+from contbreather.continuation.curve.problem import Problem
+from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
@@ -49,7 +49,7 @@ from contbreather.orbits.closure import (
 )
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_events import events_without_losses, saddle_node
+from contbreather.orbits.orbit_events import events_of, saddle_node
 from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblem,
@@ -108,7 +108,7 @@ class Closure:
         return ("a", "gamma", "k", *self.forcing.params)
 
     def residual(self, x: Array, params: Mapping[str, float]) -> Array:
-        """Both equations, shape (2,)."""
+        """The two equations, shape (2,)."""
         return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
 
     def jacobian(self, x: Array, params: Mapping[str, float]) -> Array:
@@ -120,7 +120,7 @@ class Closure:
         return self.derivatives(x, params, (name,))[:, 2]
 
     def derivatives(self, x: Array, params: Mapping[str, float], names: tuple[str, ...]) -> Array:
-        """Both beside each other."""
+        """Derivatives in both and in parameters, beside each other."""
         if unknown := [name for name in names if name not in self.params]:
             raise BadInput(
                 f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
@@ -178,17 +178,12 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     on, forcing = breather.conditions, motion.forcing
     lattice = on.lattice
     closure = Closure(forcing, lattice)
-    domain = DOMAIN
+    domain, gamma = dict(DOMAIN), NUMBERS["gamma"]
     if "spring" in forcing.params:
         # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1, along either
         # parameter by itself
-        gamma = NUMBERS["gamma"]
-        stiffest = 1.0 - gamma.margin - 4.0 * on.gamma
-        domain = {
-            **DOMAIN,
-            "gamma": (0.0, gamma.domain[1] - 0.25 * on.spring),
-            "spring": (0.0, stiffest),
-        }
+        domain["gamma"] = 0.0, gamma.domain[1] - 0.25 * on.spring
+        domain["spring"] = 0.0, 1.0 - gamma.margin - 4.0 * on.gamma
     return SymmetricProblem.of(
         "symmetric breather",
         partial(type(motion).of, forcing, lattice),
@@ -197,7 +192,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
-        events=(saddle_node(), *events_without_losses(motion.section, lattice, threshold)),
+        events=(saddle_node(), *events_of(motion.section, on, threshold)),
         record={"unstable": unstable_by(threshold), **_of_arms(motion.section, forcing.params)},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
@@ -228,15 +223,17 @@ class SymmetricProblem(OrbitProblem):
         return self.closure.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
-        data = self.kernel_data(free, params)
+        data = self.kernel_data(free, params, held=True)
         return data and (kernels.CLOSURE, data)
 
     def kernel_data(
-        self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
+        self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0, held: bool = False
     ) -> Any:
-        """None with springs, for the coupling of a ring, and on lattices of somebody else."""
+        """None for the coupling of a ring, on lattices of somebody else, and of most events with
+        springs."""
         on, forcing = self.closure.lattice, self.closure.forcing
-        if type(on) not in (InfiniteChain, Ring) or isinstance(forcing, SpringResponse):
+        sprung = isinstance(forcing, SpringResponse)
+        if type(on) not in (InfiniteChain, Ring) or (sprung and not held):
             return None
         return kernels.closure_data(on, forcing_at(forcing, params), free, params, extra)
 
@@ -299,7 +296,7 @@ class Scalar(NamedTuple):
 
 
 def _turning(breather: Breather, edge: float | None = None) -> ClosureTerms:
-    """Those of the pitchfork."""
+    """Terms of the pitchfork."""
     lattice: Any = breather.lattice
     terms = terms_at(breather, "sigma")
     if edge is None and not lattice.spring:
@@ -328,25 +325,19 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
-def _scalar_walker(kernels: Walker, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
-    data = problem.kernel_data(free, params)
-    return data and (kernels, data)
-
-
-def _fold_walker(problem: Any, free: Any, params: Mapping[str, float]) -> Any:
-    return _scalar_walker(kernels.FOLD, problem, free, params)
-
-
-def _pitchfork_walker(problem: Any, free: Any, params: Mapping[str, float]) -> Any:
-    return _scalar_walker(kernels.PITCHFORK, problem, free, params)
+def _scalar_walker(name: str, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+    # its pitchfork with springs is no scalar that kernels have
+    data = problem.kernel_data(free, params, held=name == "FOLD")
+    return data and (getattr(kernels, name), data)  # by its name it is sent to other processes
 
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), _fold_walker,
+    partial(terms_derivative, mean="chi"), partial(_scalar_walker, "FOLD"),
 )  # fmt: skip
 PITCHFORK = Scalar(
-    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, _pitchfork_walker,
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative,
+    partial(_scalar_walker, "PITCHFORK"),
 )  # fmt: skip
 
 

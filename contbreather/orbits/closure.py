@@ -132,7 +132,7 @@ def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Fo
 def roots(
     a: float, gamma: float, k: float, forcing: Forcing, lattice: UniformLattice
 ) -> tuple[tuple[float, float], ...]:
-    """All ``(p, phi)`` with p > 0 that solve (11), by descending p; phi in [-pi, pi].
+    """Every ``(p, phi)`` with p > 0 that solves (11), by descending p; phi in [-pi, pi].
 
     A double root (the fold) is listed once.
 
@@ -262,7 +262,7 @@ def reduced(forcing: Forcing, chi: float, q: float) -> TrigonometricSeries:
 
 
 def crests(series: TrigonometricSeries) -> list[float]:
-    """All extrema in [-pi, pi), by the companion matrix of the slope.
+    """Extrema in [-pi, pi), by the companion matrix of the slope.
 
     Roots off the unit circle give spurious angles; as points between which to look they do
     no harm, so none is thrown away and no tolerance decides.

@@ -19,10 +19,12 @@ from contbreather.lattice.band_averages import (
     BandAverage,
     average,
     average_slope,
+    chi_of_chain,
     excess,
     excess_slope,
     polynomial,
 )
+from contbreather.lattice.conditions import SpringResponse
 from contbreather.lattice.forcing import Fourier, harmonic, series_motion
 from contbreather.lattice.periodic_green import POWERS, Responses, response_since
 from contbreather.orbits.closure import (
@@ -48,9 +50,19 @@ from contbreather.stability.band_pairs import (
 )
 
 # places of parameters; then A and B of each harmonic of f
-A, GAMMA, K, OMEGA, COEFFICIENTS = range(5)
+A, GAMMA, SPRING, K, OMEGA, COEFFICIENTS = range(6)
 
 Four = tuple[float, float, float, float]  # f and its first three derivatives
+
+
+class HeldMean(NamedTuple):
+    """chi on the infinite chain with springs; nothing without them."""
+
+    weights: Vector  # of the poles without springs
+    poles: Vector
+    powers: Vector  # of w^2, that of the lowest first
+    shifted: Vector  # the same of w^2 - spring
+    moments: Vector  # <q^j> of the band
 
 
 class ClosureData(NamedTuple):
@@ -58,12 +70,14 @@ class ClosureData(NamedTuple):
 
     freed: Counts  # places of the parameters that z ends with,
     factors: Vector  # and what each of them is multiplied by there
-    given: Vector  # a and gamma, in the unit of time of omega
-    params: Vector  # a and gamma in the time of the drive, k, omega
-    harmonics: Matrix  # m, A and B of each, in rows
+    given: Vector  # a, gamma and spring, in the unit of time of omega
+    params: Vector  # a, gamma and spring in the time of the drive, k, omega
+    free: Matrix  # m, A and B of each harmonic of f without springs, in rows
+    harmonics: Matrix  # and with them
     chi: BandAverage  # of the lattice, at the coupling if that is not free
     sigma: BandAverage
     eta: BandAverage
+    held: HeldMean
     extra: int  # unknowns of an event between phi and the freed parameters
 
 
@@ -90,25 +104,67 @@ def unpack(z: Any, on: ClosureData) -> int:
     """Put the freed parameters in their places; 1 if one of them is outside of the domain."""
     for i in range(on.freed.size):
         place, value = on.freed[i], on.factors[i] * z[2 + on.extra + i]
-        if place < K:
+        if place < K:  # in another unit of time
             on.given[place] = value
         elif place < COEFFICIENTS:
             on.params[place] = value
         else:
-            on.harmonics[(place - COEFFICIENTS) // 2, 1 + (place - COEFFICIENTS) % 2] = value
+            on.free[(place - COEFFICIENTS) // 2, 1 + (place - COEFFICIENTS) % 2] = value
     square = on.params[OMEGA] * on.params[OMEGA]
-    on.params[A], on.params[GAMMA] = on.given[A] / square, on.given[GAMMA] / square
-    return 0 if 0.0 <= on.params[GAMMA] < 0.25 and 0.0 <= on.params[K] <= 1.0 else 1
+    for place in range(K):
+        on.params[place] = on.given[place] / square
+    gamma, s = on.params[GAMMA], on.params[SPRING]
+    for i in range(on.free.shape[0]):
+        m = on.free[i, 0]
+        scale = m * m / (m * m - s)  # -F_m/m^2 becomes F_m/(s - m^2)
+        on.harmonics[i, 1], on.harmonics[i, 2] = scale * on.free[i, 1], scale * on.free[i, 2]
+    if not (s >= 0.0 and 0.0 <= 4.0 * gamma < 1.0 - s and 0.0 <= on.params[K] <= 1.0):
+        return 1
+    if on.held.poles.size > 0:
+        hold(on.held, on.chi, s)
+    return 0
 
 
 @inlined
-def moved(on: ClosureData, i: int) -> tuple[float, float]:
-    """Derivatives of a and gamma, in the time of the drive, in freed parameter i."""
+def hold(of: HeldMean, chi: BandAverage, s: float) -> None:
+    """Put springs under the chain, ``w^2 = s + x``: see `band_averages`."""
+    last = of.powers.size - 1
+    for n in range(last + 1):
+        of.shifted[n] = of.powers[n]
+    for n in range(last):  # a polynomial around s, by Horner's scheme
+        for j in range(last - 1, n - 1, -1):
+            of.shifted[j] += s * of.shifted[j + 1]
+    for n in range(last + 1):
+        chi.powers[last - n] = of.shifted[n] * of.moments[n]
+    for i in range(of.poles.size):
+        P, weight = of.poles[i], of.weights[i]
+        chi.weights[i], chi.widths[i] = weight * P / (P - s), P - s
+        chi.powers[last] += weight * s / (P - s)
+
+
+@inlined
+def by_spring(of: HeldMean, s: float, x: float) -> float:
+    """The derivative of chi in the spring, see `UniformLattice.by_spring`."""
+    total = 0.0
+    for n in range(of.powers.size - 1, 0, -1):
+        total = total * x + n * of.shifted[n] * of.moments[n - 1]
+    for i in range(of.poles.size):
+        room = of.poles[i] - s
+        z = x / room
+        grown = 1.0 + excess(z) + z * excess_slope(z)
+        total += of.weights[i] * of.poles[i] / (room * room) * grown
+    return total
+
+
+@inlined
+def moved(on: ClosureData, i: int) -> tuple[float, float, float]:
+    """Derivatives of a, gamma and spring, in the time of the drive, in freed parameter i."""
     place, omega = on.freed[i], on.params[OMEGA]
     if place == OMEGA:
-        return -2.0 * on.params[A] / omega, -2.0 * on.params[GAMMA] / omega
+        by = -2.0 / omega
+        return by * on.params[A], by * on.params[GAMMA], by * on.params[SPRING]
     by = 1.0 / (omega * omega)
-    return by if place == A else 0.0, by if place == GAMMA else 0.0
+    return by if place == A else 0.0, by if place == GAMMA else 0.0, by if place == SPRING else 0.0
 
 
 @inlined
@@ -116,10 +172,21 @@ def forcing_slope(on: ClosureData, i: int, t: float, f: Four) -> Four:
     """Derivative of a f and its derivatives in freed parameter i."""
     place = on.freed[i]
     if place < COEFFICIENTS:
-        by, _ = moved(on, i)
-        return by * f[0], by * f[1], by * f[2], by * f[3]
+        by, _, pull = moved(on, i)
+        slope = by * f[0], by * f[1], by * f[2], by * f[3]
+        if pull != 0.0:
+            s, size = on.params[SPRING], pull * on.params[A]
+            for row in range(on.harmonics.shape[0]):
+                m = on.harmonics[row, 0]
+                more = size / (m * m - s)
+                u, v, w, x = harmonic(
+                    m, more * on.harmonics[row, 1], more * on.harmonics[row, 2], t
+                )
+                slope = slope[0] + u, slope[1] + v, slope[2] + w, slope[3] + x
+        return slope
     size, cosine = on.params[A] * on.factors[i], (place - COEFFICIENTS) % 2 == 0
     m = on.harmonics[(place - COEFFICIENTS) // 2, 0]
+    size *= m * m / (m * m - on.params[SPRING])
     return harmonic(m, size if cosine else 0.0, 0.0 if cosine else size, t)
 
 
@@ -138,9 +205,11 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
     if column == 1:
         u, v, w = a * f[1], a * f[2], a * f[3]
     elif place >= 0:
-        _, by_gamma = moved(on, i)
+        _, by_gamma, pull = moved(on, i)
         if by_gamma != 0.0:
             by_mean = by_gamma * average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
+        if pull != 0.0:
+            by_mean += pull * by_spring(on.held, on.params[SPRING], 4.0 * on.params[GAMMA])
         u, v, w, _ = forcing_slope(on, i, z[1], f)
     p, k = 1.0 if column == 0 else 0.0, 1.0 if place == K else 0.0
     return ClosureTerms(p, k, by_mean, u, v, w)
@@ -312,32 +381,41 @@ CONTACT = walker(contact, contact_slopes, ContactData)
 def closure_data(
     lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
 ) -> ClosureData | None:
-    """Data of a breather with these parameters free; None for others than a, gamma and omega (of
-    the chain), k and coefficients of a Fourier series."""
-    places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k", "omega"))}
+    """Data of a breather with these parameters free; None for others than a, gamma, spring and
+    omega (of the chain), k and coefficients of a Fourier series."""
+    names = "a", "gamma", "spring", "k", "omega"
+    places = {name: (place, 1.0) for place, name in enumerate(names)}
     if lattice.sites is not None:
         del places["gamma"], places["omega"]
+    held = isinstance(forcing, SpringResponse)
+    if not held:
+        del places["spring"]
+    drive = forcing.of if held else forcing
     # where coefficients are, and the factor of each
-    if isinstance(forcing, Fourier):
+    if isinstance(drive, Fourier):
         places |= {
             f"{letter}{m}": (COEFFICIENTS + 2 * i + side, -1.0 / m**2)
-            for i, (m, _, _) in enumerate(forcing.harmonics)
+            for i, (m, _, _) in enumerate(drive.harmonics)
             for side, letter in enumerate("cs")
         }
     if any(name not in places for name in free):
         return None
-    square = params.get("omega", 1.0) ** 2
-    fixed = None if {"gamma", "omega"} & {*free} else params["gamma"] / square
-    given = [params.get(name, 0.0) for name in ("a", "gamma")]
+    given = {name: params.get(name, 0.0) for name in names} | {"omega": params.get("omega", 1.0)}
+    fixed = None
+    if not (held or {"gamma", "omega"} & {*free}):
+        fixed = given["gamma"] / given["omega"] ** 2
     freed, factors = zip(*(places[name] for name in free), strict=True)
+    waves = np.array(drive.harmonics, dtype=float)
     return ClosureData(
         np.array(freed),
         np.array(factors),
-        np.array(given),
-        np.array([*given, params.get("k", 0.0), params.get("omega", 1.0)]),
-        np.array(forcing.harmonics, dtype=float),
+        np.array([given[name] for name in names[:K]]),
+        np.array([given[name] for name in names]),
+        waves,
+        waves.copy(),
         lattice.expansion("chi", fixed),
         lattice.expansion("sigma", fixed),
         lattice.expansion("eta", fixed),
+        HeldMean(*chi_of_chain()) if held else HeldMean(*np.empty((5, 0))),
         extra,
     )

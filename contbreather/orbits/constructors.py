@@ -284,7 +284,6 @@ def _guess(
     sign: int | None,
     t: float,
 ) -> Orbit:
-    """A first guess from any kind of seed."""
     if isinstance(seed, Problem):
         seed = orbit_at(seed)
     if isinstance(seed, Point):

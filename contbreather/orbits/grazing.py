@@ -20,7 +20,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
-from contbreather.continuation.curve.problem import chained
+from contbreather.continuation.curve.ties import chained
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -118,7 +118,7 @@ def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
 
 
 def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Whether the maximum comes again at the other wall: the orbit is its own mirror image."""
+    """Test if the maximum comes again at the other wall: the orbit is its own mirror image."""
     section, motion = orbit.section, orbit.motion
     if section.symmetric or section.turns % 2 == 0:
         return False
@@ -127,7 +127,6 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
 
 
 def _examine(point: Point) -> dict[str, Any]:
-    """Which site touches its wall, and whether it does so in an impact of its own."""
     orbit = point.solution
     j = orbit.vanishing
     if j is None:
@@ -141,8 +140,8 @@ GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, exami
 
 @dataclass(frozen=True)
 class _OtherContact:
-    """Where one local maximum grazes, all else must still keep off the walls: other sites, and
-    other maxima of the same one. Where it does not, the limit of existence goes on with that."""
+    """All else must still keep off the walls where one local maximum grazes: other sites, and other
+    maxima of the same one. Where it does not, the limit of existence goes on with that."""
 
     site: int
     mirrored: bool
@@ -275,6 +274,12 @@ MERGING = Event("VI", _apart, ends="branch")
 # difference beyond rounding, and a branch ends where they have ceased to be.
 
 
+def so_far_apart(early: str, late: str, wanted: float) -> DefiningSystem:
+    """The time between two impacts is that."""
+    names = early, late
+    return DefiningSystem({}, partial(_gap, names, wanted), partial(_gap_slope, names))
+
+
 def _gap(names: Sequence[str], wanted: float, curve: Curve, z: Array, extra: Array) -> Array:
     early, late = (z[curve.slots[name]] for name in names)
     return np.array([late - early - wanted])
@@ -297,9 +302,8 @@ def _time_left(point: Point) -> float:
 
 
 def _caught(point: Point) -> DefiningSystem:
-    names = [f"t{j + 1}" for j in _ends_of(point)]
-    furthest = point.solution.section.length + AT_ONCE
-    return DefiningSystem({}, partial(_gap, names, furthest), partial(_gap_slope, names))
+    first, last = (f"t{j + 1}" for j in _ends_of(point))
+    return so_far_apart(first, last, point.solution.section.length + AT_ONCE)
 
 
 def _which_sites(point: Point) -> dict[str, str]:

@@ -106,7 +106,7 @@ class ImpactSequence:
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
-        """All impacts of a period in order of time."""
+        """Impacts of a period in order of time."""
         on, w = self.representation.conditions, self.accelerations
         w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
@@ -151,7 +151,7 @@ class ImpactSequence:
 
     @property
     def asymmetry(self) -> float:
-        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal. Of more
+        """``t2 - t1 - pi`` of an orbit with two impacts: 0 where both flights are equal. Of more
         that of the impact and its mirror image, half the impacts later, that are farthest off."""
         if not self.section.mirrored:
             raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
@@ -169,7 +169,7 @@ class ImpactSequence:
 
     @property
     def repeats(self) -> bool:
-        """Whether the second half of a section is the first again, or its mirror image."""
+        """True where the second half of a section is the first again, or its mirror image."""
         half, odd = divmod(self.section.count, 2)
         if odd:
             return False

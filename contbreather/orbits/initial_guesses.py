@@ -66,7 +66,9 @@ def from_state(
     for hit in run.impacts[: MOST + 1]:
         impulse = float(hit["after"] - hit["before"])
         contact = Impact(int(hit["site"]), int(hit["wall"]), float(hit["time"]), impulse)
-        if not any(_again(contact, earlier, T) for earlier in impacts):
+        # a section that begins at an impact ends at it, too
+        late = [contact.time - e.time - T for e in impacts if e.site == contact.site]
+        if not any(abs(apart) < 10.0**-TOGETHER for apart in late):
             impacts.append(contact)
     words = " ".join(f"({hit.site}, {hit.wall:+d}) at t = {hit.time:.6g}" for hit in impacts[:12])
     if not impacts or len(impacts) > MOST or run.stop is not RunStop.DONE:
@@ -86,12 +88,6 @@ def from_state(
     # the first impact within half a period of 0
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
     return ByImpacts.closest(on, section, times, [hit.impulse for hit in chosen])
-
-
-def _again(contact: Impact, earlier: Impact, length: float) -> bool:
-    """Whether a section that begins at an impact ends at it, too."""
-    apart = contact.time - earlier.time - length
-    return contact.site == earlier.site and abs(apart) < 10.0**-TOGETHER
 
 
 def _beginning(course: Sequence[Impact], wanted: Sequenced) -> int | None:
@@ -118,7 +114,7 @@ def _start(
 
 
 def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> ByImpacts:
-    """From impact times alone, ``{"t1": ..., "t2": ...}``."""
+    """Guess from impact times alone, ``{"t1": ..., "t2": ...}``."""
     names = [f"t{j + 1}" for j in range(section.count)]
     unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
     if unknown or missing:

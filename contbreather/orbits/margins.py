@@ -16,7 +16,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
+from contbreather.kernels import Cube, Kernel, Matrix, Signs, Vector, inlined
+from contbreather.lattice.periodic_green import Responses
 from contbreather.orbits.section import SHORT
 from contbreather.orbits.site_motion import (
     BACK,
@@ -28,6 +29,7 @@ from contbreather.orbits.site_motion import (
     SITE,
     TIME,
     WALL,
+    Forced,
     Motion,
     points_of,
     site_state,
@@ -318,19 +320,39 @@ def margins(
             below = min(below, margin)
 
 
+class Along(NamedTuple):
+    """What differs in several motions; where they have it in common, once."""
+
+    a: Vector
+    times: Matrix
+    impulses: Matrix
+    tables: Cube  # of their responses
+    largest: Matrix
+    cosines: Cube  # of their forced motion
+    sines: Cube
+    peaks: Vector
+
+
 def margins_along(
-    motion: Motion, a: Vector, times: Matrix, impulses: Matrix, near: Signs, touching: int,
-    time: float, work: Matrix, lowest: Vector,
+    motion: Motion, along: Along, near: Signs, touching: int, time: float, work: Matrix,
+    lowest: Vector,
 ) -> None:  # fmt: skip
-    """The least margin of each of several motions that differ in their amplitudes and impacts
-    alone, below the ceiling that was found before; the work is that of the last."""
-    for i in range(a.size):
-        for j in range(times.shape[1]):
-            motion.impacts[TIME, j] = times[i, j]
-            motion.impacts[IMPULSE, j] = impulses[i, j]
+    """The least margin of each of several motions, below the ceiling that was found before; the
+    work is that of the last."""
+    of, forced = motion.responses, motion.forced
+    for i in range(along.a.size):
+        for j in range(along.times.shape[1]):
+            motion.impacts[TIME, j] = along.times[i, j]
+            motion.impacts[IMPULSE, j] = along.impulses[i, j]
+        t, f = min(i, along.tables.shape[0] - 1), min(i, along.cosines.shape[0] - 1)
+        drive = Forced(forced.orders, along.cosines[f], along.sines[f], along.peaks[f])
+        answers = Responses(
+            of.which, along.tables[t], of.rates, of.real, of.imaginary, along.largest[t], of.turns,
+            of.half,
+        )  # fmt: skip
         varied = Motion(
-            a[i], times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
-            motion.responses, motion.impacts, motion.flights, motion.busy, motion.places,
+            along.a[i], along.times[i, 0], motion.length, motion.sign, motion.fine, drive, answers,
+            motion.impacts, motion.flights, motion.busy, motion.places,
         )  # fmt: skip
         margins(varied, near, lowest[i], touching, time, work)
         for row in range(FOUND, work.shape[0]):

@@ -25,15 +25,16 @@ from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
 from contbreather.lattice.finite import PER_SITE, ROWS, Finite, finite, stiffness_of
-from contbreather.lattice.forcing import Drive, Fourier, even_harmonics
+from contbreather.lattice.forcing import Drive, even_harmonics, with_even
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.by_impacts import ByImpacts, symmetric_orbits
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.grazing import CATCHING, GRAZING
-from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import from_arms
 from contbreather.orbits.section import WEAK, Section
+from contbreather.orbits.start_search import grown
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
@@ -108,7 +109,6 @@ def multibreather(
 
 
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
-    """Which sites, and what was chosen for each where that was said."""
     named = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "")
     phrases = (
         f"{site} ({orbit if isinstance(orbit, str) else orbit.section.describe()})"
@@ -139,7 +139,7 @@ def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
 
 
 def _farthest(branch: Branch) -> Point:
-    """Where its coupling is largest: located, as where it meets an image of itself and comes back,
+    """Point of its largest coupling: located, as where it meets an image of itself and comes back,
     or its end."""
     points: tuple[Point, ...] = (*branch.special, branch[-1])
     return max(points, key=lambda point: float(point["gamma"]))
@@ -167,10 +167,10 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
         orbit = orbit.solution
     if isinstance(orbit, str) and orbit in ROOTS:
         # one alone at the fold (14), where both meet, and where the lower has no p > 0
-        roots = symmetric_orbits(site, _with_even(0.0, on))
+        roots = symmetric_orbits(site, replace(on, forcing=with_even(0.0, on.forcing)))
         orbit = roots[min(ROOTS.index(orbit), len(roots) - 1)]
         if even_harmonics(on.forcing):
-            orbit = _grown(orbit, on)
+            orbit = grown(orbit, on.forcing)
     elif not isinstance(orbit, Orbit):
         raise BadInput(
             f"site {site}: {orbit!r} was given; 'upper', 'lower' or an orbit of the single "
@@ -191,30 +191,6 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
     return site, orbit
 
 
-def _with_even(share: float, on: Conditions) -> Conditions:
-    """The same under a drive with so much of its even harmonics."""
-    if not even_harmonics(on.forcing):
-        return on
-    rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in on.forcing.harmonics]
-    cos, sin = {m: A for m, A, _ in rows if A}, {m: B for m, _, B in rows if B}
-    return replace(on, forcing=Fourier.from_response(cos, sin))
-
-
-def _grown(orbit: Orbit, on: Conditions) -> Orbit:
-    """The orbit of a whole drive that an orbit of its odd harmonics becomes."""
-    orbit = orbit.unfolded()
-    try:
-        for share in np.linspace(0.1, 1.0, 10).tolist():
-            under, impacts = _with_even(share, on), (orbit.times, orbit.impulses)
-            orbit = orbit_of(under, orbit.section, *impacts, orbit.offsets).solved()
-    except NotConverged as error:
-        raise NoSolution(
-            f"the orbit of the odd harmonics of {on.forcing.describe()} does not go on to all of "
-            f"them: {error}"
-        ) from error
-    return orbit
-
-
 def _under(on: Conditions, site: int) -> FloatArray:
     """Conditions of a site without coupling: its losses, its spring, its drive over a period."""
     drive = on.a if on.lattice.sites is None else on.a * on.lattice.drive[site]
@@ -225,7 +201,7 @@ def _under(on: Conditions, site: int) -> FloatArray:
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
-    """All impacts in order of time over one common section."""
+    """Impacts in order of time over one common section."""
     # the shortest period they have in common; half of it where n is odd and each orbit is its own
     # mirror image, u(t + n pi) = -u(t)
     turns = math.lcm(*(orbit.section.turns for _, orbit in singles))
@@ -325,7 +301,7 @@ class Multibreather(HtmlRepr):
 
     @property
     def exists(self) -> bool:
-        """Whether it lives at the coupling that was asked for."""
+        """True where it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
 
     def table(self) -> Sheet:
@@ -335,7 +311,7 @@ class Multibreather(HtmlRepr):
         return Sheet.of([*rows, ("ends with", self.ended or None)])
 
     def stable(self, threshold: float = THRESHOLD) -> bool:
-        """Whether it exists, and no multiplier of it is beyond the threshold."""
+        """True where it exists, and no multiplier of it is beyond the threshold."""
         orbit = self.orbit if self.exists else None
         return orbit is not None and bool(orbit.stability(threshold=threshold).stable)
 
@@ -350,9 +326,10 @@ def multibreathers(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
+    omega: float = 1.0,
     forcing: Drive | None = None,
 ) -> tuple[Multibreather, ...]:
-    """All choices of up to `most` sites that impact on their upper root, one for each class of
+    """Choices of up to `most` sites that impact on their upper root, one for each class of
     choices that a symmetry of the lattice maps into each other.
 
     Examples
@@ -362,6 +339,17 @@ def multibreathers(
     >>> [(entry.sites, entry.copies, entry.exists) for entry in catalogue]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
+    if (frequency := parameter("omega", omega)) != 1.0:
+        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
+        return tuple(
+            replace(
+                entry,
+                gamma=entry.gamma * frequency**2,
+                orbit=entry.orbit and replace(entry.orbit, omega=frequency),
+            )
+            for entry in in_time_of_drive(multibreathers, frequency, most=most, **given)
+        )
     finite(lattice)
     whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
     if not whole or not 1 <= most <= lattice.sites:
@@ -393,13 +381,13 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
     class."""
     alike = nx.Graph()
     alike.add_nodes_from(itertools.combinations(range(lattice.sites), count))
-    for places in _symmetries(_coloured(lattice, walls)):
+    for places in exchanges_of_sites(_coloured(lattice, walls)):
         images = [(sites, tuple(sorted(places[n] for n in sites))) for sites in alike]
         alike.add_edges_from(images)
     return [(min(images), len(images)) for images in nx.connected_components(alike)]
 
 
-def _symmetries(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
+def exchanges_of_sites(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
     """Exchanges of sites that together generate all symmetries: with the first n sites held, those
     that take the next one to all places it can be taken to."""
     far = nx.floyd_warshall_numpy(graph, weight=None)

@@ -57,7 +57,7 @@ _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean 
 
 @dataclass(frozen=True)
 class PitchforkForm(HtmlRepr):
-    """How the arms leave a pitchfork.
+    """Normal form of a pitchfork: how the arms leave it.
 
     Attributes
     ----------
@@ -134,7 +134,6 @@ def bends(point: Point) -> Mapping[str, Any]:
 
 
 def _form(point: Point) -> PitchforkForm:
-    """Normal form at a point that knows the direction of its branch."""
     orbit: Orbit = point.solution
     if not orbit.section.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
@@ -165,7 +164,6 @@ def _slope(curve: Curve, point: Point, v: FloatArray) -> float:
 
 
 def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
-    """Curvature of the parameter along the arms."""
     n = v.size
     change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
@@ -212,15 +210,12 @@ def _loss(point: Point) -> int:
     along = point.direction
     step = math.copysign(_ASIDE, along[-1]) / np.linalg.norm(along) * along
     counts = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
-    low, high = (n if n is not None else _other(counts[1 - i]) for i, n in enumerate(counts))
+    # where there is no orbit, as at the end of a domain, there is one more or one less
+    others = [1 if not n else n - 1 for n in reversed(counts)]
+    low, high = (other if n is None else n for n, other in zip(counts, others, strict=True))
     if low == high:
         raise Undefined("no real multiplier passes 1 there: no normal form of this kind")
     return 1 if high > low else -1
-
-
-def _other(count: int | None) -> int:
-    """What the count is on the side where there is no orbit, as at the end of a domain."""
-    return 1 if not count else count - 1
 
 
 def _outside(curve: Curve, z: FloatArray) -> int | None:

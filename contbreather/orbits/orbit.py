@@ -73,7 +73,7 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     @cached_property
     def conditions(self) -> Conditions:  # type: ignore[override]
-        """All parameters, forcing, walls and lattice; each is there by its own name, too."""
+        """Parameters, forcing, walls and lattice; each is there by its own name, too."""
         on: Conditions = self.representation.conditions
         return on.at_frequency(self.omega)
 
@@ -96,7 +96,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         return self._profile(n, t, 0)
 
     def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """How fast site ``n`` is at time ``t``; at an impact, the value just after it. A time
+        """Velocity of site ``n`` at time ``t``; at an impact, the value just after it. A time
         within rounding of an impact counts as the impact."""
         return self._profile(n, t, 1)
 
@@ -190,7 +190,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         )
 
     def admissibility(self) -> Admissibility:
-        """Whether all sites keep off their walls except at the impacts named, and by how much."""
+        """Say if all sites keep off their walls except at the impacts named, and by how much."""
         return self._clearance
 
     @cached_property
@@ -258,7 +258,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         return certify(self, within=within)
 
     def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
-        """All 2N Floquet multipliers over the period on a finite lattice.
+        """The 2N Floquet multipliers over the period on a finite lattice.
 
         Parameters
         ----------
@@ -315,7 +315,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         return self._again(self.section.unfolded()) if self.section.symmetric else self
 
     def doubled(self) -> Orbit:
-        """The same orbit, run through twice.
+        """This orbit, run through twice.
 
         Examples
         --------
@@ -327,7 +327,6 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         return self._again(self.section.doubled())
 
     def _again(self, longer: Section) -> Orbit:
-        """One section and the next as one."""
         _, _, times, impulses = zip(*self.section.course(self.impacts, 2), strict=True)
         return orbit_of(self.conditions, longer, times, impulses, self.offsets)
 

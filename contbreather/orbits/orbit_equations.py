@@ -135,7 +135,7 @@ class OrbitEquations:
     # ------------------------------------------------------------------------ equations
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
-        """All equations: walls, reset laws, balance of mean impulses, modes in resonance."""
+        """The equations: walls, reset laws, balance of mean impulses, modes in resonance."""
         at = self.terms(x, params)
         response, lost = at.response, self.losses(float(params["k"]))
         resets = at.f[1] + at.h[1] @ at.impulses + lost * at.impulses
@@ -200,7 +200,7 @@ class OrbitEquations:
         return np.concatenate([*moved, balance, driven])
 
     def terms(self, x: FloatArray, params: Params) -> Any:
-        """All that the equations are made of, at one place."""
+        """Terms of the equations at one place."""
         x = np.asarray(x, dtype=float)
         return _place(self, x.tobytes(), tuple(params.items()))
 

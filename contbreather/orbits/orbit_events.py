@@ -38,6 +38,7 @@ from contbreather.continuation.curve.point import (
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
+from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
@@ -54,21 +55,16 @@ ALONG = 1e-3  # by how much they change along an arm there, and not along symmet
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
 
 
-def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:
+def events_of(section: Section, on: Conditions, threshold: float) -> tuple[Event, ...]:
     """The events of an orbit with these impacts, apart from the multiplier it closes with."""
-    endless = lattice.sites is None
+    lattice, endless = on.lattice, on.lattice.sites is None
+    if isinstance(lattice, Ring) and not (on.damping or on.spring):
+        check_threshold(threshold)  # its band is on the circle: there NS is by the paper's rule
     breaking = real_multiplier("PF", 1.0) if section.symmetric else real_multiplier("PD", -1.0)
     mixed = (Event("MX", None, count=_certain_count),) if endless and not section.symmetric else ()
     merging = (MERGING,) if section.repeats else ()
     catching = () if section.local else (CATCHING,)
     return (breaking, pair_leaves(lattice, threshold), GRAZING, *mixed, *merging, *catching)
-
-
-def events_without_losses(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:
-    """The same on the infinite chain or a ring whose band is on the unit circle."""
-    if isinstance(lattice, Ring):
-        check_threshold(threshold)  # there NS is by the paper's rule
-    return events_of(section, lattice, threshold)
 
 
 def _certain_count(point: Point) -> float | int:
@@ -123,7 +119,7 @@ def _by_modes_alone(map: Any) -> bool:
 
 
 def _beyond(mu: float, point: Point) -> float:
-    """How many multipliers are beyond mu: two that pass within one step are seen by it."""
+    """Number of multipliers beyond mu: two that pass within one step are seen by it."""
     orbit = point.solution
     return math.nan if is_blurred(orbit) else int(orbit.map.beyond(mu))
 

@@ -11,20 +11,27 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
 from contbreather.continuation.curve.problem import Problem, TiedProblem
+from contbreather.continuation.curve.ties import Ties
 from contbreather.errors import BadInput
+from contbreather.lattice.chain import Chains
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.forcing import peak_of
+from contbreather.lattice.periodic_green import half_period_tables
 from contbreather.orbits.beyond_grazing import past_grazing
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.clearance import measured_margins
+from contbreather.orbits.clearance import measured_margins, single
 from contbreather.orbits.closure import ClosureTerms, saltation_of
 from contbreather.orbits.impact_sequence import VANISHED
+from contbreather.orbits.margins import Along
 from contbreather.orbits.orbit import Orbit, orbit_at, suitable
 from contbreather.orbits.section import Section
+from contbreather.orbits.site_motion import Motion
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.parameters import NUMBERS, POWERS
 from contbreather.stability.one_impact import HalfMap
@@ -60,8 +67,8 @@ class OrbitProblem(Problem):
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
-        """That of an orbit; `equations` are what else a `Problem` takes: the equations, their
-        start, events and columns."""
+        """The problem of an orbit; `equations` are what else a `Problem` takes: the equations,
+        their start, events and columns."""
         return cls(
             kind=kind,
             motion_at=at,
@@ -86,7 +93,7 @@ class OrbitProblem(Problem):
         return tuple(image for image in found if image.size == x.size)
 
     def simpler(self, point: Point) -> Problem | None:
-        """With fewer impacts; or as any two of one site by the four equations that they have."""
+        """By fewer impacts; or as any two of one site by the four equations that they have."""
         orbit: Orbit = point.solution
         smaller = (simpler_than(orbit) or orbit).problem
         return smaller if len(smaller.start) < len(self.start) else None
@@ -98,7 +105,7 @@ class OrbitProblem(Problem):
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
     def at_frequency(self, omega: float) -> DrivenProblem:
-        """The same equations in the time in which the drive has this frequency, a parameter."""
+        """These equations in the time in which the drive has this frequency, a parameter."""
         powers = {name: power for name, power in POWERS.items() if name in self.params}
         functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
         values = {name: self.params[name] * omega**n for name, n in powers.items()}
@@ -107,7 +114,10 @@ class OrbitProblem(Problem):
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
-        return replace(driven, domain={**driven.domain, "omega": NUMBERS["omega"].domain})
+        domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
+        ties = _TiesOfDrive(driven.ties.base, driven.ties.functions, driven.ties.domain)
+        residual = partial(_in_users_units, driven.residual)
+        return replace(driven, residual=residual, ties=ties, domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         if "omega" in names:
@@ -140,6 +150,29 @@ class OrbitProblemByEquations(OrbitProblem):
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:  # type: ignore[override]
         derivative: FloatArray = self.equations.sensitivity(x, params, name)
         return derivative
+
+
+def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
+    """Ask what ends with the parameters in question: where the drive comes to the band of chain or
+    ring its refusal is about that, in the unit of time of omega."""
+    try:
+        return asked(*given)
+    except (BadInput, Undefined) as error:
+        params = next(part for part in given if isinstance(part, Mapping) and "omega" in part)
+        omega, gamma, spring = (params.get(name, 0.0) for name in ("omega", "gamma", "spring"))
+        low, high = (math.sqrt(max(0.0, edge)) for edge in (spring, spring + 4.0 * gamma))
+        if not high >= 0.999 * omega:
+            raise
+        held = f", spring = {spring:.6g}" if spring else ""
+        raise type(error)(
+            f"harmonic 1 of the drive, omega = {omega:.6g}, comes to the band of the lattice, "
+            f"{low:.6g} to {high:.6g} at gamma = {gamma:.6g}{held}"
+        ) from error
+
+
+class _TiesOfDrive(Ties):
+    def untied(self, *given: Any) -> Any:
+        return _in_users_units(super().untied, *given)
 
 
 def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
@@ -265,42 +298,69 @@ def _unstable(threshold: float, point: Point) -> float:
 
 
 def _rows(points: Points) -> NDArray[np.int64] | None:
-    """Of all points of a branch at once, -1 of an impact so weak that it may be none; None where
-    each has to be asked."""
+    """Counts at points of a branch, -1 of an impact so weak that it may be none; None where each
+    has to be asked."""
     along = breathers_along(points)
     return None if along is None else np.where(along.p > VANISHED, along.map.unstable(1.0), -1)
 
 
 # --- many symmetric breathers at once -------------------------------------------------------------
 
-# One by one most of the time goes into making them. For tests along a branch in the amplitude they
-# are one breather with arrays for its amplitude, momentum and phase.
+# One by one most of the time goes into making them. For tests along a branch in a, gamma or omega
+# they are one breather with arrays for its amplitude, coupling and spring, momentum and phase.
 
 
 @dataclass(frozen=True, eq=False)
 class BreathersAlong:
-    """Symmetric breathers of the infinite chain that differ in amplitude and roots alone."""
+    """Symmetric breathers of the infinite chain under drives of one shape, in its time."""
 
     first: Orbit
-    a: FloatArray
     p: FloatArray
     phi: FloatArray
+    a: FloatArray
+    gamma: Any  # arrays where they differ in these
+    spring: Any
+
+    @cached_property
+    def waves(self) -> FloatArray:
+        """Harmonics m, A and B of the forced motions at unit amplitude, (1 or n, harmonics, 3)."""
+        drive = self.first.representation.forcing
+        if not np.ndim(self.spring):
+            return np.array([drive.harmonics], dtype=float)
+        m, *sides = np.array(drive.of.harmonics, dtype=float).T
+        # -F_m/m^2 of the free chain becomes F_m/(spring - m^2)
+        held = m * m / (m * m - self.spring[:, None])
+        return np.stack([np.broadcast_to(m, held.shape), *(held * x for x in sides)], axis=-1)
 
     @cached_property
     def map(self) -> HalfMap:
-        """Theirs, with an array for b; all events ask."""
-        on = self.first.representation
-        eta, w = on.lattice.mean(on.gamma, "eta"), self.a * on.forcing.d2f(self.phi)
-        return replace(self.first.map, b=saltation_of(ClosureTerms(self.p, on.k, eta, w=w)))
+        """Map of all of them, with arrays for b and gamma; events ask."""
+        chains, k = Chains(self.spring), self.first.k
+        m, A, B = np.moveaxis(self.waves, 2, 0)
+        turn = m * self.phi[:, None]
+        w = -self.a * (m * m * (A * np.cos(turn) + B * np.sin(turn))).sum(axis=1)
+        b = saltation_of(ClosureTerms(self.p, k, chains.mean(self.gamma, "eta"), w=w))
+        return replace(self.first.map, b=b, gamma=self.gamma, lattice=chains)
 
     def margins(self) -> FloatArray:
         """The least margin of each, as `clearance.least_margin` has it of one."""
         motion = self.first.motion
+        return measured_margins(motion, motion.idle, only_closest=True, along=self._along).least
+
+    def _along(self, motion: Motion) -> tuple[Along, FloatArray]:
         # (4): a momentum of 2p is lost on the wall +1 at phi, and gained on -1 half a period later
         times = np.stack([self.phi, self.phi + np.pi], axis=1)
         impulses = np.stack([-2.0 * self.p, 2.0 * self.p], axis=1)
-        along = self.a, times, impulses
-        return measured_margins(motion, motion.idle, only_closest=True, along=along).least
+        one = single(motion)._replace(a=self.a, times=times, impulses=impulses)
+        if np.ndim(self.gamma):
+            of = self.first.motion
+            apart = tuple(of.lattice.distance(n - of.hit[0]) for n in (*of.hit, *of.idle))
+            tables, largest = half_period_tables(self.gamma, self.spring, apart)
+            one = one._replace(tables=tables, largest=largest)
+        peaks = [peak_of(tuple((int(m), A, B) for m, A, B in rows)) for rows in self.waves.tolist()]
+        _, A, B = np.moveaxis(self.waves, 2, 0).copy()
+        one = one._replace(cosines=A[:, None], sines=B[:, None], peaks=np.array(peaks))
+        return one, 1.0 - self.a * one.peaks  # the far field is a f
 
 
 def breathers_along(points: Points) -> BreathersAlong | None:
@@ -313,14 +373,18 @@ def breathers_along(points: Points) -> BreathersAlong | None:
 
 def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
     curve: Any = points.curve
-    if curve.free != ("a",) or curve.problem.beneath is not None:
+    (free, *others), first = curve.free, points[0].solution
+    if others or free not in ("a", "gamma", "omega") or curve.problem.beneath is not None:
         return None
-    first = points[0].solution
-    if not first.symmetric or first.lattice.sites is not None:
-        return None
-    p, phi, a = np.ascontiguousarray(z.T)
     # with p <= 0 the wall +1 would pull at its site
-    return BreathersAlong(first, a / first.omega**2, p, phi) if (p > 0.0).all() else None
+    if not first.symmetric or first.lattice.sites is not None or not (z[:, 0] > 0.0).all():
+        return None
+    p, phi, value = np.ascontiguousarray(z.T)
+    on = {"omega": 1.0, "spring": 0.0, **curve.fixed, free: value}
+    square = on["omega"] ** 2
+    a = np.broadcast_to(on["a"] / square, p.shape).copy()
+    held = on["spring"] / square if on["spring"] else 0.0
+    return BreathersAlong(first, p, phi, a, on["gamma"] / square, held)
 
 
 # --- a multiplier on a circle ---------------------------------------------------------------------
@@ -346,7 +410,7 @@ class OnCircle:
     nu: float | None = None
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
-        """With ``slopes(of, curve, z, extra)``, the derivative along a curve."""
+        """Its locus, by ``slopes(of, curve, z, extra)``, the derivative along a curve."""
         extra = {} if nu is None else {"nu": nu}
         return DefiningSystem(extra, self.conditions, partial(slopes, self), **more)
 

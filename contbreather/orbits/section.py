@@ -115,18 +115,18 @@ class Section:
 
     @property
     def local(self) -> bool:
-        """Whether one site alone hits its walls."""
+        """True where one site alone hits its walls."""
         return len(self.hit) == 1
 
     @property
     def two_impacts(self) -> bool:
-        """Whether one site hits the wall +1 and then the wall -1, once each in 2 pi."""
+        """True where one site hits the wall +1 and then the wall -1, once each in 2 pi."""
         walls = [wall for _, wall in self.impacts]
         return self.sign > 0 and self.turns == 1 and walls == [1, -1] and self.local
 
     @property
     def mirrored(self) -> bool:
-        """Whether the second half hits the opposite walls: half a symmetric orbit may do for it."""
+        """True if the second half hits the opposite walls: half a symmetric orbit may do for it."""
         half = self.impacts[: self.count // 2]
         # the forcing of the second half is the opposite one, F(t + pi n) = -F(t), for odd n only
         opposite = tuple((n, -wall) for n, wall in half)

@@ -157,26 +157,22 @@ class SiteMotion:
     @property
     def far(self) -> float:
         """The margin of the far field, 1 where there is none."""
-        return float(self.far_of(self.on.a))
-
-    def far_of(self, a: Any) -> Any:
-        """Margin of the far field at other amplitudes."""
         if not self.endless:
             return 1.0
         # far from all impacts u_n = c + a f(t)
-        return np.minimum(self._far_at(1, a), self._far_at(-1, a))
+        return min(self._far_at(1), self._far_at(-1))
 
-    def _far_at(self, sign: int, a: Any) -> Any:
+    def _far_at(self, sign: int) -> float:
         """Its margin at one wall, with the larger offset of both ends; without coupling none."""
         ends = self.representation.offsets if self.on.gamma else (0.0,)
         offset = max(sign * ends[0], sign * ends[-1])
-        return 1.0 - offset - a * peak_of(self.response.drive.harmonics, sign)
+        return float(1.0 - offset - self.on.a * peak_of(self.response.drive.harmonics, sign))
 
     def far_time(self) -> float:
         """When it is closest to a wall."""
         if not self.endless:
             return self.start
-        sign = min((1, -1), key=lambda sign: self._far_at(sign, self.on.a))
+        sign = min((1, -1), key=self._far_at)
         return _highest(self.response.drive, sign)
 
     # ------------------------------------------------------------------------ motion
@@ -186,8 +182,9 @@ class SiteMotion:
         broadcast against each other; at an impact those just after it."""
         n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
         sites, times = n.flatten(), t.flatten()
-        if isinstance(self.response, ModalResponse):
-            return self._by_modes(sites, times).reshape(3, *t.shape)
+        if isinstance(self.response, ModalResponse):  # sites and times each once
+            (those, i), (moments, j) = (np.unique(x, return_inverse=True) for x in (sites, times))
+            return self._paths(moments, those)[:, j, i].reshape(3, *t.shape)
         out = np.empty((3, t.size))
         for first in range(0, t.size, MANY):
             part = slice(first, first + MANY)
@@ -196,11 +193,6 @@ class SiteMotion:
             STATES(self._of(tuple(those.tolist())), which, times[part], block)
             out[:, part] = block
         return out.reshape(3, *t.shape)
-
-    def _by_modes(self, sites: Any, times: FloatArray) -> FloatArray:
-        those, i = np.unique(sites, return_inverse=True)
-        moments, j = np.unique(times, return_inverse=True)
-        return self._paths(moments, those)[:, j, i]
 
     def _paths(self, times: FloatArray, sites: Any) -> FloatArray:
         """States of sites at all of many times, shape (3, times, sites)."""
@@ -227,11 +219,6 @@ class SiteMotion:
         STATES(self._of((site,)), _FIRST, np.array([t]), out)
         (u,), (v,), (w,) = out.tolist()
         return u, v, w
-
-    def driven(self, site: int, times: FloatArray) -> FloatArray:
-        """The forced motion of a site at unit amplitude."""
-        forced: FloatArray = self.response.forced((site,) * times.size, times)[0]
-        return forced
 
     def offset(self, n: ArrayLike) -> FloatArray:
         """Static displacement of sites."""
@@ -274,11 +261,11 @@ class SiteMotion:
         return slopes
 
     def differences(self, sites: Sequence[int], other: int) -> FloatArray:
-        """How far the motions of sites are from that of another, and that from its forced motion:
+        """Distances of motions of sites from that of another, and of that from its forced motion:
         root mean squares over a period."""
         times: FloatArray = self.start + math.pi / 8.0 * np.arange(16.0 * self.section.turns)
         paths = self.states(np.array([other, *sites])[:, None], times)[0]
-        forced = self.on.a * self.driven(other, times)
+        forced = self.on.a * self.response.forced((other,) * times.size, times)[0]
         same = np.array(sites) == other
         apart = np.where(same[:, None], paths[0] - forced, paths[1:] - paths[0])
         return np.sqrt(np.mean(apart**2, axis=1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,17 +15,17 @@ from contbreather.continuation.branches.boundary import named_pair
 from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
-from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.curve.settings import windows
 from contbreather.continuation.walk.trace import trace
-from contbreather.errors import BadInput, NoSolution
+from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
+from contbreather.lattice.forcing import Forcing, with_even
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.closed_form import rooted, symmetric_roots
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.zone_search import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, NUMBERS, OPTIONAL, window_of
 from contbreather.stability.verdict import THRESHOLD, threshold_on
@@ -35,7 +36,8 @@ Window = tuple[float, float]
 
 @one_thread
 def find_symmetric(free: str, within: Window, *, root: int | None = None, **conditions: Any) -> Any:
-    """An admissible symmetric breather somewhere in the window of one parameter.
+    """An admissible symmetric breather somewhere in the window of one parameter; under a drive with
+    even harmonics or a mean the orbit that the breather of its odd harmonics becomes.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
     numbers: tuple[int | None, ...] = (1, None) if root is None else (root,)
     for number, value in product(numbers, _places(free, within, conditions)):
         try:
-            orbit = rooted(symmetric_roots(**_with(conditions, free, value)), number)
+            orbit = breather_at(number, **_with(conditions, free, value))
         except NoSolution as error:
             reason = str(error)
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
@@ -97,8 +99,32 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
     )
 
 
+def breather_at(number: int | None, **conditions: Any) -> Any:
+    """The symmetric breather of a root, or what it becomes as the even harmonics of the drive and
+    its mean grow from 0."""
+    drive = forcing_of(conditions.get("forcing"))
+    odd = with_even(0.0, drive)
+    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), number)
+    return orbit if odd is drive else grown(orbit, drive)
+
+
+def grown(orbit: Orbit, drive: Forcing) -> Orbit:
+    """The orbit of a whole drive that an orbit of its odd harmonics becomes."""
+    orbit = orbit.unfolded()
+    try:
+        for share in np.linspace(0.1, 1.0, 10).tolist():
+            under, impacts = with_even(share, drive), (orbit.times, orbit.impulses)
+            on = replace(orbit.conditions, forcing=under)
+            orbit = orbit_of(on, orbit.section, *impacts, orbit.offsets).solved()
+    except NotConverged as error:
+        raise NoSolution(
+            f"the orbit of the odd harmonics of {drive.describe()} does not go on to all of them: "
+            f"{error}"
+        ) from error
+    return orbit
+
+
 def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
-    """Change the value of a parameter, be it one of the forcing."""
     forcing = forcing_of(conditions.get("forcing"))
     if name in forcing.params:
         return {**conditions, "forcing": forcing.at(**{name: value})}
@@ -117,9 +143,9 @@ def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterato
         high = min(high, max(width if math.isfinite(width) else 1.0, 2.0 * low))
         if not isinstance(conditions.get("lattice"), Lattice):
             square = conditions.get("omega", 1.0) ** 2
-            fold = square * smallest_amplitude(
-                conditions["gamma"] / square, conditions["k"], conditions.get("forcing")
-            )
+            odd = with_even(0.0, forcing_of(conditions.get("forcing")))
+            gamma = conditions["gamma"] / square
+            fold = square * smallest_amplitude(gamma, conditions["k"], odd)
             # breathers begin at the fold (14) and end where the neighbour comes to its wall, (15)
             near += [factor * fold for factor in (1.5, 1.1, 1.01)]
     else:
@@ -128,12 +154,6 @@ def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterato
     # every other value first, then those between them
     spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
     yield from (value for value in spread if free != "a" or value > 0.0)  # no forcing, no breather
-
-
-def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
-    """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
-    these parameters among theirs."""
-    return orbit.problem_beyond(threshold).having(*names)
 
 
 @one_thread
@@ -194,8 +214,9 @@ def find_event(
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
             refusal = refusal or error
             continue
-        problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
-        one_of("the kind", kind, (*(event.kind for event in problem.events), "PD"))
+        problem = start.problem_beyond(threshold_on(start.lattice, threshold)).having(*pair)
+        kinds = [*dict.fromkeys(event.kind for event in problem.events), "PD"]
+        one_of("the kind under this drive" if start.section.sign > 0 else "the kind", kind, kinds)
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
         # a symmetric breather breaks its symmetry (PF) before it can double its period

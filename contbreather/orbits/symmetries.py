@@ -25,8 +25,8 @@ ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to 
 
 
 def images_of(orbit: Orbit) -> Iterator[Orbit]:
-    """What the shifts by pi, 2 pi, ... with their signs, and exchanges of alike sites, make of an
-    orbit, among those that have the same sequence of impacts; each begins with the impact that
+    """Images of an orbit under shifts by pi, 2 pi, ... with their signs, and exchanges of alike
+    sites, among those that have the same sequence of impacts; each begins with the impact that
     comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
     # by odd multiples of pi the walls change places
     step = 1 if orbit.conditions.symmetric else 2  # in half periods of the forcing
@@ -45,7 +45,7 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
 
 
 def _answers(orbit: Orbit) -> Any:
-    """How the sites that hit answer to impacts of each other, up to a function of all."""
+    """Answers of the sites that hit to impacts of each other, up to a function of all."""
     hit, lattice = np.array(orbit.section.hit), orbit.lattice
     if lattice.sites is None:
         return abs(hit[:, None] - hit)
@@ -75,7 +75,7 @@ def _exchanges(answers: Any, first: tuple[int, ...] = ()) -> Iterator[tuple[int,
 
 
 def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
-    """Whether the others cannot tell that order from the first: on some trees two sites answer each
+    """Test if the others cannot tell that order from the first: on some trees two sites answer each
     other alike that no symmetry exchanges."""
     lattice, hit = orbit.lattice, orbit.section.hit
     if not isinstance(lattice, Lattice) or order == (*range(len(order)),):
@@ -107,8 +107,9 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
         for n, wall, t, J in sorted(orbit.impacts, key=lambda impact: impact.time)
     ]
     fits: list[tuple[float, int, Any, list[Impact]]] = []
-    for window in _windows(moved, section):
-        if impacts := _named(window, section):
+    m, course = section.count, section.course(moved, 3)
+    for start in range(m if section.sign > 0 else 2 * m):  # with each impact of a period first
+        if impacts := _named(course[start : start + m], section):
             times = np.array([impact.time for impact in impacts])
             times -= orbit.period * round((times[0] - orbit.times[0]) / orbit.period)
             fits.append((float(abs(times - orbit.times).sum()), len(fits), times, impacts))
@@ -128,13 +129,6 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     return Orbit(representation, orbit.omega) if same else None
 
 
-def _windows(impacts: Sequence[Impact], section: Section) -> Iterator[Sequence[Impact]]:
-    """Sections of a motion, begun with each impact of a period in turn."""
-    m, course = len(impacts), section.course(impacts, 3)
-    for start in range(m if section.sign > 0 else 2 * m):
-        yield course[start : start + m]
-
-
 def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
     """Its impacts in the order of a section, in which those of different sites may overtake each
     other. Empty if it has others."""
@@ -146,7 +140,7 @@ def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
 
 
 def simpler_than(orbit: Orbit) -> Orbit | None:
-    """The same motion with fewer impacts: a part of its period, or half of it where the other half
+    """This motion with fewer impacts: a part of its period, or half of it where the other half
     is its mirror image."""
     on = orbit.representation.conditions
     for section in _parts(orbit):

@@ -69,7 +69,7 @@ class Zones(Columns, HtmlRepr):
     past_folds: bool = False
     interrupted: bool = False
     ceiling: float | None = None
-    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
+    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it a second
     beyond: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
@@ -120,7 +120,6 @@ class Zones(Columns, HtmlRepr):
         return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
 
     def _same(self, point: Point, other: Point) -> bool:
-        """Test whether two meetings are one, seen from either curve."""
         kinds = [set(meeting.kind.split("-")) for meeting in (point, other)]
         return kinds[0] == kinds[1] and all(abs(point[n] - other[n]) < 1e-6 for n in self.pair)
 

@@ -48,6 +48,13 @@ COMBS = {
     "omega": (0.3, 0.45, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
+
+
+def second_of(fixed: Mapping[str, Any]) -> str | None:
+    """The second of two parameters that are fixed in a plane of omega: gamma, or a; None of one."""
+    return None if len(fixed) != 2 else "gamma" if "gamma" in fixed else "a"
+
+
 FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
@@ -68,17 +75,23 @@ class ZoneSearch:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
-    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it gamma
+    held: Mapping[str, float] = field(default_factory=dict)  # omega, or in planes of it a second
     beyond: bool = False
     kept: Checkpoint | None = None
 
     def __post_init__(self) -> None:
         third = ({*PAIRS} - {self.name, *self.held}).pop()
-        self.pair = ("omega", third) if "gamma" in self.held else PAIRS[self.name]
+        in_omega = bool({*self.held} - {"omega"})
+        self.pair = ("omega", third) if in_omega else PAIRS[self.name]
         for other in self.given:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
-        self.within = {n: _narrowed(n, self.given.get(n), self._unit(n)) for n in self.pair}
+        # a window that is given goes as far as there are breathers at its largest omega
+        top = self.given.get("omega", window_of("omega"))[1] if in_omega else None
+        self.within = {
+            n: _narrowed(n, self.given.get(n), self._unit(n, top if n in self.given else None))
+            for n in self.pair
+        }
         self.events: tuple[Event, ...] | None = None  # until there is a breather that has them
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
@@ -102,13 +115,15 @@ class ZoneSearch:
     def run(self, shown: Counter) -> None:
         scans = [self._scan(x, shown) for x in self._comb(self.pair[0])]
         if not any(scans):
+            at = " and ".join(
+                f"{n} = {x:g}" for n, x in {self.name: self.value, **self.held}.items()
+            )
             searched = " and ".join(
                 f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
                 for name, (low, high) in self.within.items()
             )
             raise BadInput(
-                f"no breather at {self.name} = {self.value:g} for {searched}; "
-                "widen the window, or choose another value"
+                f"no breather at {at} for {searched}; widen the window, or choose another value"
             )
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
@@ -159,7 +174,6 @@ class ZoneSearch:
         return sorted(pieces, key=lambda piece: piece.z[-1, 2])  # a falls along each
 
     def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
-        """Test whether a curve of this kind passes a place."""
         curves = (b for b in self.curves[kind] if b is not but)
         return any(_on_curve(b, place, self.pair, SAME) for b in curves)
 
@@ -276,7 +290,6 @@ def _narrowed(name: str, window: tuple[float, float] | None, unit: float) -> tup
 
 
 def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:
-    """Test whether a traced curve passes a place."""
     # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes p
     # takes long to say, and follows from the time
     names = (*pair, "p", "phi") if "phi" in curve.names else (*pair, "t1")

@@ -21,7 +21,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
-from contbreather.orbits.zone_search import ZoneSearch
+from contbreather.orbits.zone_search import ZoneSearch, second_of
 from contbreather.parameters import HEAVIEST, parameter
 from contbreather.progress import Counter
 from contbreather.stability.verdict import threshold_on
@@ -91,8 +91,9 @@ def zones(
     ----------
     k, gamma, a : float or sequence of float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
-        Several values give as many diagrams. Or gamma and one of the others: the plane is that of
-        the frequency and the third, ``(omega, a)`` of ``zones(k=0.8, gamma=0.05)``.
+        Several values give as many diagrams. Or two of them: the plane is that of the frequency and
+        the third, ``(omega, a)`` of ``zones(k=0.8, gamma=0.05)``, ``(omega, gamma)`` of ``zones(
+        k=0.8, a=0.9)``.
     forcing : Forcing, str or function of t, optional
         `Harmonic` unless given.
     lattice : InfiniteChain, Ring or Lattice, optional
@@ -147,22 +148,23 @@ def zones(
     every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
     fixed = {name: v for name, v in every.items() if v is not None}
     held = {} if parameter("omega", omega) == 1.0 else {"omega": omega}
-    if len(fixed) == 2 and gamma is not None and not held:
-        held["gamma"] = fixed.pop("gamma")
+    if (second := second_of(fixed)) and not held:
+        held[second] = fixed.pop(second)
     if len(fixed) != 1:
         raise BadInput(
             f"zones need exactly one of k, gamma and a fixed, got {fixed or 'none'}; "
-            "zones(k=0.8) draws the plane (gamma, a)"
+            "zones(k=0.8) draws the plane (gamma, a), and zones(k=0.8, gamma=0.05) that of omega "
+            "and a"
         )
     ((name, value),) = fixed.items()
     # a diagram for each; a string is iterable too, but no values
     if np.iterable(value) and not isinstance(value, str):
-        shared: dict[str, Any] = {"forcing": forcing, "lattice": lattice, "within": within}
-        shared |= {"progress": progress}
-        shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
-        shared |= {"omega": omega} | held
-        return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds,
-                         beyond=beyond)  # fmt: skip
+        shared: dict[str, Any] = {
+            "forcing": forcing, "lattice": lattice, "within": within, "progress": progress,
+            "threshold": threshold, "past_folds": past_folds, "beyond": beyond, "site": site,
+            "damping": damping, "spring": spring, "walls": walls, "omega": omega, **held,
+        }  # fmt: skip
+        return _several(name, value, save, **shared)
     value = fixed_value(name, value)
     held = {n: parameter(n, x, high=HEAVIEST, why="") for n, x in held.items()}
     if past_folds and held:
@@ -232,7 +234,6 @@ def model_of(
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> ZoneDiagrams:
-    """A diagram for each of several values."""
     values = [fixed_value(name, value) for value in values]  # all before any diagram is drawn
     if not values:
         raise BadInput(f"zones need a value of {name}, or several; got none")

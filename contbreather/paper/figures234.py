@@ -186,7 +186,6 @@ class MultiplierFigure:
 
     @property
     def _top(self) -> float:
-        """Upper end of the axis of the moduli, above 1."""
         return 2.4 * (self.threshold - 1.0)
 
     def rows(self) -> Iterator[dict[str, Any]]:

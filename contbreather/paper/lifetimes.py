@@ -1,5 +1,4 @@
-"""Lives of breathers on the paper's ring: periods until they are lost, growth rates, what would
-keep them."""
+"""Lives of breathers on the paper's ring: periods until they are lost, what would keep them."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, whole
+from contbreather.checks import check_kind
 from contbreather.continuation.bifurcations.equilibria import fold
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import NotConverged, partial_result
@@ -19,11 +18,9 @@ from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
 from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, simulate
-from contbreather.simulation.states import State
 
 SITES, LONG = 20, 120  # of the paper's ring, and of one on which a wave is damped away going round
 DAMPING = 0.005
-SMALL = 1e-6  # of a perturbation: what follows is linear
 
 
 def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
@@ -67,40 +64,6 @@ def delocalised(run: SmoothRun) -> bool:
     """Tell whether the energy is all over the ring at the end."""
     end = localised(run.strobe.u[-1], run.strobe.v[-1], run.times[-1], run.conditions)
     return float(end.participation) > BROAD
-
-
-def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
-    """Growth of a small perturbation of a periodic motion in a period, simulated.
-
-    Every few periods it is made small again; the first third of them is left to the largest
-    multiplier to win, over one that may be only four thousandths smaller (Fig. 6 (a), m = 6).
-    That is the number to compare with.
-
-    Examples
-    --------
-    >>> from contbreather.orbits import symmetric
-    >>> b = symmetric(a=0.2, gamma=0.104, k=0.8)
-    >>> own = periodic(b.state(6), a=0.2, gamma=0.104, k=0.8, damping=0.02, symmetric=True)
-    >>> bool(abs(growth(own) - own.largest) < 1e-4)
-    True
-    """
-    check_kind(motion, PeriodicMotion, "a motion of periodic")
-    whole("periods", periods, 3)
-    state = np.array(motion.state)
-    off = SMALL * np.random.default_rng(0).normal(size=state.shape)
-    sizes: list[float] = []
-    lost = 0.0  # the logarithm of all factors taken off
-    while len(sizes) < periods:
-        run = completed(replace(motion, state=State(*(state + off))).run(periods=10))
-        there = np.stack(run.strobe, axis=1) - state
-        sizes += [lost + math.log(np.linalg.norm(offset)) for offset in there[1:]]
-        shrink = SMALL / float(np.linalg.norm(there[-1]))
-        off, lost = shrink * there[-1], lost - math.log(shrink)
-    size = np.array(sizes[periods // 3 :])
-    # a complex pair makes the size wave about its trend; this weight averages waves away
-    x = np.linspace(0.0, 1.0, size.size + 2)[1:-1]
-    slope = np.polyfit(np.arange(size.size), size, 1, w=np.exp(-0.5 / (x * (1.0 - x))))[0]
-    return float(np.exp(slope))
 
 
 def keywords_of(breather: Orbit, damping: float = DAMPING) -> dict[str, Any]:

@@ -172,20 +172,6 @@ def _against(orbits: dict[str, Orbit], run: Any, m: int) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def _best_shift(exact: Orbit, times: NDArray[Any], u: NDArray[Any]) -> tuple[float, float]:
-    """The difference in u_0 that is left after the best time shift, and that shift."""
-    from scipy.optimize import minimize_scalar
-
-    wanted = exact.displacement(0, times)
-
-    def left(shift: float) -> float:
-        return float(np.abs(np.interp(times - shift, times, u, period=PERIOD) - wanted).max())
-
-    start = min(np.linspace(-0.4, 0.4, 81), key=left)
-    best: Any = minimize_scalar(left, bounds=(start - 0.02, start + 0.02), method="bounded")
-    return float(best.fun), float(best.x)
-
-
 # --- the figures ----------------------------------------------------------------------------------
 
 
@@ -212,11 +198,8 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     t, gaps = settled.record.times, {}
     for n, u in zip(SHOWN, settled.record.u.T, strict=True):
         gaps[f"difference_{n}"] = float(np.abs(u - exact.displacement(n, t)).max())
-    left, shift = _best_shift(exact, t, settled.record.u[:, 0])
     numbers = {
         **gaps,
-        "difference_0_shifted": left,
-        "shift": shift,
         "away": float(np.abs(np.subtract(final, orbit.state)).max()),
         "smooth_multiplier": orbit.largest,
         "rigid_multiplier": on_ring(exact).largest,
@@ -229,10 +212,9 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
         "damping: largest multiplier {smooth_multiplier:.4f} (rigid walls: "
         "{rigid_multiplier:.4f}; without damping {undamped_multiplier:.4f}, unstable). The circles "
         "are within {away:.1g} of the ring's own periodic motion. That motion differs from the "
-        "exact one by {difference_0:.3f} in u_0 ({difference_0_shifted:.3f} once shifted in time "
-        "by {late:.3f}: the soft wall holds the site for a while), {difference_1:.4f} in u_1, "
-        "{difference_10:.4f} in u_10."
-    ).format(late=-shift, **numbers)
+        "exact one by {difference_0:.3f} in u_0, for the soft wall holds the site for a while, "
+        "{difference_1:.4f} in u_1, {difference_10:.4f} in u_10."
+    ).format(**numbers)
     return TimeSeries(5, _against({"exact": exact}, circles, m), caption, numbers)
 
 
@@ -282,21 +264,13 @@ def figure7(m: int = 20) -> TimeSeries:
     0.028
     """
     low, a, gamma, m = 0.7, 0.82, 0.04, whole("m", m, 1)
-    other, gentle = 20 if m == HARDNESS else HARDNESS, 15  # walls at which a gentler ramp succeeds
     exact = symmetric(a, gamma, RESTITUTION)
     on = keywords_of(exact)
-    start = symmetric(low, gamma, RESTITUTION).state(SITES)
-
-    def ramped(m: int, steps: int, periods: int) -> Any:
-        values = np.linspace(low, a, steps)
-        return completed(sweep(start, "a", values, periods=periods, m=m, **on)).final
-
-    def rested(m: int) -> Any:
-        after = _run(ramped(m, 121, 2), m, periods=500, **on).final
-        return _run(after, m, periods=2, sample=Sample(SHOWN, 8 * CIRCLES), **on)
-
+    start, values = symmetric(low, gamma, RESTITUTION).state(SITES), np.linspace(low, a, 121)
+    ramp = completed(sweep(start, "a", values, periods=2, m=m, **on))
+    rested = _run(ramp.final, m, periods=500, **on).final
+    settled = _run(rested, m, periods=2, sample=Sample(SHOWN, 8 * CIRCLES), **on)
     fork = trace(exact, "a", events=[pitchfork()], progress=False).first("PF")
-    settled = rested(m)
     mean = settled.record.u.mean(axis=0).tolist()
     closed = periodic(_run(exact.state(SITES), periods=3000, **on).final, **on)
     rigid = completed(closed.run(sample=Sample((0,), 400)))
@@ -312,28 +286,21 @@ def figure7(m: int = 20) -> TimeSeries:
         "phase_2": second,
         "rigid_multiplier": closed.largest,
         "symmetric_multiplier": on_ring(exact).largest,
-        f"multiplier_{gentle}": periodic(ramped(gentle, 61, 6), m=gentle, **on).largest,
         "delocalised": float(delocalised(settled)),
-        f"delocalised_{other}": float(delocalised(rested(other))),
     }
-    lost, slow = numbers["delocalised"], numbers[f"multiplier_{gentle}"]
     fate = f"the asymmetric breather: mean of u_0 {mean[0]:.4f}, of u_10 {mean[2]:.4f}"
-    if lost:
+    if numbers["delocalised"]:
         fate = "this ramp ends delocalised, impacts are everywhere"
-    end = "ends delocalised" if numbers[f"delocalised_{other}"] else "keeps its breather"
     caption = (
         f"Past the pitchfork (exactly at a = {fork['a']:.6f} without damping): a = {a}, "
         f"gamma = {gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: "
         f"exact asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping "
-        f"{DAMPING}, after a ramp of a from {low} and 500 periods. Verdict: {fate}; with "
-        f"m = {other} this ramp {end}. Not only m decides, but the ramp: with m = {gentle} one of "
-        "61 steps of 6 periods comes to an asymmetric breather with the largest multiplier "
-        f"{slow:.4f}{', an attractor' if slow < 1.0 else ''}. "
+        f"{DAMPING}, after a ramp of a from {low} and 500 periods. Verdict: {fate}. "
         "With rigid walls an attractor, largest multiplier {rigid_multiplier:.5f} (the symmetric "
         "breather: {symmetric_multiplier:.4f}), impact phases {phase_1:.6f} and {phase_2:.6f}, "
         "mean of u_0 {rigid_mean_0:.4f} or its opposite; exactly, without damping, {exact_c:.4f}."
     ).format(**numbers)
-    lines = {"exact": exact} if lost else {"exact": exact, "asymmetric": arm}
+    lines = {"exact": exact} | ({} if numbers["delocalised"] else {"asymmetric": arm})
     return TimeSeries(7, _against(lines, settled, m), caption, numbers)
 
 

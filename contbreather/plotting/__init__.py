@@ -10,7 +10,7 @@ from contbreather.fronts import front
 __all__ = front(
     __name__,
     {
-        "branches": "plot_diagram",
+        "branches": "plot_diagram plot_energy",
         "canvas": "Drawn new_figure save_figure style",
         "multipliers": "plot_multipliers plot_spectrum",
         "orbits": "plot_orbit plot_profile",

@@ -1,4 +1,5 @@
 from .branches import plot_diagram as plot_diagram
+from .branches import plot_energy as plot_energy
 from .canvas import Drawn as Drawn
 from .canvas import new_figure as new_figure
 from .canvas import save_figure as save_figure

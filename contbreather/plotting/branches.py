@@ -190,7 +190,6 @@ def _is_boundary(branch: Branch) -> bool:
 
 
 def _ordinate(branches: Sequence[Branch]) -> str:
-    """Column to draw where none was named."""
     first, problems = branches[0], [branch.problem for branch in branches]
     if _is_boundary(first):
         return first.curve.varied[1]
@@ -384,8 +383,9 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
-        inside, samples = legend(loc="best"), canvas.curve_samples(ax, canvas.lay_out(ax))
-        if not canvas.beneath(inside.get_window_extent(), samples):
+        inside = legend(loc="best")
+        canvas.lay_out(ax)
+        if not inside.get_window_extent().count_contains(canvas.curve_points(ax)):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 
@@ -436,6 +436,36 @@ def name_of(point: Point) -> str:
 # --- arms and whole diagrams ----------------------------------------------------------------------
 
 
+def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
+    """Energy of breathers over their frequency, with the band of small oscillations shaded, and
+    where a harmonic of the frequency lies in it.
+
+    Parameters
+    ----------
+    *branches : Branch
+        Of conservative breathers, in "omega" or in "energy".
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(3))
+    >>> b = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})
+    >>> branch = cb.trace(b, "omega", within={"omega": (1.4, 1.6)})
+    >>> plot_energy(branch).axes.get_xlabel()
+    '$\\omega$'
+    """
+    drawn = plot_branches(*branches, x="omega", y="energy", ax=ax)
+    axes, point = drawn.axes, branches[0][0]
+    low, high = point.solution.chain.frequencies(point.params)[[0, -1]]
+    left, right = axes.get_xlim()
+    for m in range(1, int(high / max(left, 1e-3 * high)) + 1):
+        axes.axvspan(low / m, high / m, color=GREY, alpha=0.25 / m, linewidth=0, zorder=0)
+    axes.set_xlim(left, right)
+    return drawn
+
+
 def plot_diagram(
     tree: Diagram | Branch | Sequence[Branch],
     *,
@@ -455,11 +485,6 @@ def plot_diagram(
         branches have; of breathers as in `plot`. Branches without the column are left out.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
-
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
 
 Array = NDArray[np.float64]
 
@@ -311,73 +310,50 @@ def lay_out(ax: Axes) -> float:
 
 
 def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
-    """Write words beside points of finished axes, each in its style: where they cover least of
-    other words and the legend, of other points, of lines. Points outside of the axes get none."""
-    pixel = lay_out(ax)
+    """Write words beside points of finished axes, each in its style: close by, to the upper right
+    before elsewhere, where they cover least of other words and the legend, are nearest to their own
+    point, and cover least of curves. Points outside of the axes get none."""
+    from matplotlib.transforms import Bbox
+
+    def off(box: Bbox, points: Array) -> Array:
+        return np.linalg.norm(np.clip(points, box.min, box.max) - points, axis=-1)
+
+    pixel, curves = lay_out(ax), curve_points(ax)
     inner, outer = ax.bbox.padded(-3.0 * pixel), ax.bbox.padded(2.0 * pixel)  # off ticks, at rim
     taken = [word.get_window_extent() for word in (*ax.texts, ax.get_legend()) if word]
-    curves = curve_samples(ax, pixel)
-    placed = [(ax.transData.transform(word[:2]), word) for word in words]
-    for point, (x, y, text, style) in placed:
+    angles = np.pi * (0.25 + np.arange(16) / 8.0)
+    sides = np.column_stack([np.cos(angles), np.sin(angles)])
+    placed = list(words)
+    every = ax.transData.transform(np.reshape([word[:2] for word in placed], (-1, 2)))
+    for point, (x, y, text, style) in zip(every, placed, strict=True):
         if not outer.contains(*point):
             continue
         look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
         look["fontsize"] = type_size(ax, look["fontsize"])
         word = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
-        others = [other for other, _ in placed if not np.allclose(other, point)]
-        way, box = min(
-            _places(point, np.asarray(word.get_window_extent().size), pixel),
-            key=lambda place: _covered(place[1], point, inner, taken, others, curves),
-        )
-        word.set_position(tuple(way / pixel))
-        taken.append(box)
+        half = 0.5 * np.asarray(word.get_window_extent().size)
+        beside = half * np.clip(1.5 * sides, -1.0, 1.0)
+        ways = np.concatenate([gap * pixel * sides + beside for gap in (3, 6, 10, 15, 22, 30)])
+        boxes = [Bbox([point + way - half, point + way + half]).padded(pixel) for way in ways]
+        covered = [
+            (box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4),
+             int(np.sum(off(box, every) <= 1.5 * off(box, point))), box.count_contains(curves))
+            for box in boxes
+        ]  # fmt: skip
+        best = covered.index(min(covered))
+        word.set_position(tuple(ways[best] / pixel))
+        taken.append(boxes[best])
 
 
-def _places(point: Array, size: Array, pixel: float) -> Iterator[tuple[Array, Bbox]]:
-    """Ways from a point to the middle of a word of this size, nearest first and to the upper right
-    before elsewhere, and the boxes that it takes there."""
-    from matplotlib.transforms import Bbox
-
-    for points in (3.0, 6.0, 10.0, 15.0, 22.0, 30.0):  # typographic ones, from point to word
-        for angle in np.pi * (0.25 + np.arange(16) / 8.0):
-            side = np.array([np.cos(angle), np.sin(angle)])
-            way = side * points * pixel + 0.5 * size * np.clip(1.5 * side, -1.0, 1.0)
-            half = 0.5 * size + pixel
-            yield way, Bbox([point + way - half, point + way + half])
-
-
-def _covered(
-    box: Bbox, point: Array, frame: Any, taken: list[Any], others: list[Array], curves: Array
-) -> tuple[int, int, int]:
-    """Count the words that a box covers, or the edge of the axes; the other points to which it
-    would seem to belong; the samples of curves beneath it."""
-    outside = not (frame.contains(*box.min) and frame.contains(*box.max))
-    own, *gaps = (
-        float(np.linalg.norm(np.clip(there, box.min, box.max) - there))
-        for there in (point, *others)
-    )
-    near = sum(gap <= 1.5 * own for gap in gaps)
-    return box.count_overlaps(taken) + outside, near, beneath(box, curves)
-
-
-def beneath(box: Any, curves: Array) -> int:
-    """Number of the samples of curves that a box would cover."""
-    at, half = curves[:, :2], curves[:, 2:]
-    return int(np.all((at + half >= box.min) & (at - half <= box.max), axis=1).sum())
-
-
-def curve_samples(ax: Axes, pixel: float) -> Array:
-    """Points along all lines, two typographic ones apart or where these are dots alone, and half
-    the width of each line: rows of three, in pixels."""
-    samples = [np.empty((0, 3))]
+def curve_points(ax: Axes) -> Array:
+    """Points along all lines, in pixels."""
+    points = [np.empty((0, 2))]
     for line in ax.get_lines():
         nodes = line.get_transform().transform(line.get_xydata())
         nodes = nodes[np.isfinite(nodes).all(axis=1)]
-        length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
-        if line.get_linestyle() != "None":
-            nodes = evenly(nodes, 2 + int(length / (2.0 * pixel))) if length > 0.0 else nodes[:1]
-        samples.append(np.insert(nodes, 2, 0.5 * pixel * line.get_linewidth(), axis=1))
-    return np.concatenate(samples)
+        drawn = line.get_linestyle() != "None" and len(nodes) > 1
+        points.append(evenly(nodes, 500) if drawn else nodes)
+    return np.concatenate(points)
 
 
 def evenly(nodes: Array, count: int, scale: Array | float = 1.0) -> Array:

@@ -13,6 +13,7 @@ from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
+from contbreather.flows.conservative_events import signatures
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 FAR = 2.0  # from 0: what is farther out is shown at the edge of the figure
+
+
+_ON_CIRCLE = 1 + 1e-9  # closer than that is on it, as for counts of cycles
 
 
 def plot_multipliers(
@@ -51,6 +55,7 @@ def plot_multipliers(
     Parameters
     ----------
     breather : Orbit, simulation.PeriodicMotion, flows.Cycle, or a Point of a branch of these
+        Of a conservative one pairs with the Krein signature -1 are open circles.
     sites : int, optional
         Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
     half : bool
@@ -59,11 +64,6 @@ def plot_multipliers(
         Decimals of the labels.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
-
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -84,6 +84,9 @@ def plot_multipliers(
     if isinstance(orbit, Cycle | PeriodicMotion):
         _not_of_cycles(sites, half)
         mu = orbit.others if isinstance(orbit, Cycle) else orbit.multipliers
+        if isinstance(orbit, Cycle) and orbit.paired:  # where pairs meet rounding moves them apart
+            root = np.sqrt(orbit.indices**2 - 1)
+            mu = np.concatenate([orbit.indices + root, orbit.indices - root])
         waves, alone = np.empty((0, 0)), np.ones(mu.size, dtype=bool)
     else:
         ring = 400 if orbit.lattice.sites is None else None
@@ -92,18 +95,24 @@ def plot_multipliers(
         _circle_and_band(axes, waves)
         size = np.abs(mu)  # those far out are shown at the edge, in their direction
         shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
-        unstable = bool(np.any(alone & (size > 1.0)))
+        unstable = bool(np.any(alone & (size > _ON_CIRCLE)))
         reach = max(1.5 if unstable else 1.27, 1.1 * float(np.abs(shown).max()))
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
         name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
+        if isinstance(orbit, Cycle) and orbit.paired:  # open where the Krein signature is -1
+            on, signs = signatures(orbit)
+            index = on[signs < 0]
+            side = np.sqrt(1 - index**2) * np.array([[1], [-1]])
+            axes.plot(np.tile(index, 2), side.ravel(), "o", color=BLUE, markerfacecolor="w",
+                      markersize=4, zorder=4)  # fmt: skip
         # in axes narrower than 150 points a pair takes two lines
         space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
         plain = canvas.text_colour(axes)
         canvas.place_words(axes, (
             (shown[i].real, shown[i].imag, _number(mu[i], digits, space),
-             {"color": VERMILLION if size[i] > 1.0 else plain})
+             {"color": VERMILLION if size[i] > _ON_CIRCLE else plain})
             for i in _named(mu, alone & (mu.imag >= 0.0))
         ))  # fmt: skip
     return drawn
@@ -226,7 +235,7 @@ def _named(mu: Array, which: NDArray[np.bool_]) -> list[int]:
 
 
 def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
-    outside, far = np.abs(mu) > 1.0, np.abs(mu) > FAR
+    outside, far = np.abs(mu) > _ON_CIRCLE, np.abs(mu) > FAR
     for which, colour in ((~alone, BLUE), (alone & ~outside, BLUE), (alone & outside, VERMILLION)):
         near, size = shown[which & ~far], 2.6 if np.any(which & alone) else 1.6
         ax.plot(near.real, near.imag, "o", color=colour, markersize=size, zorder=3)

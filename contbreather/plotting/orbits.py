@@ -17,6 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.cycle_problem import Cycle, CycleProblem
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
+from contbreather.oscillators.breather_problem import Breather, BreatherProblem
 from contbreather.plotting import canvas
 from contbreather.plotting.canvas import BLUE, CYCLE, DASHES, GREY, Drawn
 
@@ -48,19 +49,14 @@ def plot_orbit(
     ----------
     orbit : Orbit, flows.Cycle, or a Point of a branch of either
     sites : sequence of int, optional
-        The sites that hit, and the neighbours of the first of them, unless given. Orbits of
-        lattices alone have sites.
+        The sites that hit, and the neighbours of the first of them, unless given; of a breather of
+        oscillators those that move most. Orbits of lattices alone have sites.
     x, y : str, optional
         Of a cycle: what to draw over what. Every state over the time ``"t"`` unless given; `y` may
         be several names; those that swing by less than a tenth of what the others do have a row of
         their own, ``figure.axes[1]`` and so on. Where a condition ends a flow there is a dot.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
-
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -80,7 +76,10 @@ def plot_orbit(
     """
     whole = solution_of(orbit)
     if isinstance(whole, Cycle):
-        if sites is not None:
+        if isinstance(whole, Breather) and y is None:
+            most = np.argsort(-whole.swings, kind="stable")[:3]
+            y = [f"u{n}" for n in (sorted(most) if sites is None else chosen_sites(sites))]
+        elif sites is not None:
             raise BadInput(
                 f"sites = {sites!r}: a cycle of flows has states, y={whole.equations.states[0]!r}"
             )
@@ -111,14 +110,18 @@ def plot_orbit(
 
 
 def solution_of(value: Any) -> Any:
-    """Return the solution of a point of a branch, if its problem has one; all else itself."""
+    """Return the solution of a point of a branch, if its problem has one, or the orbit at which the
+    problem of a breather starts; all else itself."""
+    if isinstance(value, BreatherProblem):
+        return value.solution
     interpreted = isinstance(value, Point) and value.base_point.curve.problem.interpret is not None
     return value.solution if interpreted else value
 
 
-def drawn_orbit(value: object) -> Orbit:
+def drawn_orbit(value: object) -> Any:
+    """The orbit of a lattice: one with impacts, or a breather of oscillators."""
     orbit = solution_of(value)
-    if not isinstance(orbit, Orbit):
+    if not isinstance(orbit, Orbit | Breather):
         raise no_orbit(orbit, "an orbit of a lattice")
     return orbit
 
@@ -182,7 +185,7 @@ def plot_profile(
 
     Parameters
     ----------
-    orbit : Orbit, or a Point of a branch of orbits
+    orbit : Orbit, or a Point of a branch of orbits; or a breather of oscillators
     t : float
         Time; the forcing has the period 2 pi.
     sites : sequence of int, optional
@@ -219,18 +222,24 @@ def plot_profile(
     return drawn
 
 
-def all_sites(orbit: Orbit) -> list[int]:
+def all_sites(orbit: Any) -> list[int]:
+    if isinstance(orbit, Breather):
+        return list(range(orbit.lattice.sites))
     first = orbit.section.impacts[0][0]
     if orbit.lattice.sites is None:
         return list(range(first - BESIDE, first + BESIDE + 1))
     return list(range(orbit.lattice.sites))
 
 
-def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Orbit) -> None:
+def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Any) -> None:
     ax.vlines(sites, 0.0, u, color=BLUE, linewidth=1.0)
     ax.plot(sites, u, "o", color=BLUE, markersize=4)
     ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
-    ends = np.array([orbit.walls.at(n) for n in sites])
+    if isinstance(orbit, Breather):
+        place = orbit.chain.walls and float(orbit.chain.walls(0.0, orbit.params))
+        ends = np.array([(-place, place) if place else (-math.inf, math.inf)] * len(sites))
+    else:
+        ends = np.array([orbit.walls.at(n) for n in sites])
     for wall in np.unique(ends[np.isfinite(ends)]):  # of each site that has one there
         struck = [n for n, pair in zip(sites, ends, strict=True) if wall in pair]
         ax.plot(struck, np.full(len(struck), wall), "_", color=GREY, markersize=8)

@@ -22,9 +22,10 @@ from contbreather.flows.cycle_problem import Cycle
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
+from contbreather.oscillators.breather_problem import BreatherProblem
 from contbreather.plotting.branches import plot_branches, plot_diagram
 from contbreather.plotting.canvas import Drawn, drawing, inline, symbol
-from contbreather.plotting.orbits import plot_orbit, solution_of
+from contbreather.plotting.orbits import plot_orbit, plot_profile, solution_of
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation.basin import Basin
@@ -147,6 +148,7 @@ _PLOTS: dict[type, Any] = {
     Branch: plot_branches,
     Orbit: plot_orbit,
     Cycle: plot_orbit,
+    BreatherProblem: plot_profile,
     Trajectory: plot_motion,
     Diagram: plot_diagram,
     Zones: plot_zones,

@@ -19,6 +19,7 @@ from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
+from contbreather.oscillators.breather_problem import Breather, BreatherProblem
 from contbreather.plotting import canvas, orbits
 from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
 from contbreather.simulation.basin import Basin, Outcome
@@ -153,7 +154,7 @@ def plot_space_time(
 
     Parameters
     ----------
-    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
+    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record; a breather of oscillators
         An orbit is shown over its period; a run as its sites were recorded densely, of more than
         20 periods by the largest size of each site in a period, or in several. Of a run without a
         record the last 20 periods are shown, simulated again from its state before them; under
@@ -177,7 +178,7 @@ def plot_space_time(
     title = ", ".join(filter(None, (title, periods)))
     times, there, u = _field(shown, sites if row is None else row)
     words, signed = "$u_n$", True
-    if not isinstance(shown, Orbit | Point):
+    if not isinstance(shown, Orbit | Point | Breather | BreatherProblem):
         once = getattr(shown, "record", shown) is None  # a record is one itself
         long = float(times[-1] - times[0]) / math.tau
         if once:
@@ -224,7 +225,11 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         lattice, role = motion.conditions.lattice, "moves most"
     else:
         orbit = orbits.drawn_orbit(motion)
-        lattice, site, role = orbit.lattice, orbit.section.impacts[0][0], "hits"
+        lattice, role, site = orbit.lattice, "moves most", 0
+        if isinstance(orbit, Orbit):
+            site, role = orbit.section.impacts[0][0], "hits"
+        else:
+            site = int(orbit.swings.argmax())
     shape = getattr(lattice, "shape", None)
     if shape is None:
         return None, ""
@@ -255,7 +260,8 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
         return motion.times, there, motion.u[:, [motion.sites.index(n) for n in there]]
     orbit = orbits.drawn_orbit(motion)
     drawn = sorted(orbits.all_sites(orbit) if chosen is None else chosen)
-    times = np.linspace(0.0, orbit.period, orbits.MOMENTS * orbit.section.turns + 1)
+    turns = orbit.section.turns if isinstance(orbit, Orbit) else 1
+    times = np.linspace(0.0, orbit.period, orbits.MOMENTS * turns + 1)
     return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
 
 

@@ -23,7 +23,7 @@ from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.parameters import NUMBERS
 from contbreather.plotting import canvas
-from contbreather.plotting.canvas import BLACK, BLUE, COLUMN, PAGE, VERMILLION, Drawn
+from contbreather.plotting.canvas import BLACK, COLUMN, PAGE, Drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,9 @@ _DASHES: dict[str, Any] = {
     "dashed": (0, (5, 1.5)),
     "dashdot": (0, (6, 1.2, 1.2, 1.2)),
 }
-_COLOURS = {"black": BLACK, "vermillion": VERMILLION, "blue": BLUE}
 LINES: dict[str, dict[str, Any]] = {
     kind: {
-        "color": _COLOURS[look_of(kind).colour],
+        "color": getattr(canvas, look_of(kind).colour.upper()),
         "linestyle": _DASHES[look_of(kind).line],
         "label": f"{look_of(kind).name} ({kind})",
     }
@@ -282,11 +281,6 @@ def plot_atlas(
     kinds : sequence of str
         Of LP, GR, PF and NS.
 
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
-
     Raises
     ------
     BadInput
@@ -345,7 +339,6 @@ def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
 def _lines(
     atlas: Dataset, names: Sequence[str], at: Mapping[str, float], kinds: Sequence[str]
 ) -> Lines:
-    """Curves of each kind at each value of the third parameter."""
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
             there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)

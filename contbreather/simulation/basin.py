@@ -251,7 +251,6 @@ def _outcome(
     reference: State, conditions: Conditions, settings: Any, site: int, tolerance: float,
     *places: tuple[Axis, float],
 ) -> tuple[int, float]:  # fmt: skip
-    """End of a start, and how far from the reference."""
     start = State(reference.u.copy(), reference.v.copy())
     for axis, value in places:
         getattr(start, axis.name)[axis.site % start.u.size] = value

@@ -291,7 +291,6 @@ def _last(run: Ran) -> State:
 
 
 def _distance(run: Ran, motion: PeriodicMotion) -> float:
-    """Distance of the end of a run from a motion."""
     return float(np.abs(np.subtract(_last(run), motion.state)).max())
 
 
@@ -310,7 +309,6 @@ def _leaving(run: Ran, motion: PeriodicMotion) -> bool:
 
 
 def _repels(run: Ran, evidence: dict[str, float], motion: PeriodicMotion) -> str:
-    """The sentence on a run next to a motion that repels."""
     evidence["multiplier"] = motion.largest
     after = "a period" if motion.periods == 1 else f"{motion.periods} periods"
     return (

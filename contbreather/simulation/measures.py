@@ -306,7 +306,6 @@ def _planes(x: Array, y: Array) -> list[Array]:
 
 
 def _turns(plane: Array, hole: float) -> Rotation:
-    """Mean turn about the middle of a plane."""
     turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / PERIOD
     # each turn modulo 1 on the sheet around the middle of them all
     middle = np.angle(np.exp(1j * PERIOD * turns).mean()) / PERIOD

@@ -232,7 +232,6 @@ def record(
 
 
 def _begin(run: Recording) -> None:
-    """Write a run of no periods."""
     conditions = run.conditions
     try:
         to_dict(conditions)
@@ -274,7 +273,6 @@ def _go_on(run: Recording, count: int, progress: bool | Bar | None) -> Recording
 
 
 def _appended(run: Recording, file: GrowingFile, chunk: Chunk) -> Recording:
-    """Add a chunk to the file of a run."""
     after, sampled = run.periods + chunk.periods, run.sample.per_period if run.sample else 0
     strobe = run.t0 + PERIOD * np.arange(run.periods + 1, after + 1)
     columns: dict[str, Any] = {"time": strobe, "u": chunk.u, "v": chunk.v}

@@ -177,8 +177,13 @@ def conditions_of(
                 f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
             )
     else:
-        if numbers.pop("omega", 1.0) != 1.0:
-            raise BadInput("smooth walls have a time of their own: leave out omega, or m")
+        if (omega := numbers.pop("omega", 1.0)) != 1.0:
+            raise BadInput(
+                f"smooth walls have a time of their own: leave out omega = {brief(omega)}, or m. "
+                "With displacements in units of D = omega^(1/(2 m)) and times in those of 1/omega "
+                "the same motion has a/(D omega^2), gamma/omega^2, spring/omega^2, damping/omega, "
+                "and the same lam and m."
+            )
         if walls is not None:
             raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
         k, lam = numbers.pop("k", None), numbers.pop("lam", None)

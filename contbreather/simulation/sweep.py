@@ -210,7 +210,6 @@ def sweep(
 
 
 def _seen(run: Any) -> tuple[Any, ...]:
-    """Row of a run at its value."""
     late = run.since(run.periods // 2)
     u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
     energies = localised(u, v, late.times[1:], run.conditions)

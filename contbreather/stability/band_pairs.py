@@ -218,6 +218,20 @@ def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
     return value
 
 
+def pair_windows(
+    gammas: Vector, springs: Vector, k: float, expansions: Cube, work: BandWorkspace,
+    windows: Matrix, roots: Matrix,
+) -> None:  # fmt: skip
+    """`pair_window` of many chains, in rows, by the expansions of each, or the one of all; the
+    roots of the last."""
+    for i in range(gammas.size):
+        first = 3 * i if expansions.shape[0] > 3 else 0
+        own = BandWorkspace(
+            expansions[first : first + 3], work.by_spring, work.tails, work.values, work.around
+        )
+        pair_window(ChainWithImpacts(gammas[i], k, springs[i]), own, windows[i], roots)
+
+
 def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:
     """Centre and square of the `Window`, and the angles at its ends, where it has none that where
     it will open; angle and b of each root, in rows."""
@@ -328,4 +342,4 @@ def unopened(around: Matrix, curvature: float, x: float, height: float) -> tuple
     return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 
-ON_ARC, WINDOW, SUMS = Kernel(pair_equations), Kernel(pair_window), Kernel(sums_along)
+ON_ARC, WINDOWS, SUMS = Kernel(pair_equations), Kernel(pair_windows), Kernel(sums_along)

@@ -387,7 +387,6 @@ def _pair(M: Array) -> Array:
 
 
 def _counted(mu: Array) -> Count:
-    """A count by the multipliers themselves."""
     size = np.abs(mu)
     nearest = int(np.argmin(np.abs(size - 1.0)))
     distance = float(abs(size[nearest] - 1.0))

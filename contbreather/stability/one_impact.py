@@ -43,10 +43,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice.band_averages import in_powers_of_x
-from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.chain import Chains, InfiniteChain
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability import band_pairs
-from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOW
+from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOWS
 from contbreather.stability.chain_map import RINGS, OrbitMap
 from contbreather.stability.modal_map import EPS, ModalMap, section_map
 from contbreather.stability.saltation import Saltation
@@ -79,7 +79,6 @@ def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
 def _on(
     gamma: float, k: float, spring: float
 ) -> tuple[band_pairs.ChainWithImpacts, band_pairs.BandWorkspace]:
-    """Make the first arguments of the kernels."""
     return band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
 
 
@@ -87,14 +86,19 @@ def _on(
 def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
     """Expansions that `band_pairs` need, with a thread's room to evaluate them."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
-    moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
-    slopes = np.arange(ORDERS)[:, None] * np.roll(moments[:ORDERS], 1, axis=0)
-    values, by_spring = (
-        np.ascontiguousarray((tables() @ rows[:ORDERS, :ORDERS])[:, ::-1, ::-1])
-        for rows in (moments, slopes)
-    )
+    values, slopes = _expanded(spring), _expanded(spring, slope=True)
     room = np.empty((3, 3, POWERS)), np.empty(GRID + 1), np.empty((3, 3))
-    return band_pairs.BandWorkspace(values, by_spring, *room)
+    return band_pairs.BandWorkspace(values, slopes, *room)
+
+
+def _expanded(spring: Any, slope: bool = False) -> Array:
+    """Tails of R/nu, B, C by powers of nu^2 and 4 gamma, the highest first; of many springs in one
+    row after the other."""
+    moments = InfiniteChain().moments(0)[:ORDERS] * in_powers_of_x(spring, ORDERS)
+    if slope:
+        moments = np.arange(ORDERS)[:, None] * np.roll(moments, 1, axis=-2)
+    rows = (tables() @ moments[..., None, :, :])[..., ::-1, ::-1]
+    return np.ascontiguousarray(rows).reshape(-1, POWERS, ORDERS)
 
 
 @lru_cache(maxsize=1)
@@ -150,29 +154,34 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
     """
     if gamma == 0.0 or k == 1.0:
         return ()
-    return tuple(sorted(NeimarkSacker(*root) for root in _window(gamma, k, spring)[1]))
+    return tuple(sorted(NeimarkSacker(*root) for root in _windows(gamma, k, spring)[1]))
 
 
-def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
-    """Call `pair_window`."""
-    window, roots = np.empty(4), np.full((2, 2), math.nan)
-    WINDOW(*_on(gamma, k, spring), window, roots)
-    return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
+def _windows(gamma: Any, k: float, spring: Any) -> tuple[Array, list[list[float]]]:
+    """Call `pair_windows`, for one chain or arrays of many."""
+    gammas, springs = np.broadcast_arrays(*np.atleast_1d(gamma, spring))
+    windows, roots = np.empty((gammas.size, 4)), np.full((2, 2), math.nan)
+    work = band_workspace(float(springs[0]), get_ident())
+    expansions = _expanded(springs) if np.ndim(spring) else work.expansions
+    chains = np.array([gammas, springs], dtype=float)
+    WINDOWS(*chains, k, expansions, work, windows, roots)
+    return windows, [row for row in roots.tolist() if not math.isnan(row[0])]
 
 
 class Window(NamedTuple):
-    """The values of b between which a pair is outside: ``(centre - b)^2 < square``.
+    """The values of b between which a pair is outside: ``(centre - b)^2 < square``; of one chain or
+    arrays of many.
 
     Where no b brings a pair out, ``square`` is negative, and grows to zero smoothly up to where
     one does. ``low`` and ``high`` are the angles/pi at both ends, or that where they will part.
     """
 
-    centre: float
-    square: float
-    low: float = 0.0
-    high: float = 0.0
+    centre: Any
+    square: Any
+    low: Any = 0.0
+    high: Any = 0.0
 
-    def miss(self, b: float) -> float:
+    def miss(self, b: Any) -> Any:
         """Negative where a pair is outside, zero at the Neimark-Sacker points, smooth and bounded:
         b runs to infinity where an impact vanishes."""
         return ((b - self.centre) ** 2 - self.square) / (1.0 + b * b)
@@ -181,10 +190,9 @@ class Window(NamedTuple):
         """Count the ends below b; without a window the number leads from none to both, as smoothly
         as the distance from one allows."""
         off = b - self.centre
-        if self.square < 0.0:
-            return 1.0 + off / np.sqrt(off * off - self.square)
-        half = math.sqrt(self.square)
-        return (off > -half) + 1 * (off > half)
+        half, open_ = np.sqrt(np.abs(self.square)), np.greater_equal(self.square, 0.0)
+        within = (off > -half) + 1 * (off > half)
+        return np.where(open_, within, 1.0 + off / np.hypot(off, half + open_))[()]
 
 
 @lru_cache(maxsize=64)
@@ -209,7 +217,7 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
         if low >= high:
             return Window(high, -1.0, other, other)
         return Window(0.5 * (low + high), 0.25 * (low - high) ** 2, nu, other)
-    return Window(*_window(gamma, k, spring)[0])
+    return Window(*_windows(gamma, k, spring)[0][0].tolist())
 
 
 def _neutral_until(gamma: float, spring: float) -> tuple[float, float]:
@@ -268,7 +276,7 @@ class RealScalars:
         psi, eta, chi = (self.lattice.mean(self.gamma, name) for name in ("psi", "eta", "chi"))
         half_c2, d = 0.5 * (1.0 + self.k) ** 2, 0.5 * (1.0 - self.k)
         pitchfork, fold = half_c2 * psi, half_c2 * eta
-        if self.lattice.spring:  # it closes the pole that D has at mu = 1
+        if np.any(self.lattice.spring):  # it closes the pole that D has at mu = 1
             pitchfork += 2.0 * d * d / self.lattice.tau(self.gamma)
         # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
         return (
@@ -296,8 +304,9 @@ class HalfMap(RealScalars):
     Attributes
     ----------
     gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-    lattice : InfiniteChain
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19); gamma and b may be
+        arrays.
+    lattice : InfiniteChain or Chains
 
     Examples
     --------
@@ -305,17 +314,22 @@ class HalfMap(RealScalars):
     (0, 2)
     """
 
-    gamma: float
+    gamma: Any
     k: float
-    b: float
-    lattice: InfiniteChain = InfiniteChain()
+    b: Any
+    lattice: InfiniteChain | Chains = InfiniteChain()
     sign: ClassVar[int] = -1
     period: ClassVar[float] = 2.0 * math.pi  # of the orbit, two half maps
 
     @cached_property
     def window(self) -> Window:
         """Between which values of b a pair is outside."""
-        return window(self.gamma, self.k, self.lattice.spring)
+        if np.ndim(self.gamma) == 0:
+            return window(self.gamma, self.k, self.lattice.spring)
+        if self.k < 1.0 and np.all(self.gamma):
+            return Window(*_windows(self.gamma, self.k, self.lattice.spring)[0].T)
+        chains = np.broadcast(self.gamma, self.lattice.spring)
+        return Window(*np.array([window(one, self.k, held) for one, held in chains]).T)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """Distance of b from the window in which a pair is outside, and the number of its ends

@@ -163,16 +163,11 @@ def as_counted(
     )
 
 
-def on_axis(nu: Array) -> Array:
-    """Real multipliers ``exp(i pi nu)`` put exactly on the real axis."""
-    for axis in (0.0, 1.0):
-        nu = np.where(np.abs(nu.real - axis) < 1e-9, axis + 1j * nu.imag, nu)
-    return nu
-
-
 def multipliers_of(nu: Array) -> Array:
     """``exp(i pi nu)`` with 0 <= Re nu <= 1, the largest first, complex ones with conjugates."""
-    nu = on_axis(nu[np.argsort(nu.imag, kind="stable")])
+    nu = nu[np.argsort(nu.imag, kind="stable")]
+    for axis in (0.0, 1.0):  # real ones exactly on the real axis
+        nu = np.where(np.abs(nu.real - axis) < 1e-9, axis + 1j * nu.imag, nu)
     twice = np.where((nu.real == 0.0) | (nu.real == 1.0), 1, 2)  # a real one stands alone
     mu = np.repeat(np.exp(1j * math.pi * nu), twice)
     second = np.cumsum(twice)[twice == 2] - 1

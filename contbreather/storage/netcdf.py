@@ -390,7 +390,6 @@ def _all(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
 
 
 def _plain(attribute: Any) -> Any:
-    """The one number or text that it is."""
     (value,) = np.ravel(attribute).tolist()
     return value.decode() if isinstance(value, bytes) else value
 
@@ -402,7 +401,6 @@ def about_of(group: h5py.Group) -> dict[str, Any]:
 
 
 def _content(group: h5py.Group) -> dict[str, Any]:
-    """The dict of a group."""
     import h5py
 
     columns, groups = {}, {}

@@ -265,7 +265,6 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
 
 
 def _loaded(task: Task, arm: str, folder: Path) -> list[Any]:
-    """Read a result; arms one by one, or the one that is named."""
     result = load(task.file(folder))
     if not isinstance(result, Run):
         return [result]

@@ -98,7 +98,6 @@ def _without_mistakes(tables: dict[str, Any]) -> tuple[Study, list[Fault]]:
 
 
 def _sentences(error: ValidationError) -> Iterator[Fault]:
-    """Say what pydantic found in our words."""
     for mistake in error.errors(include_url=False):
         place = tuple(str(key) for key in mistake["loc"] if key != "[key]")
         value = mistake["input"]
@@ -252,7 +251,6 @@ def _of_parameters(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
 
 
 def _tables(study: Study, *kinds: str) -> Iterator[tuple[str, str, Any]]:
-    """Kind, name and table of all that are of these kinds."""
     for kind in kinds:
         for name, table in getattr(study, kind).items():
             yield kind, name, table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from .measure import Row, best_of, micro, walked
+from .measure import Row, best_of, micro, span, walked
 from .peers.closure import GAMMA, POINTS, K, branch_length, chi
 
 Array = NDArray[np.float64]
@@ -61,6 +62,32 @@ def all_events() -> Row:
     return walked("the same with all events", walk, 120e-6)
 
 
+def in_omega() -> list[Row]:
+    """A point of a branch in the frequency beside one of a branch in the amplitude, from the same
+    orbit with all events: measured in turn, of about as many points each."""
+    import contbreather as cb
+
+    ring: dict[str, Any] = {"lattice": cb.Ring(9), "damping": 0.02}
+    table = []
+    for what, start in (
+        ("infinite chain", cb.symmetric(0.5, 0.08, 0.8)),
+        ("with springs", cb.symmetric(0.5, 0.04, 0.8, spring=0.05)),
+        ("damped ring of 9", cb.symmetric(0.6, 0.05, 0.8, **ring)),
+    ):
+        windows = {"a": (0.15, 0.8), "omega": (0.9, 1.6)}
+        walks = [
+            partial(cb.trace, start, free, within={free: ends}, steps=cb.Steps(largest=0.01))
+            for free, ends in windows.items()
+        ]
+        sizes = [len(walk()) for walk in walks]
+        times = [[best_of(walk, 1, time.process_time) for walk in walks] for _ in range(7)]
+        a, omega = np.min(times, axis=0) / sizes
+        aside = f"{span(a)} a point of {sizes[0]} in a"
+        what = f"branch in omega, {what}, a point of {sizes[1]}"
+        table.append(Row(what, span(omega), aside, omega / a, "<= 1.2 of a", omega <= 1.2 * a))
+    return table
+
+
 def rows() -> list[Row]:
     import contbreather as cb
 
@@ -69,7 +96,7 @@ def rows() -> list[Row]:
     a, x = np.asarray(branch["a"]), np.column_stack([branch["p"], branch["phi"]])
     ours = best_of(walk, repeat=7) / a.size
     what = f"branch of {a.size} closure points, events off, a point"
-    table = [all_events()]
+    table = [all_events(), *in_omega()]
     for name, closure in (
         ("the same equations", of_the_problem(cb.symmetric(a=0.5, gamma=GAMMA, k=K))),
         ("the equations typed out for this one case", by_hand()),

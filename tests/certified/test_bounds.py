@@ -207,33 +207,6 @@ def test_floats_are_rounded_outwards() -> None:
 # --- what is cut off, and what is rounded: no less than it is, and hardly more --------------------
 
 
-def test_what_is_cut_off_from_means_is_bounded_closely() -> None:
-    """The sums of the docstring, with mpmath: bounds that are far too wide say nothing."""
-    with balls.working(), mpmath.workdps(30):
-        at = averages.J + 1
-        value, slope = (
-            float(averages._cut(balls.Jet([arb(0.1), 1], prec=2))[i].rad()) for i in (0, 1)
-        )
-        powers = [mpmath.mpf(9) ** -j for j in range(at, at + 60)]
-        tail = [12 / mpmath.pi * sum(j**r * x for j, x in enumerate(powers, at)) for r in (0, 1)]
-        assert tail[0] <= value < 1.2 * tail[0]
-        assert 4 * tail[1] <= slope < 1.08 * 4 * tail[1]
-        assert float(averages._cut(arb(0.1)).rad()) == value
-
-
-def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
-    gamma, first = 0.2, 2 * averages.POWERS + 1
-    with balls.working():
-        errors = [float(one.rad()) for one in averages.free_flight_enclosure(arb(gamma), 3)[2]]
-    size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
-    for r, error in enumerate(errors):
-        term = size * (0.5 * np.pi) ** (first - r) / float(mpmath.factorial(first - r))
-        powers = 3.0**r * 9.0 ** -(averages.J + 1) / np.pi
-        assert 2 * term + powers <= error < 4 * term + powers
-    least = 2.0 ** (-2 * winding.ALIASES) + 5 * 9.0 ** -(averages.J + 1)
-    assert least < winding.CUT < 2.1 * least
-
-
 def square(z: Any) -> Any:
     return [z[0] * z[0] - arb(1e-13) ** 2]
 

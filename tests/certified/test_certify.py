@@ -10,7 +10,6 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import mpmath
 import pytest
@@ -18,9 +17,8 @@ from flint import arb
 
 import contbreather as cb
 import contbreather.certified
-from contbreather.certified import Interval, certify, proofs, winding
-from contbreather.certified.balls import working
-from contbreather.certified.proofs import BranchSheet, certify_curve, certify_point
+from contbreather.certified import Interval, certify, winding
+from contbreather.certified.proofs import certify_curve, certify_point
 from contbreather.orbits import Orbit, orbit_of
 from contbreather.stability.one_impact import HalfMap
 from tests.lattice.by_hand import MEANS, ring_mean
@@ -224,17 +222,6 @@ def test_a_branch_through_a_wrong_point_is_not_said_to_be_one_curve() -> None:
     assert certify_curve(given, "a", places).connected
     places[1] = (places[1][0], places[1][1] + 1e-9, places[1][2])
     assert not certify_curve(given, "a", places).connected
-
-
-def test_tiles_are_joined_only_if_both_hold_the_point_they_share() -> None:
-    sheet = BranchSheet({"gamma": arb(0.04), "k": arb(0.8)}, "a")
-    places = [(b.p, b.phi, a) for a in (0.2, 0.21, 0.22) for b in [cb.symmetric(a, 0.04, 0.8)]]
-    with working():
-        one, other = (proofs._proved(sheet, ends, (True, True)) for ends in pairwise(places))
-        assert proofs._joined(sheet, one, replace(other, alone=one.alone))
-        moved = tuple(x + 3 * x.rad() for x in one.alone)
-        assert not proofs._joined(sheet, one, replace(other, alone=moved))
-        assert not proofs._joined(sheet, replace(one, box=()), other)
 
 
 def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:

@@ -352,6 +352,24 @@ def _pair_beside(one: str) -> tuple[Line, Line]:
     )  # fmt: skip
 
 
+def _turning_beside_a_crossing(u: Array, p: Params) -> list[Any]:
+    """``z -> (1 + h) z - z^2`` beside a rotation that grows with s."""
+    x, y, z = u
+    factor = p["s"] - x * x - y * y
+    c, s = factor * math.cos(1.1), factor * math.sin(1.1)
+    return [c * x - s * y, s * x + c * y, (1 + p["h"]) * z - z * z]
+
+
+def _pair_and_crossing(kind: str, free: str, other: str) -> Line:
+    problem = of_map(_turning_beside_a_crossing, XYZ, h=-0.3, s=0.7)
+    name = f"{kind}-{'NS' if kind == 'BP' else 'BP'}"
+    window = {"h": (-0.5, 0.5), "s": (0.5, 1.5)}
+    return Line(
+        f"{kind} of {name}", problem, free, kind, (other, free), ((name, {"h": 0, "s": 1}),),
+        window, window,
+    )  # fmt: skip
+
+
 PREY = {"p1": (0.5, 6.0), "p2": (0.06, 0.3)}
 
 
@@ -394,6 +412,8 @@ MAPS = (
     ),
     *_pair_beside("LP"),
     *_pair_beside("PD"),
+    _pair_and_crossing("BP", "h", "s"),
+    _pair_and_crossing("NS", "s", "h"),
     Line(  # the determinant 1 + b2 - b1 is 1
         "NS that ends at a degenerate R1",
         of_map(lambda u, p: [u[0] + u[1], u[1] + p["b1"] * u[0] + p["b2"] * u[1] - u[0] ** 3

@@ -226,12 +226,16 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
     assert "cannot be distinguished from the branch it was to leave" in str(tree.failed[0])
 
 
-def test_a_bubble_of_doubled_cycles_closes_on_both_doublings() -> None:
-    """``1 - (1 - e^2) x^2``: a cycle of period 2 between e = -1/2 and 1/2 and nowhere else."""
+def test_a_bubble_of_doubled_cycles_reaches_from_one_doubling_to_the_other() -> None:
+    """``1 - (1 - e^2) x^2``: a cycle of period 2 between e = -1/2 and 1/2 and nowhere else. Beyond
+    the second doubling the same cycles come back, in their other phase."""
     mine = FixedPoint(lambda x, p: 1 - (1 - p["e"] ** 2) * x * x, {"x": 0.6}, {"e": -0.9})
     tree = diagram(mine, "e", within={"e": (-1, 1), "x": (-3, 3)}, depth=4)
     assert len(tree) == 2
-    assert tree[1].stop is Stop.CLOSED
+    assert tree[1].stop is Stop.EVENT
+    assert "its own image" in tree[1].reason
+    assert abs(tree[1]["e"][[0, -1]]) == pytest.approx([0.5, 0.5], abs=1e-12)
+    assert [point.kind for point in tree[1].special] == ["EP", "BP"]
     assert (1, "branch 0: PD2", "on") in relations(tree)
     assert ("branch 0: PD2", 1, "known") in relations(tree)
 
@@ -308,12 +312,6 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
     assert kept == sorted(kept)
     assert kept[0] <= 1
     assert kept[-1] == 7
-
-
-def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
-    with pytest.raises(Interrupted) as stop:
-        grown(Problem(Counted(two_levels, interrupted=1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
-    assert stop.value.partial is None
 
 
 def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:

@@ -48,6 +48,8 @@ def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> 
         (lines.HENON["NS"], "R2", lines.HENON["PD"], 1e-9),
         (lines.DOUBLED_PREY, "PD-BP", lines.DYING, 1e-12),
         (lines.DYING, "BP-PD", lines.DOUBLED_PREY, 0),
+        (lines.LINES["LP beside a pair"], "LPNS", lines.LINES["pair beside a LP"], 0),
+        (lines.LINES["pair beside a PD"], "PDNS", lines.LINES["PD beside a pair"], 0),
     ],
     ids=lambda given: given.name if isinstance(given, lines.Line) else None,
 )
@@ -150,53 +152,6 @@ def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
 def test_a_curve_of_neimark_sacker_points_ends_at_a_degenerate_r1() -> None:
     end = lines.walked(lines.LINES["NS that ends at a degenerate R1"]).first("R1")
     assert "branches cross here" in end.detail["degenerate"]
-
-
-def brusselator(N: int) -> cb.Problem:
-    """A Brusselator between fixed ends on N + 1 grid points, as in COCO's tutorial: its first mode
-    has a double zero eigenvalue at be = 4, de = 1/(4 N^2 sin^2(pi/2N))."""
-    second = N**2 * (np.eye(N + 1, k=1) - 2 * np.eye(N + 1) + np.eye(N + 1, k=-1))
-    ends = np.zeros(N + 1)
-    ends[[0, -1]] = 1.0
-    inside = 1 - ends
-
-    def residual(u: Array, p: lines.Params) -> Array:
-        x, y = np.split(u, 2)
-        first = p["de"] * second @ x + 1 - (p["be"] + 1) * x + x**2 * y
-        other = p["de"] * second @ y + p["be"] * x - x**2 * y
-        return np.concatenate(
-            [inside * first + ends * (1 - x), inside * other + ends * (p["be"] - y)]
-        )
-
-    def jacobian(u: Array, p: lines.Params) -> Array:
-        x, y = np.split(u, 2)
-        column = inside[:, None]
-        diffusion = p["de"] * second
-        return np.block(
-            [
-                [
-                    column * (diffusion + np.diag(2 * x * y - p["be"] - 1)) - np.diag(ends),
-                    column * np.diag(x**2),
-                ],
-                [
-                    column * np.diag(p["be"] - 2 * x * y),
-                    column * (diffusion - np.diag(x**2)) - np.diag(ends),
-                ],
-            ]
-        )
-
-    start = {"u": np.repeat([1.0, 3.0], N + 1)}
-    return cb.Problem(residual, start, {"be": 3.0, "de": 0.075}, jacobian=jacobian, events=ALL)
-
-
-def test_the_hopf_curve_of_a_brusselator_ends_at_its_bt() -> None:
-    N = 20
-    branch = cb.trace(brusselator(N), "be", within={"be": (2.5, 4.5)}, events=ALL[1:])
-    window = {"de": (0.05, 0.2), "be": (2.0, 7.0)}
-    curve = cb.boundary(branch.first("HB"), ("de", "be"), within=window)
-    assert lines.kinds(curve) == ["BT"]
-    lines.at(curve.first("BT"), de=1 / (4 * N**2 * math.sin(math.pi / 2 / N) ** 2), be=4.0)
-    assert curve.first("BT").detail["degenerate"]
 
 
 # --- maps -------------------------------------------------------------------------------------

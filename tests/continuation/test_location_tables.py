@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Point, Problem, Steps, boundary, fold, trace, user
-from contbreather.continuation.branches.duplicates import lies_on, placed
+from contbreather.continuation import Branch, Problem, Steps, boundary, fold, trace, user
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import ALL, BRUSSELATOR, CUSP, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
@@ -50,21 +49,6 @@ def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None
     assert branch.start_correction == pytest.approx(0.9, abs=1e-3)
     with pytest.raises(NotConverged):
         trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})
-
-
-def test_a_solution_lies_on_a_branch_to_a_millionth_or_a_thousandth_of_the_way() -> None:
-    flat = Problem(lambda x, p: x - p["h"], {"x": 0.0}, {"m": 0.0, "h": 0.0})
-    branch = trace(flat, "m", within={"m": (-1, 1)}, events=())
-    curve = branch.curve
-    for reach, most in ((math.inf, 1e-6), (1e-4, 1e-7), (1.0, 1e-6)):
-        for off, good in ((0.9 * most, True), (1.1 * most, False)):
-            for side in (-1, 1):
-                point = Point(curve, np.array([side * off, 0.0123456]))
-                assert lies_on(point, branch, reach) is good
-    other = trace(flat.at(h=0.9e-6, x=0.9e-6), "m", within={"m": (-1, 1)}, events=())
-    assert placed(other[0], curve) is not None
-    other = trace(flat.at(h=1.1e-6, x=1.1e-6), "m", within={"m": (-1, 1)}, events=())
-    assert placed(other[0], curve) is None
 
 
 # --- units --------------------------------------------------------------------------------------

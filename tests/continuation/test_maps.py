@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from copy import copy
-from dataclasses import replace
 from functools import cache
 
 import mpmath
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Steps, boundary, fold, trace
+from contbreather.continuation import Branch, Steps, boundary, trace
 from contbreather.continuation.bifurcations.maps import FixedPoint
-from contbreather.continuation.bifurcations.multiplier_events import linked
 from contbreather.continuation.branches.switching import NothingToSwitch, switch
-from contbreather.continuation.curve.point import CodimensionTwo
 from contbreather.errors import BadInput
 
 from .lines import PLANE, XY, Params, at, henon, kinds, of_map
@@ -186,18 +182,6 @@ def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point(
     assert "neutral saddle" in branch.doubtful[0].detail["reason"]
 
 
-@pytest.mark.parametrize("kind", ["LP", "BP"])
-def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(kind: str) -> None:
-    """Beside derivatives of 1e9, those of long unstable cycles, any number looks like zero."""
-    start = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    point = trace(start, "r", within={"r": (2.4, 2.6)})[3]
-    (event,) = (event for event in start.events if event.kind == kind)
-    curve = copy(point.curve)
-    curve.row_scales = np.array([1e9])
-    there = replace(point, curve=curve, detail={"null": 1.0, "tangents": ()})
-    assert "no multiplier is 1: the nearest is 1.5 off" in event.examine(there)
-
-
 def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
     calls = []
 
@@ -250,17 +234,3 @@ def test_scales_of_a_map_are_heeded() -> None:
     assert branch.first("PD").detail["c"] == pytest.approx(2 / 3, rel=1e-6)
     curve = boundary(branch.first("PD"), ("beta", "alpha"), within=PLANE)
     assert kinds(curve) == ["LPPD", "R2"]
-
-
-@pytest.mark.parametrize("on", ["LP", "PD", "NS", "BP"])
-def test_two_kinds_of_maps_that_meet_have_one_name_whichever_is_followed(on: str) -> None:
-    """Both kinds, the one with the larger multiplier first; and what is looked for are theirs."""
-    order = ["BP", "LP", "PD", "NS"]
-    meetings = linked(fold()).meetings(on)
-    assert set(meetings) == {"LP", "PD", "NS"} - {on, "LP" if on == "BP" else ""}
-    for met, events in meetings.items():
-        first, second = sorted((on, met), key=order.index)
-        meeting = events[-1]
-        assert meeting.kind == f"{first}{'-' if first == 'BP' else ''}{second}"
-        assert isinstance(meeting, CodimensionTwo)
-        assert meeting.base.kind == met

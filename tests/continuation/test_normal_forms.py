@@ -328,27 +328,6 @@ def test_scales_measure_the_eigenvector() -> None:
     assert point.detail["l1"] == pytest.approx(-0.5, rel=1e-7)
 
 
-def test_derivatives_along_a_direction_suit_functions_that_bend_within_short_distances() -> None:
-    """B and C of ``sin(k x)`` for any k: the step adapts."""
-    for k in (0.1, 1.0, 30.0, 1000.0):
-        mine = Problem(lambda x, p, k=k: np.sin(k * x) + p["h"], {"x": 0.3}, {"h": 0.0})
-        B, C = forms.Forms(Point(Curve(mine, ("h",)), np.array([0.3, 0.0]))).jet(np.array([1.0]))
-        assert B[0, 0] == pytest.approx(-(k**2) * math.sin(0.3 * k), rel=1e-8, abs=1e-8 * k)
-        assert C[0, 0] == pytest.approx(-(k**3) * math.cos(0.3 * k), rel=1e-6, abs=1e-8 * k)
-
-
-def test_a_rim_beside_the_point_shortens_the_step() -> None:
-    def residual(x: Array, p: Mapping[str, float]) -> Array:
-        if np.real(x[0]) > 1.001:
-            raise ValueError("beyond the edge")
-        return x**3 + p["h"]
-
-    curve = Curve(Problem(residual, {"x": 1.0}, {"h": 0.0}), ("h",))
-    B, C = forms.Forms(Point(curve, np.array([1.0, 0.0]))).jet(np.array([1.0]))
-    assert B[0, 0] == pytest.approx(6.0, rel=1e-9)
-    assert C[0, 0] == pytest.approx(6.0, rel=1e-5)
-
-
 def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
     calls = 0
 
@@ -394,21 +373,6 @@ def test_next_to_a_strong_resonance_there_is_a_coefficient_and_on_it_none() -> N
     assert "strong resonance" in on_it["criticality"]
     assert "d" not in on_it
     assert on_it["angle"] == pytest.approx(resonant, abs=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("value", "word"),
-    [(1e-4, "subcritical"), (-1e-4, "supercritical"), (1e-8, "degenerate"), (0.0, "degenerate")],
-)
-def test_a_coefficient_has_a_sign_down_to_a_millionth_of_its_terms(value, word) -> None:
-    coefficient = forms.Coefficient(3.0 * value, 3.0)
-    found = forms.criticality("c", lambda: coefficient, stable_if_negative=True)
-    assert found["criticality"] == word
-
-
-def test_a_coefficient_is_rounding_only_where_its_terms_cancel_to_eleven_digits() -> None:
-    assert forms.Coefficient(-2e-9, 2.0).signed == -2e-9
-    assert forms.Coefficient(-2e-12, 2.0).signed == 0.0
 
 
 @pytest.mark.parametrize(("second", "double"), [(1e-4, False), (1e-8, True)])

@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation import Problem, Stop, fold, trace
-from contbreather.continuation.algebra.derivatives import differences, estimate, misfit
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NotConverged
 
@@ -128,34 +127,6 @@ def test_a_scheme_that_no_longer_holds_is_replaced_on_the_way() -> None:
     assert branch[-1]["x"] == pytest.approx((0.46 - 0.05) / 0.9, abs=1e-14)
 
 
-def test_differences_find_the_step_that_suits_each_unknown() -> None:
-    def function(z):
-        return np.array([math.sin(1e6 * z[0]) + 1e-6 * z[1], z[0] * 1e6 + math.exp(1e-6 * z[1])])
-
-    z = np.array([0.3e-6, 0.7e6])
-    wanted, doubt, finer = estimate(function, z, np.ones(2))
-    exact = np.array([[1e6 * math.cos(0.3), 1e-6], [1e6, 1e-6 * math.exp(0.7)]])
-    assert np.allclose(wanted, exact, rtol=1e-6)
-    assert (abs(wanted - exact) <= 10 * doubt).all()
-    assert finer[0] > finer[1]
-    assert np.allclose(differences(function, z, finer=finer), exact, rtol=1e-7)
-
-
-def test_the_shorter_a_step_the_more_of_rounding_is_doubted() -> None:
-    """A line, but next to the place only: differences with the steps left agree, by luck or not."""
-
-    def function(z):
-        near = abs(z[0] - 0.5) < 1e-5
-        return np.array([z[0] if near else math.cos(1e9 * z[0])])
-
-    wanted, doubt, finer = estimate(function, np.array([0.5]), np.ones(1))
-    eps = np.finfo(float).eps
-    step = eps**0.2 / finer[0]
-    assert step < 1e-5
-    assert abs(wanted[0, 0] - 1.0) <= doubt[0, 0]
-    assert doubt[0, 0] > 4 * eps / step
-
-
 @pytest.mark.parametrize("row", [0, 1])
 @pytest.mark.parametrize("column", [0, 1, 2])
 def test_a_wrong_entry_of_a_derivative_is_named(row: int, column: int) -> None:
@@ -199,14 +170,16 @@ def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> No
 
 
 def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
-    z = np.array([0.3, -0.2])
-    wanted, doubt, _ = estimate(lambda x: coupled(x, {"mu": 0.4}), z, np.ones(2))
-    exact = coupled_jacobian(z, {"mu": 0.4})
-    assert misfit(exact, wanted, doubt) is None
-    assert misfit(exact * (1 + 1e-9), wanted, doubt) is None
-    assert misfit(exact * (1 + 1e-4), wanted, doubt) is not None
-    exact[1, 0] = math.nan
-    assert misfit(exact, wanted, doubt) == (1, 0)
+    def off(factor: float) -> Problem:
+        return Problem(
+            coupled, {"x": 0.6, "y": 1.12}, {"mu": -0.4},
+            jacobian=lambda u, p: factor * coupled_jacobian(u, p),
+        )  # fmt: skip
+
+    assert trace(off(1 + 1e-9), "mu", within={"mu": (-0.5, -0.3)}).stop is Stop.BOUND
+    for factor in (1 + 1e-4, math.nan):
+        with pytest.raises(BadInput, match="Jacobian that was given does not fit the residual"):
+            trace(off(factor), "mu")
 
 
 @pytest.mark.parametrize("case", [CUSP, ISOLA, LORENZ, STIFF], ids=lambda case: case.name)
@@ -243,18 +216,6 @@ def test_one_equation_may_be_a_number() -> None:
     for name in ("x", "mu"):
         assert branches[0][name].tolist() == branches[1][name].tolist()
     assert [p.label for p in branches[0].special] == ["EP1", "LP1", "LP2", "EP2"]
-
-
-def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
-    """Rows of very different size, each by its own rounding; in 3 unknowns."""
-    matrix = np.array([[1e6, 3e5, 7.0], [1.0, -3.0, 0.1], [1e-7, 2e-7, 1.7e-7]])
-    x = np.array([1 / 3, 1 / 7, 10 / 3])
-    start = dict(zip("xyz", x, strict=True))
-    for off, solved in ((0.0, True), (1e-17, True), (1e-14, False)):
-        for row in np.eye(3):
-            target = matrix @ x + off * row * (abs(matrix) @ x)
-            curve = Curve(Problem(lambda u, p, t=target: matrix @ u - t, start, {}), ())
-            assert (abs(curve.equations(x)) <= curve.rounding(x)).all() == solved
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])

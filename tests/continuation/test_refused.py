@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 import contbreather as cb
 from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
-from contbreather.storage.netcdf import checked_file
 
 from .zoo import LINE, PITCHFORK, knowing
 
@@ -62,13 +61,6 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
     three = cb.Problem(lambda u, p: u - p["m"], {"x": 0.0}, {"m": 0.0, "n": 1.0})
     with pytest.raises(BadInput, match=r"the problem has \['n'\], which the file has not"):
         cb.load(path, problem=three)
-
-
-def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
-    with checked_file(tmp_path / "other.nc") as file:
-        file.attrs["format"] = "branches of somebody else"
-    with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wr"):
-        cb.load(tmp_path / "other.nc")
 
 
 # --- coefficients ---------------------------------------------------------------------------------

@@ -187,14 +187,6 @@ def swift_hohenberg(n: int, nu: float = 2.0) -> tuple[cb.Problem, np.ndarray]:
     return problem, np.sort((1 + laplacian) ** 2)
 
 
-def test_swift_hohenberg_bifurcates_at_the_modes_of_its_mesh() -> None:
-    problem, modes = swift_hohenberg(200)
-    branch = cb.trace(problem, "mu", within={"mu": (-0.1, 0.6)}, events=[cb.branch_point()])
-    expected = modes[(modes > -0.1) & (modes < 0.6)]
-    assert len(expected) == 2
-    np.testing.assert_allclose(places(branch), expected, rtol=0, atol=1e-8)
-
-
 @pytest.mark.slow
 def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pitchfork() -> None:
     found = []

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.algebra import derivatives
 from contbreather.errors import BadInput
 
 
@@ -91,20 +90,6 @@ def test_curves_cross_beside_an_idle_unknown_of_another_size() -> None:
     arms = cb.switch(branch.first("BP"), within={"mu": (-0.1, 0.1), "x": (-0.02, 1)})
     for arm in arms:
         np.testing.assert_allclose(arm["mu"], arm["x"] * np.exp(-50 * arm["x"]), atol=1e-13)
-
-
-@pytest.mark.parametrize("length", [1.0, 1e-2, 1e-4, 1e-6])
-@pytest.mark.parametrize("place", [0.3, 1e3])
-def test_the_step_of_a_derivative_is_found_for_any_length(length: float, place: float) -> None:
-    def matrix(z):
-        s = (z[0] - place) / length
-        return np.array([[np.sin(s + 1), 5.0], [np.exp(-s), z[1]]])
-
-    slope = derivatives.along(matrix, np.array([place, 100.0]), np.array([1.0, 0.0]), np.ones(2))
-    wanted = np.array([[math.cos(1) / length, 0.0], [-1 / length, 0.0]])
-    # z itself rounds: the shorter the length against it, the fewer digits there are
-    allowed = 1e-9 + 1e4 * np.spacing(place) / length
-    assert abs(slope - wanted).max() * length < min(allowed, 1e-4)
 
 
 def test_what_was_not_given_is_not_blamed() -> None:

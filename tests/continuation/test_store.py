@@ -498,65 +498,25 @@ def test_kind_of_several_words_comes_back(path: Path) -> None:
 # --- damage -----------------------------------------------------------------------------------
 
 
-def altered(image: bytes, rng: np.random.Generator) -> bytes:
-    """One of the ways in which files go bad."""
-    at, length = int(rng.integers(len(image))), int(rng.integers(1, 64))
-    spoilt = bytearray(image)
-    match int(rng.integers(6)):
-        case 0:
-            spoilt[at] ^= 1 << int(rng.integers(8))
-        case 1:
-            del spoilt[at:]
-        case 2:
-            spoilt[at : at + length] = bytes(len(spoilt[at : at + length]))
-        case 3:
-            spoilt[at:at] = rng.bytes(length)
-        case 4:
-            spoilt[at : at + length] = b""
-        case _:
-            spoilt += rng.bytes(length)
-    return bytes(spoilt)
-
-
-@pytest.mark.slow
-def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(branch, path, monkeypatch):
+def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(path, monkeypatch):
     """A byte of HDF5's own that is wrong may hang it, one of a number may change it in silence."""
-
-    def hang(*given: Any, **more: Any) -> None:
-        pytest.fail("HDF5 was asked")
-
-    save(path, branch)
-    image, rng = path.read_bytes(), np.random.default_rng(18)
-    for _ in range(200):
-        path.write_bytes(altered(image, rng))
-        if path.read_bytes() == image:  # zeros in the place of zeros
-            same(branch, load(path))
-            continue
-        with monkeypatch.context() as patch:
-            patch.setattr(h5py.File, "__init__", hang)
-            with pytest.raises(BadInput) as caught:
-                load(path)
-        assert "\n" not in str(caught.value)
-        assert str(path) in str(caught.value)
-    path.write_bytes(image)
-    same(branch, load(path))
-
-
-def test_no_single_bit_can_be_wrong(path: Path) -> None:
     save(path, line())
     image = path.read_bytes()
-    for at in range(0, len(image), 199):
-        path.write_bytes(image[:at] + bytes([image[at] ^ 1 << at % 8]) + image[at + 1 :])
-        with pytest.raises(BadInput, match=r"is damaged|lost its end|not a netCDF-4 file"):
+    monkeypatch.setattr(h5py.File, "__init__", lambda *_, **__: pytest.fail("HDF5 was asked"))
+    damaged = [image[:-cut] + more for cut in range(1, 120) for more in (b"", image[-cut:].upper())]
+    for i, at in enumerate(range(0, len(image), 199)):
+        before, after = image[:at], image[at:]
+        damaged += [
+            before + bytes([after[0] ^ 1 << at % 8]) + after[1:],
+            (before, before + b"\1more\2" + after, before + after[17:],
+             before + bytes(40) + after[40:])[i % 4],
+        ]  # fmt: skip
+    for content in {*damaged} - {image}:
+        path.write_bytes(content)
+        with pytest.raises(BadInput, match=r"is damaged|lost its end|not a netCDF-4") as caught:
             load(path)
-    for cut in range(1, 120):  # in the checksum itself, too
-        path.write_bytes(image[:-cut])
-        with pytest.raises(BadInput, match="has lost its end"):
-            load(path)
-        path.write_bytes(image[:-cut] + image[-cut:].swapcase())
-        if path.read_bytes() != image:
-            with pytest.raises(BadInput, match=r"is damaged|has lost its end"):
-                load(path)
+        assert "\n" not in str(caught.value)
+        assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize(

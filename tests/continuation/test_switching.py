@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import contbreather as cb
 from contbreather.continuation import Stop, fold, hopf
-from contbreather.continuation.branches.duplicates import duplicate_of, lies_on, same_place
+from contbreather.continuation.branches.duplicates import lies_on
 from contbreather.continuation.branches.switching import (
     ArmsCoincide,
     NothingToSwitch,
@@ -23,7 +23,6 @@ from contbreather.continuation.branches.switching import (
     follow,
     switch,
 )
-from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from . import zoo
@@ -347,55 +346,8 @@ def test_a_direction_decides_the_side() -> None:
 # --- recognising what is known ----------------------------------------------------------------
 
 
-def test_a_point_lies_on_a_branch_between_its_points_only_where_the_curve_is() -> None:
-    whole = zoo.trace_case(zoo.CIRCLE)
-    for angle in np.linspace(0, 2 * math.pi, 37):
-        on = moved(whole, [math.cos(angle), math.sin(angle)])
-        assert lies_on(on, whole)
-        assert not lies_on(moved(whole, 1.0001 * on.z), whole)
-
-
 def moved(branch: cb.Branch, z: object) -> object:
     return replace(branch[0], z=np.asarray(z, dtype=float))
-
-
-def test_solutions_of_another_problem_or_at_other_parameters_are_not_on_a_branch() -> None:
-    mine = zoo.scalar(lambda x, p: x - p["mu"] * p["h"], 0.0, {"mu": 0.0, "h": 1.0})
-    branch = cb.trace(mine, "mu", within=MU)
-    there = cb.trace(mine.at(h=1.0 + 1e-3), "mu", within=MU)
-    assert lies_on(branch[3], branch)
-    assert not lies_on(there[3], branch)
-    assert not lies_on(zoo.trace_case(zoo.CIRCLE)[3], branch)
-
-
-def test_images_and_solutions_of_a_smaller_problem_are_recognised_as_such() -> None:
-    small = zoo.scalar(lambda x, p: x - p["mu"], 0.2, {"mu": 0.2})
-
-    def simpler(point: object) -> cb.Problem | None:
-        left, right = point.x
-        return small.at(x=left, mu=point["mu"]) if abs(left - right) < 1e-9 else None
-
-    def two(x: zoo.Array, p: Mapping[str, float]) -> zoo.Array:
-        return np.array([x[0] + x[1] - 2 * p["mu"], (x[0] - x[1]) * (p["mu"] - 0.1 - x[0])])
-
-    larger = zoo.knowing(
-        cb.Problem(two, {"left": 0.3, "right": 0.5}, {"mu": 0.4}),
-        images=lambda x, p: (x[::-1].copy(),),
-        simpler=simpler,
-    )
-    known = [cb.trace(small, "mu", within=MU), cb.trace(larger, "mu", within=MU)]
-    curve = Curve(larger, ("mu",))
-    near = replace(known[1][3], curve=curve)
-    found = duplicate_of(near, known)
-    assert (found.branch, found.image, found.simpler) == (1, False, False)
-    swapped = replace(near, z=near.z[[1, 0, 2]])
-    found = duplicate_of(swapped, known)
-    assert (found.branch, found.image, found.simpler) == (1, True, False)
-    together = replace(near, z=np.array([0.7, 0.7, 0.7]))
-    found = duplicate_of(together, known)
-    assert (found.branch, found.image, found.simpler) == (0, False, True)
-    assert duplicate_of(replace(near, z=np.array([0.7, 0.1, 0.4])), known) is None
-    assert same_place(together, moved(known[0], [0.7, 0.7]))
 
 
 def test_a_large_scale_does_not_blur_what_is_known() -> None:

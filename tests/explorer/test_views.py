@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from bokeh.core.enums import MarkerType
 from bokeh.models import GlyphRenderer, HoverTool
-from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
 from contbreather.continuation.curve.kinds import LOOKS, look_of
@@ -75,18 +74,6 @@ def test_all_is_drawn_in_the_colours_of_its_theme_in_sizes_that_are_seen(theme: 
             assert legend.label_text_color == theme.text
             assert legend.background_fill_color == theme.paper
     assert [legend.orientation for legend in fig.above] == ["horizontal"]
-
-
-def test_inks_on_dark_paper_are_lighter_ones_of_the_same_hues() -> None:
-    for theme in (LIGHT, DARK):
-        assert (theme.blue, theme.vermillion, theme.line) == (*theme.cycle[:2], theme.cycle[-1])
-        names = ("text", "grid", "faint", "paper", "stable", "band", "line")
-        cool = [getattr(theme, name) for name in names]
-        assert all(list(to_rgb(one)) == sorted(to_rgb(one)) for one in cool)
-        assert list(to_rgb(theme.unstable)) == sorted(to_rgb(theme.unstable), reverse=True)
-    for one, other in zip(LIGHT.cycle[:-1], DARK.cycle[:-1], strict=True):
-        assert sum(to_rgb(one)) < sum(to_rgb(other))
-        assert np.ptp([rgb_to_hsv(to_rgb(colour))[0] for colour in (one, other)]) < 0.02
 
 
 def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: Any) -> None:

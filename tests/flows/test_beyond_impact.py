@@ -203,6 +203,8 @@ def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None
     start = {"x": -0.123, "v": 0.0}
     half = cb.cycle(mirror, start, ON, period=lambda p: np.pi / p["w"], settle=100)
     refused(half, "half of a symmetric orbit")
+    opposite = cb.Flow(field, until=lambda t, x, p: p["s"] + x[0], reset=rebound)
+    refused(without_impacts((HIT, opposite)), r"walls are touched at once, flow 0 touches walls")
     for flows in ((cb.Flow(field, until=right),), (HIT, HIT), (cb.Flow(field),) * 2):
         with pytest.raises(cb.BadInput, match="a wall is met by a flow with `until` and `reset`"):
             cb.Flow(field, walls=[flows])

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.continuation.branches.duplicates import Duplicate, ending_at
 
 TAU = 2 * np.pi
 WITHIN = {"w": (0.5, 2.0)}
@@ -153,6 +154,19 @@ def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
     )
     assert len(plain) == 1
     assert {branch[0].detail.get("beyond") for branch in beyond} >= {"persists"}
+
+
+def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch) -> None:
+    """Its first flow and its mesh may be others there: the orbits are the same."""
+    (arm,) = cb.switch(min(grazings(resonance), key=lambda end: end["w"]), within=WITHIN)
+    far = next(grazings(arm))
+    (less,) = cb.switch(far, within=WITHIN)
+    towards = "up" if far["w"] > less[2]["w"] else "down"
+    end = cb.trace(less[2].problem, "w", within=WITHIN, towards=towards).special[-1]
+    assert (end.kind, end["w"]) == ("GR", pytest.approx(far["w"], rel=1e-9))
+    (again,) = cb.switch(end, within=WITHIN, steps=cb.Steps(most=1))
+    assert ending_at(again[0], [resonance, less, arm]) == Duplicate(2)
+    assert ending_at(again[0], [resonance]) is None
 
 
 def test_a_wall_leads_to_no_flow() -> None:

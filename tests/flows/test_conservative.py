@@ -336,6 +336,23 @@ def test_a_parameter_that_damps_is_not_traced() -> None:
         cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0, "lambda": 1.0}, conserves=of_duffing)
 
 
+def test_a_family_that_grows_into_where_nothing_is_conserved_says_so() -> None:
+    """From u = 1.2 on a friction sets in: the equations go on, as lambda feeds in what it takes."""
+
+    def rubbing(t, x, p):
+        aside = np.where(np.real(x[0]) > 1.2, x[0] - 1.2, 0.0)
+        return [x[1], -x[0] - p["b"] * x[0] ** 3 - 0.1 * aside**2 * x[1]]
+
+    start = cb.cycle(rubbing, {"u": 0.8, "v": 0.0}, {"b": 1.0}, conserves=of_duffing)
+    branch = cb.trace(start, "energy", within={"energy": (0.4, 3)}, towards="up")
+    (told,) = branch.doubtful
+    assert "energy is not conserved: it changes at the rate" in told.detail["reason"]
+    sound = branch["max(u)"] < 1.2
+    assert abs(branch["lambda"][sound]).max() < 1e-11 < told["lambda"] < branch["lambda"][-1]
+    assert 1.2 < told["max(u)"] < 1.3
+    assert not cb.trace(start, "energy", within={"energy": (0.4, 1.2)}).doubtful
+
+
 def test_what_is_conserved_is_said_where_it_is_missing() -> None:
     with pytest.raises(cb.NotConverged, match=r"where energy is conserved .say so by conserves=."):
         cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0})

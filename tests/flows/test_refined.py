@@ -181,3 +181,21 @@ def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
     assert (line.stop.name, line.doubtful) == ("EVENT", ())
     end = line.special[-1]
     assert (end["k7"], end["k8"]) == pytest.approx((1.857675, 0.930422), abs=2e-6)
+
+
+@pytest.mark.slow
+def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
+    """Of Duffing's cascade the branch of four periods reaches from one PD of that of two to the
+    other; beyond it has the same orbits two periods later, and all labels a second time."""
+    duffing = cb.cycle(
+        lambda t, x, p: [x[1], -0.5 * x[1] + x[0] - x[0] ** 3 + p["A"] * np.cos(p["w"] * t)],
+        {"x": 1.1, "v": 0.0}, {"A": 0.2, "w": 1.2}, period=lambda p: 2 * np.pi / p["w"], settle=200,
+    )  # fmt: skip
+    window = {"A": (0.1, 0.6)}
+    (two,) = cb.switch(cb.trace(duffing, "A", within=window).first("PD"), within=window)
+    (four,) = cb.switch(two.first("PD"), within=window)
+    first, second, _ = (point["A"] for point in two.special if point.kind == "PD")
+    assert (four[0]["A"], four[-1]["A"]) == pytest.approx((first, second), abs=1e-7)
+    assert "its own image" in four.reason
+    places = [round(point["A"], 6) for point in four.special]
+    assert len(set(places)) == len(places)

@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
-from contbreather.lattice.periodic_green import check_coupling, periodic_green, sinc, slope_ratio
+from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.lattice.response import answers_of
 from tests.lattice.by_hand import response, ring_mean
 
@@ -154,15 +154,3 @@ def test_infinite_chain_refuses_a_period_whose_harmonic_it_radiates():
     periodic_green(CHAIN, 0.0624, (0,), periods=2)
     with pytest.raises(BadInput, match=r"harmonic 1/2.*radiates.*gamma = 1/16"):
         periodic_green(CHAIN, 0.0626, (0,), periods=2)
-
-
-@pytest.mark.parametrize("periods", [0, -1, 1.0, True])
-def test_periods_are_whole_numbers(periods):
-    with pytest.raises(BadInput, match="whole number of forcing periods"):
-        check_coupling(CHAIN, 0.1, periods)
-
-
-def test_velocity_of_the_pushed_site_jumps_by_one():
-    h = periodic_green(CHAIN, 0.2, (0,))
-    assert h.at(0.0)[1] == pytest.approx(0.5, abs=1e-14)
-    assert h.at(2 * math.pi - 1e-9)[1] == pytest.approx(-0.5, abs=1e-8)

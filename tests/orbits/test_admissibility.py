@@ -302,18 +302,6 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(fo
     assert abs(apart) < 1e-2
 
 
-@pytest.mark.parametrize("gamma", [0.02, 0.05])
-def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma) -> None:
-    """With k = 1 the motion is symmetric about the crest: nothing is lower beside it."""
-    forcing, site, h = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2, 1e-4
-    b, t = touching(site, gamma, 1.0, 0.3, forcing=forcing)
-    bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
-    own = other_contacts(b.motion, site, t)[0]
-    assert 0.05 < abs(bend) < 0.2
-    assert undone(own, b, site) == pytest.approx(abs(bend), rel=1e-5)
-    assert abs(own.time - t) % (2 * math.pi) < 1e-3
-
-
 @pytest.mark.parametrize("site", [0, 1])
 def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
     b = upper(0.6, 0.1, 0.8)
@@ -325,15 +313,6 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
         margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
         assert undone(contact, b, site) == pytest.approx(margin, rel=1e-12)
     assert set(found) >= {1 - site}
-
-
-def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
-    b = upper(0.9, 0.0, 0.8)
-    t, _ = neighbour_peak(b, 1)
-    own, centre = other_contacts(b.motion, 1, t)
-    assert (own.margin, own.site) == (1.0, 1)
-    assert centre.site == 0
-    assert undone(centre, b, 1) == pytest.approx(centre_margin(b), rel=1e-12)
 
 
 # ---------------------------------------------------------------------------------- far field

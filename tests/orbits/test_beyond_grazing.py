@@ -166,6 +166,56 @@ def test_a_simulation_begun_beyond_grazing_comes_to_the_orbit_that_was_switched_
     assert sorted(zip(last["site"], last["wall"], strict=True)) == [(0, -1)] * 2 + [(0, 1)] * 2
 
 
+LOST = {  # stable up to GR, where both orbits end
+    "ring": {"gamma": 0.1, "k": 0.8, "damping": 0.02, "lattice": cb.Ring(9)},
+    "grid": {"gamma": 0.06, "k": 0.7, "damping": 0.05, "lattice": cb.Grid(3, 3), "site": 4},
+    "open": {"gamma": 0.1, "k": 0.7, "damping": 0.05, "lattice": cb.OpenChain(5), "site": 1},
+}
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_beyond_a_nonsmooth_fold_a_simulation_goes_where_its_sentence_says(name):
+    within = {"a": (0.1, 1.5)}
+    branch = cb.trace(cb.symmetric(0.5, **LOST[name]), "a", within=within)
+    end, before = branch.first("GR"), [p for p in branch if p.kind != "GR"][-1].solution
+    (arm,) = cb.switch(end, within=within)
+    assert arm[0]["says"].endswith("a motion in which more hits its walls")
+    hit = {*map(int, arm[0]["says"].partition(" hit")[0].split(maxsplit=1)[1].split(", "))}
+    assert hit | {before.section.hit[0]} == {*arm[1].solution.section.hit}
+    assert before.stability().stable
+    short, beyond = (cb.simulate(before, a=a, periods=800) for a in (before.a, 1.003 * end["a"]))
+
+    def hits(run):
+        return {*run.impacts[run.impacts["period"] == 799]["site"].tolist()}
+
+    assert hits(short) == {*before.section.hit}
+    assert hits(beyond) >= {*arm[1].solution.section.hit}
+
+
+def test_an_orbit_that_persists_is_unstable_as_its_sentence_says_and_simulations_leave_it():
+    within = {"a": (0.4, 1.5)}
+    ring = cb.symmetric(0.75, 0.04, 0.8, damping=0.01, lattice=cb.Ring(9))
+    (arm,) = cb.switch(arm_of(ring).first("GR"), within=within)
+    assert arm[0]["beyond"] == "persists"
+    assert "unstable as long as the impulse is small: a simulation leaves it" in arm[0]["says"]
+    orbit = arm[1].solution
+    largest = abs(orbit.multipliers()).max()
+    assert largest > 10
+    run = cb.simulate(orbit, periods=100)
+    assert np.abs(np.subtract(run.final, orbit.state())).max() > 1e-2
+
+
+def test_a_sentence_says_what_hits_twice_in_a_row_and_what_no_more():
+    within = {"a": (0.1, 1.5)}
+    end = cb.trace(cb.symmetric(0.8, **SOFT["ring"]), "a", within=within).first("GR")
+    (arm,) = cb.switch(end, within=within)
+    assert arm[0]["says"].startswith("site 0 hits its wall twice in a row; ")
+    back = cb.trace(arm[2], "a", within=within).first("VI")
+    (less,) = cb.switch(back, within=within)
+    assert less[0]["says"].startswith("site 0 hits its wall twice in a row no more; ")
+    assert "sites -1, 1 hit a wall; " in cb.switch(grazing("endless"), within=within)[0][0]["says"]
+
+
 def test_a_site_that_the_diagram_says_sticks_rests_on_its_wall_in_a_simulation():
     on = {"gamma": 0.05, "k": 0.0, "damping": 0.05, "lattice": cb.Ring(5)}
     end = cb.trace(cb.symmetric(0.8, **on), "a", within={"a": (0.1, 1.5)}).first("GR")

@@ -41,6 +41,10 @@ def _alike(walked: Callable[[], cb.Branch], monkeypatch: pytest.MonkeyPatch) -> 
         ("omega", {"omega": (0.8, 1.5)}, {}, {"steps": Steps(tolerance=1e-12)}),
         ("a", {"a": (0.05, 0.8)}, {"omega": 1.2}, {"steps": Steps(tolerance=1e-12)}),
         ("a", {"a": (0.05, 0.8)}, {"lattice": cb.Ring(20)}, {}),
+        ("a", {"a": (0.05, 0.8)}, {"spring": 0.1}, {}),
+        ("omega", {"omega": (0.8, 1.5)}, {"spring": 0.1}, {"steps": Steps(tolerance=1e-12)}),
+        ("spring", {"spring": (0.0, 0.3)}, {"forcing": FOURIER}, {"steps": SHORT}),
+        ("c3", {"c3": (-1.0, 1.0)}, {"forcing": FOURIER, "spring": 0.1}, {}),
         ("c3", {"c3": (-1.0, 1.0)}, {"forcing": FOURIER}, {}),
     ],
 )

@@ -54,6 +54,31 @@ def orbit(place: str, seed: int) -> Any:
     return orbit_at(cb.shooting(odd, symmetric=False, forcing=full))
 
 
+@pytest.mark.parametrize("omega", [1.0, 1.2])
+def test_a_search_for_breathers_finds_what_they_become_under_the_whole_drive(omega: float) -> None:
+    """As the shot of `shooting` from the breather of the odd harmonics does."""
+    drive = Fourier(cos={0: -0.01, 1: -1.0, 2: -0.05})
+    on = {"a": 0.5, "gamma": 0.03, "k": 0.8, "lattice": cb.Ring(5), "damping": 0.02, "spring": 0.2}
+    found = cb.orbits.find_symmetric("a", (0.5, 0.5), forcing=drive, omega=omega, **on)
+    shot = cb.shooting(cb.symmetric(**on, omega=omega), symmetric=False, forcing=drive)
+    assert (found.omega, found.section.sign) == (omega, 1)
+    assert found.times == pytest.approx(orbit_at(shot).times, abs=1e-11)
+    assert found.impulses == pytest.approx(orbit_at(shot).impulses, abs=1e-11)
+    if omega == 1.0:
+        end, _ = flown(found, float(found.times[0]) + 0.1)
+        assert end == pytest.approx(np.concatenate(found.state(t=found.times[0] + 0.1)), abs=1e-9)
+    branch = cb.trace(found, "c2", within={"c2": (-0.1, 0.0)})
+    assert branch["asymmetry"][0] != branch["asymmetry"][-1]
+
+
+def test_kinds_that_broken_symmetry_has_not_are_named() -> None:
+    drive = cb.Symbolic("-cos(t) - 0.05*cos(2*t)")
+    with pytest.raises(BadInput, match=r"kind under this drive must be .LP., .BP., .* got .PF."):
+        cb.orbits.find_event("PF", ("gamma", "a"), gamma=0.03, k=0.8, forcing=drive)
+    fold = cb.orbits.find_event("LP", ("gamma", "a"), gamma=0.03, k=0.8, forcing=drive)
+    assert fold.solution.section.sign == 1
+
+
 def flown(orbit: Any, t0: float) -> tuple[Any, list[tuple[float, int, int]]]:
     """The state a period later, by Runge and Kutta from impact to impact, and those met."""
     on, n = orbit.conditions, orbit.lattice.sites
@@ -390,10 +415,13 @@ def _half(**more: Any) -> Any:
         (lambda: asymmetric(0.8, 0.04, 0.8, forcing=LOPSIDED), NEEDS),
         (lambda: cb.zones(k=0.8, forcing=LOPSIDED), NEEDS),
         (lambda: cb.orbits.find_symmetric("a", (0.5, 0.8), gamma=0.1, k=0.8, forcing=LOPSIDED),
-         NEEDS),
+         "has a mean: nothing holds an infinite chain against it; take a finite lattice"),
         (_half, NEEDS),
         (lambda: _half(symmetric=True), NEEDS),
         (lambda: cb.symmetric(**ON, forcing="-cos(t) + cos(2*t)"), "has the even harmonic 2: "),
+        # a branch in it would leave the symmetry without a word
+        (lambda: cb.symmetric(**ON, forcing=Fourier(cos={1: -1.0, 2: 0.0})),
+         "has the even harmonic 2: "),
         (lambda: cb.symmetric(**ON, forcing=lambda t: 1.0 - math.cos(t)), "has a mean: without"),
         (lambda: periodic(([0.0], [0.0]), **ON, forcing=LOPSIDED, symmetric=True), NEEDS),
         (lambda: cb.multibreather([0], **ON, forcing=LOPSIDED, lattice=cb.Ring(4)),
@@ -405,12 +433,6 @@ def _half(**more: Any) -> Any:
 def test_what_needs_a_symmetry_or_a_hold_is_refused_with_what_to_do(make: Any, says: str) -> None:
     with pytest.raises((BadInput, NoSolution), match=says):
         make()
-
-
-def test_half_a_period_is_refused_at_a_breather_that_its_parameter_could_break() -> None:
-    """c2 = 0 on the way: a branch in it would leave the symmetry without a word."""
-    with pytest.raises(BadInput, match="has the even harmonic 2: "):
-        cb.symmetric(**ON, forcing=Fourier(cos={1: -1.0, 2: 0.0}))
 
 
 def test_what_follows_the_drive_with_its_offset_has_no_energy_of_its_own() -> None:

@@ -15,13 +15,15 @@ from contbreather.certified import certify
 from contbreather.continuation.algebra.derivatives import differences
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
+from contbreather.orbits import multibreathers
+from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.plotting.multipliers import band
 
-CHAIN = InfiniteChain()
+CHAIN = cb.InfiniteChain()
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
 OPEN = cb.OpenChain(5)
 UNEVEN = np.array([1.0, 0.5, 2.0, 1.0, 1.5])
@@ -146,16 +148,6 @@ def test_what_happens_along_the_frequency_happens_on_branches_in_a_of_scaled_pro
         same = cb.trace(breather, "a", events=breather.problem.events, **near)
         places = [other["a"] for other in same.special if other.kind == point.kind]
         assert min(abs(np.array(places) / scaled["a"] - 1), default=1) < 1e-9
-
-
-def test_the_pitchfork_in_omega_and_a_is_the_closed_form():
-    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8), "omega", within={"omega": (0.8, 2)})
-    line = cb.boundary(branch.first("PF"), ("omega", "a"), within={"omega": (0.7, 2), "a": (0, 5)})
-    assert len(line) > 20
-    for w, a, p in zip(line["omega"], line["a"], line["p"], strict=True):
-        chi, sigma = (CHAIN.mean(0.05 / w**2, name) for name in ("chi", "sigma"))
-        assert p == pytest.approx(1 / (chi - 2 * sigma), abs=1e-11)
-        assert a == pytest.approx(w * w * p * math.hypot(1 / 9, 2 * sigma), abs=1e-10)
 
 
 CHAINS = {}, {"damping": 0.02, "lattice": cb.Ring(7), "spring": 0.05}
@@ -283,7 +275,37 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     )  # fmt: skip
     # of the band [0, 2 sqrt(gamma)]; single steps end at gamma/omega^2 = 0.2499, others later
     assert branch["omega"][-1] == pytest.approx(2 * math.sqrt(0.1), abs=2e-4)
-    assert "gamma" in branch.reason
+    assert "harmonic 1 of the drive, omega = 0.632" in branch.reason
+    # and in the units of whoever asked, along gamma too
+    driven = cb.symmetric(0.3, 0.2, 0.8, omega=1.2, spring=0.1)
+    free = {"events": (), "inadmissible": True, "towards": "up"}
+    ended = cb.trace(driven, "gamma", within={"gamma": (0, 1)}, **free)
+    assert ended["gamma"].max() == pytest.approx((1.44 - 0.1) / 4, rel=1e-3)
+    assert "omega = 1.2, comes to the band of the lattice, 0.316228 to 1.199" in ended.reason
+    assert "at gamma = 0.33" in ended.reason
+
+
+TWO = cb.Fourier(cos={1: 1.0, 3: 0.3}, sin={3: 0.2})
+
+
+@pytest.mark.parametrize("free", ["a", "gamma", "omega"])
+@pytest.mark.parametrize(
+    "on", [{}, {"spring": 0.05}, {"forcing": TWO}, {"spring": 0.05, "forcing": TWO}]
+)
+def test_tests_of_many_breathers_at_once_are_those_of_each(free, on):
+    start = cb.symmetric(0.4, 0.04, 0.8, omega=1.1, **on)
+    within = {"a": (0.2, 0.9), "gamma": (0.0, 0.16), "omega": (0.85, 1.6)}[free]
+    branch = cb.trace(start, free, within={free: within}, events=(), inadmissible=True)
+    many, each = breathers_along(branch.points), [point.solution for point in branch]
+    alone = [least_margin(orbit.motion) for orbit in each]
+    assert many.margins() == pytest.approx(alone, abs=1e-14)
+    for mu in (-1.0, 1.0):
+        assert many.map.crosses(mu) == pytest.approx([o.map.crosses(mu) for o in each], abs=1e-14)
+        assert (many.map.beyond(mu) == [orbit.map.beyond(mu) for orbit in each]).all()
+    off, passed = many.map.pairs()
+    assert off == pytest.approx([orbit.map.pairs()[0] for orbit in each], rel=1e-11, abs=1e-14)
+    assert passed == pytest.approx([orbit.map.pairs()[1] for orbit in each], abs=1e-13)
+    assert (many.map.unstable(1.0) == [orbit.map.unstable(1.0) for orbit in each]).all()
 
 
 # --- runs, zones, commands ------------------------------------------------------------------------
@@ -322,11 +344,60 @@ def test_what_is_about_the_band_is_in_the_time_of_the_drive():
         certify(driven("chain", 1.9)[0])
 
 
-def test_smooth_walls_have_no_frequency():
-    with pytest.raises(BadInput, match="smooth walls have a time of their own"):
+def test_smooth_walls_have_no_frequency_but_in_the_units_that_the_sentence_says():
+    """By an integrator of (21) with cos(omega t)."""
+    a, m, w, lam, damping = 0.9, 6, 1.3, 0.3, 0.05
+    with pytest.raises(BadInput, match=r"units of D = omega\^\(1/\(2 m\)\).* a/\(D omega\^2\)"):
         cb.simulation.simulate_smooth(
-            ([0.0], [0.0]), a=0.5, gamma=0.0, k=0.8, m=6, omega=1.1, periods=1
+            ([0.0], [0.0]), a=a, gamma=0.0, k=0.8, m=m, omega=w, periods=1
         )
+
+    def flow(t, y):
+        u, v = y
+        wall = (2 * m + 1) * (lam * u ** (2 * m) * v + u ** (4 * m + 1))
+        return v, -a * math.cos(w * t) - damping * v - wall
+
+    start, D = (0.3, -0.8), w ** (1 / (2 * m))
+    end = 10 * math.pi / w
+    run = solve_ivp(flow, (0, end), start, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.02)
+    scaled = cb.simulation.simulate_smooth(
+        ([start[0] / D], [start[1] / (w * D)]), a=a / (D * w**2), gamma=0.0, lam=lam, m=m,
+        damping=damping / w, periods=5,
+    )  # fmt: skip
+    assert D * scaled.final.u[0] == pytest.approx(run.y[0, -1], abs=1e-7)
+    assert w * D * scaled.final.v[0] == pytest.approx(run.y[1, -1], abs=1e-7)
+
+
+def test_a_catalogue_of_multibreathers_at_a_frequency_is_that_of_the_scaled_problem():
+    catalogue = multibreathers.multibreathers
+    w2, on = 1.3**2, {"k": 0.8, "most": 2}
+    mine = catalogue(cb.Ring(6), a=0.5 * w2, gamma=0.16 * w2, omega=1.3, **on)
+    other = catalogue(cb.Ring(6), a=0.5, gamma=0.16, **on)
+    assert {entry.exists for entry in other} == {True, False}
+    for entry, scaled in zip(mine, other, strict=True):
+        assert (entry.sites, entry.copies, entry.ended) == (
+            scaled.sites,
+            scaled.copies,
+            scaled.ended,
+        )
+        assert entry.gamma == pytest.approx(scaled.gamma * w2, rel=1e-9)
+        assert entry.orbit.omega == 1.3
+        assert entry.orbit.times == pytest.approx(scaled.orbit.times, abs=1e-9)
+
+
+def test_zones_in_the_frequency_and_the_coupling_have_the_closed_forms():
+    zones = cb.zones(k=0.8, a=0.5, within={"omega": (0.5, 3), "gamma": (0, 1.5)})
+    assert (zones.pair, zones.held) == (("omega", "gamma"), {"a": 0.5})
+    assert {kind for kind, _ in zones} == {"LP", "GR", "PF", "NS"}
+    for kind in ("LP", "PF"):
+        for line in zones[kind]:
+            for w, gamma, p in zip(line["omega"], line["gamma"], line["p"], strict=True):
+                means = cb.InfiniteChain()
+                chi, sigma = (means.mean(gamma / w**2, name) for name in ("chi", "sigma"))
+                size = math.hypot(1 / 9, chi) if kind == "LP" else 1 / math.hypot(1 / 9, 2 * sigma)
+                scaled = 1 / (9 * size) if kind == "LP" else p / size
+                assert 0.5 / w**2 == pytest.approx(scaled, abs=1e-9)
+    assert "PF-GR" in zones.meetings()
 
 
 def test_zones_in_omega_and_a_are_those_in_gamma_and_a_in_other_coordinates(tmp_path):

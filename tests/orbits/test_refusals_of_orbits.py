@@ -141,6 +141,7 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
     (lambda b, o, w: b.displacement([[0, 1], [2]], 0.0), WHOLE),
     (lambda b, o, w: o.velocity(0, math.nan), "finite real numbers were expected"),
     (lambda b, o, w: b.state(6, t=[0.0, 1.0]), r"t = \[0\.0, 1\.0\]: a time, a finite number"),
+    (lambda b, o, w: b.state(0), "sites = .*: a whole number, at least 1"),
     (lambda b, o, w: w.phi, "phi belongs to symmetric orbits with one impact in half a period"),
     (lambda b, o, w: w.multipliers(half=True), "not known by half its period: it has no half"),
     (lambda b, o, w: b.multipliers(), r"continuous spectrum; ask for multipliers\(sites=N\)"),

@@ -82,7 +82,11 @@ BRANCHES: dict[str, Callable[[], cb.Branch]] = {
     "multibreather": multibreather,
     "doubled": doubled,
     "waves": waves,
-}
+    "each site": lambda: cb.trace(
+        cb.symmetric(0.4, 0.05, 0.6, lattice=cb.OpenChain(3), spring=[0.1, 0.3, 0.2],
+                     damping=[0.02, 0.01, 0.03]), "a", within={"a": (0.35, 0.45)}
+    ),
+}  # fmt: skip
 
 
 def same(one: Any, other: Any) -> None:
@@ -261,7 +265,7 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
 @pytest.mark.parametrize(
     ("equations", "sentence"),
     [
-        ({"kind": "symmetric breather", "forcing": EVIL}, "which no forcing may"),
+        ({"kind": "symmetric breather", "forcing": EVIL}, "which no formula may"),
         (
             {"kind": "symmetric breather", "forcing": {"kind": "os.system"}},
             "is of no kind that is known here",

@@ -9,7 +9,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import progress
-from contbreather.orbits import find_event, find_symmetric, smallest_amplitude, start_search
+from contbreather.orbits import find_event, find_symmetric, smallest_amplitude
 from contbreather.parameters import window_of
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
@@ -108,12 +108,6 @@ def test_a_first_point_is_looked_for_in_the_middle_or_where_that_is_said() -> No
 
 def test_solutions_are_chosen_by_number_from_one() -> None:
     both = cb.orbits.symmetric_roots(0.5, 0.1, 0.8)
-    assert [start_search.rooted(both, i) for i in (1, 2)] == list(both)
-    for root in (0, 3, -1):
-        with pytest.raises(
-            cb.BadInput, match=rf"root {root}: .* 1: p = 0\.767381929, 2: p = 0\.25"
-        ):
-            start_search.rooted(both, root)
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8, root=2).p == both[1].p
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8).p == both[0].p
 
@@ -150,9 +144,9 @@ def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> 
 @pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
 def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
     orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
-    plain = start_search.problem_with(orbit, "a", "gamma")
+    plain = orbit.problem.having("a", "gamma")
     assert "p" in plain.start
-    freed = start_search.problem_with(orbit, "gamma", "spring")
+    freed = orbit.problem.having("gamma", "spring")
     assert ("p" in freed.start) == (lattice is None)
     assert "spring" in freed.params
 

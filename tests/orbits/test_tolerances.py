@@ -13,7 +13,6 @@ import pytest
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
-from contbreather.orbits.grazing import _is_impact, _is_mirrored
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section, check_both_walls
 from contbreather.orbits.symmetries import simpler_than
@@ -37,18 +36,6 @@ def test_halves_that_are_alike() -> None:
     assert late(whole, 0.0, 1e-11).p == pytest.approx(B.p)
     with pytest.raises(cb.BadInput, match="different momenta"):
         _ = late(whole, 0.0, 1e-7).p
-
-
-def test_contacts_that_are_impacts_and_crests_that_are_mirrored() -> None:
-    (hit, *_), period = B.hits, 2 * math.pi
-    for off in (0.0, 1e-9, -1e-9, period, -3 * period):
-        assert _is_impact(B, 0, hit.time + off)
-    assert not any(_is_impact(B, 0, hit.time + off) for off in (1e-6, -1e-6, 0.5))
-    assert not _is_impact(B, 1, hit.time)
-    t = B.admissibility().places["neighbours"][1]
-    assert not _is_mirrored(B, 1, t)  # of half an orbit nothing comes twice
-    whole = B.unfolded()
-    assert [_is_mirrored(late(whole, by), 1, t) for by in (0.0, 1e-12, 1e-6)] == [1, 1, 0]
 
 
 def test_a_spring_brings_sites_back_from_a_strength_on() -> None:

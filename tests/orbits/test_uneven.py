@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,15 +19,10 @@ PARTS: dict[str, Any] = {"spring": SPRING, "damping": DAMPING, "k": K}
 ON: dict[str, Any] = {"a": 0.4, "gamma": 0.05, "lattice": cb.OpenChain(N), "site": 2, **PARTS}
 
 
-@pytest.mark.parametrize("number", range(12))
-def test_orbits_of_random_chains_return_under_another_integrator(number: int) -> None:
-    """Every draw that keeps off its walls returns, with its impacts and its multipliers."""
-    said = uneven.answer(np.random.default_rng([4, number]), number)
-    assert not said.startswith("WRONG"), said
-
-
-def test_most_random_chains_have_an_orbit_to_check() -> None:
+def test_orbits_of_random_chains_return_under_another_integrator() -> None:
+    """Every draw that keeps off its walls returns, with impacts and multipliers; most do."""
     said = [uneven.answer(np.random.default_rng([4, i]), i) for i in range(12)]
+    assert not [one for one in said if one.startswith("WRONG")]
     assert said.count("right") >= 6
 
 
@@ -94,16 +88,6 @@ def test_nearly_even_parts_are_nearly_those_of_modes() -> None:
     near = cb.symmetric(spring=0.1 + off, damping=0.01 + off, **on)
     assert (near.p, near.phi) == pytest.approx((one.p, one.phi), abs=1e-7)
     assert near.stability().largest == pytest.approx(one.stability().largest, rel=1e-6)
-
-
-def test_files_keep_them(tmp_path: Path) -> None:
-    branch = cb.trace(cb.symmetric(**ON), "a", within={"a": (0.35, 0.45)})
-    cb.save(tmp_path / "b.nc", branch)
-    again = cb.load(tmp_path / "b.nc")
-    assert again.points[-1].solution.lattice == branch.points[-1].solution.lattice
-    assert again.points[-1].solution.multipliers() == pytest.approx(
-        branch.points[-1].solution.multipliers()
-    )
 
 
 @pytest.mark.parametrize(

@@ -165,20 +165,6 @@ def test_threshold_of_a_ring_is_what_the_zones_are_about() -> None:
             assert diagram.unstable(gamma, a) == wanted
 
 
-def test_labels_and_counts_are_by_the_threshold_that_was_asked_for() -> None:
-    start = cb.symmetric(0.2, 0.05, 0.8, lattice=cb.Ring(50))
-    asked = cb.neimark_sacker(threshold=1.02)
-    branch = cb.trace(start, "gamma", within={"gamma": (0.01, 0.15)}, events=[asked])
-    place = branch.first("NS")["gamma"]
-    for point in branch:
-        verdict = point.solution.stability(sites=50, threshold=1.02)
-        assert point["unstable"] == verdict.unstable or point.kind == "NS"
-        if not point.kind:
-            assert (point["unstable"] > 0) == (point["gamma"] > place)
-    assert "ring of 50, threshold 1.02" in branch.describe()
-    assert "1.005" not in branch.describe()
-
-
 # --- walls are always on ----------------------------------------------------------------------
 
 

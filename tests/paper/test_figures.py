@@ -54,16 +54,6 @@ def panels(both: Figure2) -> list[Axes]:
     return both.draw().axes
 
 
-@pytest.mark.slow
-def test_panels_of_figure_2_are_below_each_other_each_as_high_as_a_diagram(panels) -> None:
-    figure = panels[0].figure
-    assert (2.54 * figure.get_size_inches()).tolist() == pytest.approx([8.5, 13.2])
-    titles = [ax.get_title(loc="left") for ax in panels]
-    assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.4"]
-    first, below = (ax.get_position() for ax in panels)
-    assert first.y0 > below.y1
-
-
 def test_arrows_of_figure_2_lead_from_one_panel_of_figures_3_and_4_to_the_other(panels) -> None:
     upper, lower = panels
     for name, start, end, a in TRANSITIONS:
@@ -222,15 +212,6 @@ def test_rows_are_all_multipliers_and_their_squares(number) -> None:
 
 @pytest.mark.slow
 @both_of_them
-def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(number) -> None:
-    before, after = axes_of(number)[2:]
-    top = np.abs(MADE[number].breathers[1].stability().multipliers[0]) ** 2 - 1
-    assert f"{1e3 * top:.1f}" in [text.get_text() for text in after.texts]
-    assert not any(text.get_text() for text in before.texts)  # nothing comes out in (a)
-
-
-@pytest.mark.slow
-@both_of_them
 def test_caption_describes_the_arrows_that_are_there(number) -> None:
     made, panels = MADE[number], axes_of(number)[2:]
     arrows = [any(getattr(word, "arrow_patch", None) for word in ax.texts) for ax in panels]
@@ -239,15 +220,6 @@ def test_caption_describes_the_arrows_that_are_there(number) -> None:
     alone = replace(made, breathers=(made.breathers[0],) * 2)
     assert "arrow" not in alone.caption
     assert alone.caption.endswith("Dashed: the paper's threshold 1.005.")
-
-
-def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:
-    left, right = axes_of(3)[2:]
-    figure = left.figure
-    figure.draw_without_rendering()
-    gap = right.get_xticklabels()[0].get_window_extent().x0
-    gap -= left.get_xticklabels()[-1].get_window_extent().x1
-    assert gap > figure.dpi / 72 * 7  # the height of a letter
 
 
 def test_isolated_multipliers_within_the_axis_are_crosses() -> None:
@@ -299,38 +271,6 @@ def test_exact_lines_are_red_the_other_breather_dashed_and_the_ring_open_circles
     }
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "$u$")
     assert ax.get_title(loc="left") == "(a) one"
-
-
-def test_panels_of_one_time_axis_share_it_and_others_keep_theirs() -> None:
-    later = SampledCurve("exact", 1, T + 1.0, np.sin(T))
-    panels = (Panel("", LINES), Panel("", LINES[:1]), Panel("", (later,)))
-    figure = series(*panels).draw()
-    assert [ax.get_xlabel() for ax in figure.axes] == ["", r"$t/2\pi$", r"$t/2\pi$"]
-    assert [ax.get_title(loc="left") for ax in figure.axes] == ["(a)", "(b)", "(c)"]
-    assert 2.54 * figure.get_size_inches()[1] == pytest.approx(2.9 + 3.9 + 3.9)
-    assert [ax.get_legend() is not None for ax in figure.axes] == [True, False, False]
-
-
-def test_traces_of_sites_stand_above_each_other_under_their_numbers() -> None:
-    curves = tuple(SampledCurve(f"u_{n}", n, T, np.cos(T) + 2.2 * n, "trace") for n in (-1, 0, 2))
-    ax = series(Panel("runs", curves, (r"$t/2\pi$", "site $n$"), 1.25)).draw().axes[0]
-    assert ax.get_yticks().tolist() == pytest.approx([-2.2, 0.0, 4.4])
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["$-1$", "$0$", "$2$"]
-    mark = ax.get_lines()[-1]
-    assert (list(mark.get_xdata()), mark.get_linestyle()) == ([1.25, 1.25], "--")
-    assert ax.get_ylabel() == "site $n$"
-    assert len({line.get_color() for line in ax.get_lines()[:3]}) == 3
-    kept = series(Panel("runs", curves)).draw().axes[0]
-    assert len(kept.get_lines()) == 3
-
-
-def test_a_section_is_dots_and_has_no_legend() -> None:
-    points = SampledCurve("section", 0, T, np.cos(T), "points")
-    ax = series(Panel("", (points,), ("$u_0$", r"$\dot u_0$"))).draw().axes[0]
-    (line,) = ax.get_lines()
-    assert (line.get_marker(), line.get_linestyle()) == (".", "None")
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_0$", r"$\dot u_0$")
-    assert ax.get_legend() is None
 
 
 def test_rows_of_a_figure_name_panel_curve_and_site() -> None:

@@ -21,7 +21,6 @@ def figures():
 def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
     numbers = figures(5).numbers
     assert numbers["difference_0"] == pytest.approx(0.098, abs=5e-4)
-    assert numbers["difference_0_shifted"] == pytest.approx(0.0385, abs=1e-3)
     assert numbers["difference_1"] == pytest.approx(0.0104, abs=1e-4)
     assert numbers["difference_10"] == pytest.approx(0.0005, abs=5e-5)
     assert numbers["rigid_multiplier"] == pytest.approx(0.9979, abs=5e-5)
@@ -61,11 +60,6 @@ def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     assert numbers["phase_2"] == pytest.approx(3.01105, abs=1e-5)
     assert numbers["rigid_multiplier"] < 1.0 < numbers["symmetric_multiplier"]
     assert numbers["delocalised"] == 0.0
-    assert numbers["delocalised_6"] == 1.0
-    # m is not all: a gentler ramp finds an attractor where that of the figure loses it
-    assert numbers["multiplier_15"] == pytest.approx(0.97984, abs=5e-6)
-    assert "with m = 6 this ramp ends delocalised" in figures(7).caption
-    assert "largest multiplier 0.9798, an attractor" in figures(7).caption
     soft = time_series.figure7(m=6)
     assert soft.numbers["delocalised"] == 1.0
     assert "delocalised" in soft.caption

@@ -15,7 +15,6 @@ from contbreather.cli import INTERRUPTED, main
 from contbreather.errors import deferred
 from contbreather.orbits import symmetric
 from contbreather.paper import figure6, figure7, figure8
-from contbreather.paper.lifetimes import growth
 from contbreather.simulation.classify import judge
 
 from ..apart import begun, until, workers_of
@@ -52,7 +51,6 @@ def ctrl_c(monkeypatch):
 
 CALLS = {
     "classify": lambda: sim.classify(STATE, settle=300, periods=300, **SET),
-    "growth": lambda: growth(sim.periodic(STATE, symmetric=True, **SET), 40),
     "figure 6": figure6,
     "figure 7": figure7,
     "figure 8": figure8,

@@ -244,16 +244,6 @@ def test_smooth_walls_harden_into_the_rigid_ones_on_any_lattice():
     assert off[2] < 0.02
 
 
-def test_a_ring_may_be_coupled_below_a_quarter_only_other_lattices_at_will():
-    state = [0.0] * 3, [0.1] * 3
-    with pytest.raises(BadInput, match="gamma"):
-        sim.simulate(state, a=0.1, gamma=0.3, k=0.8, periods=1)
-    assert (
-        sim.simulate(state, a=0.1, gamma=3.0, k=0.8, periods=1, lattice=cb.OpenChain(3)).periods
-        == 1
-    )
-
-
 def test_rotation_of_a_torus_on_an_open_chain():
     """Far from any impact the modes turn: the slowest one of them with its own frequency."""
     lattice, gamma = cb.OpenChain(2), 0.2

@@ -10,10 +10,9 @@ from scipy.integrate import solve_ivp
 
 from contbreather.continuation import Steps, trace
 from contbreather.errors import NotConverged
-from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, variation
+from contbreather.simulation import Sample, periodic, simulate_smooth, variation
 from contbreather.simulation.states import damping_of, restitution_of
 from tests.simulation.zoo import breather
 
@@ -105,16 +104,6 @@ def test_samples_do_not_change_the_run():
     assert dense.record.times[0] == 1.0
     assert np.array_equal(dense.record.u[40], dense.strobe.u[1, [0, 3]])
     assert plain.end == pytest.approx(1.0 + 4.5 * math.pi)
-
-
-def test_other_forcing_drives_the_smooth_ring_too():
-    forcing = Fourier(cos={1: -0.6, 3: 0.4}, sin={5: 0.2})
-    conditions = {"a": 0.3, "gamma": 0.1, "damping": 0.1, "periods": 1, "forcing": forcing}
-    state = np.zeros(4), np.full(4, 0.1)
-    soft = simulate_smooth(state, **conditions, m=50, k=0.8)
-    hard = simulate(state, **conditions, k=0.8)
-    assert not hard.impacts.size
-    assert np.allclose(soft.final.u, hard.final.u, rtol=0, atol=1e-8)
 
 
 # --- periodic motions -----------------------------------------------------------------------------

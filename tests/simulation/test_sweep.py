@@ -12,9 +12,8 @@ import pytest
 import contbreather.simulation as sim
 from contbreather.continuation import trace
 from contbreather.errors import NotConverged
-from contbreather.lattice import Fourier, Ring
+from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
-from contbreather.orbits.closure import smallest_amplitude
 from tests.simulation.zoo import breather
 
 DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
@@ -27,14 +26,6 @@ def orbit():
 
 
 # --- sweeps ---------------------------------------------------------------------------------------
-
-
-def test_fold_of_the_undamped_orbit_is_that_of_the_closure():
-    ring = Ring(6)
-    start = breather(6, a=0.1, gamma=0.05, k=0.8)
-    branch = trace(start, "a", towards="down", within={"a": (0.06, 0.2)})
-    exact = smallest_amplitude(0.05, 0.8, lattice=ring)
-    assert branch.first("LP")["a"] == pytest.approx(exact, abs=1e-11)
 
 
 def test_breather_is_lost_at_the_fold_of_its_branch_the_later_the_faster(orbit):
@@ -229,9 +220,3 @@ def test_workers_that_never_answer_are_an_error_that_says_so(basin):
     start, x, y, conditions = basin
     with Dying(0) as pool, pytest.raises(NotConverged, match="workers of the executor ended"):
         sim.attraction(start.state, x, y, **conditions, executor=pool)
-
-
-def test_lifetimes_are_small_numbers_without_gaps() -> None:
-    """They are kept in one byte each, and coloured by steps of one."""
-    assert sorted(int(outcome) for outcome in sim.Outcome) == list(range(-1, 5))
-    assert sim.Outcome.PENDING < sim.Outcome.OUTSIDE

@@ -64,15 +64,6 @@ def test_scalars_change_sign_where_the_count_does(mu: float, spring: float) -> N
     assert abs(real[changed + 1] - real[changed]) == 1
 
 
-@pytest.mark.parametrize("sites", [1, 24])
-def test_scalars_of_a_ring_change_sign_together(sites: int) -> None:
-    grid = np.linspace(-3.0, 3.0, 90)
-    for mu in (1.0, -1.0):
-        half = [half_map(0.1, 0.8, b, Ring(sites)).crosses(mu) for b in grid]
-        modes = [half_by_modes(sites, 0.1, 0.8, b).crosses(mu) for b in grid]
-        assert np.array_equal(np.diff(np.sign(half)) != 0, np.diff(np.sign(modes)) != 0)
-
-
 def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
     gamma, k, b = 0.11, 0.8, -0.3
     ring = half_by_modes(24, gamma, k, b)

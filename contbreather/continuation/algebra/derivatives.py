@@ -42,14 +42,24 @@ def differences(
     sides, each by itself.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
-    chosen = range(z.size) if columns is None else columns
-    inside, kinked = _column_inside if one_sided else _column, {*map(int, kinks)}
+    chosen, kinked = range(z.size) if columns is None else columns, {*map(int, kinks)}
+
+    def to_one_side(i: int, part: float) -> Array:
+        h = part * steps[i]
+        return np.asarray(ahead(function, z, np.eye(1, z.size, i)[0] * h) / h)
 
     def column(i: int) -> Array:
-        if i not in kinked:
-            return inside(function, z, i, steps[i])
-        h = np.eye(1, z.size, i)[0] * steps[i] / 2
-        return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / steps[i])
+        if i in kinked:
+            return (to_one_side(i, 0.5) + to_one_side(i, -0.5)) / 2
+        try:
+            return _column(function, z, i, steps[i])
+        except OUT_OF_DOMAIN:
+            if not one_sided:
+                raise
+        try:
+            return to_one_side(i, 1 / 64)
+        except OUT_OF_DOMAIN:
+            return to_one_side(i, -1 / 64)
 
     return np.stack([column(i) for i in chosen], axis=-1)
 
@@ -67,23 +77,11 @@ def _column(function: Function, z: Array, i: int, step: float) -> Array:
     return column
 
 
-def _column_inside(function: Function, z: Array, i: int, step: float) -> Array:
-    try:
-        return _column(function, z, i, step)
-    except OUT_OF_DOMAIN:
-        short = np.eye(1, z.size, i)[0] * step / 64
-        try:
-            return 64 * ahead(function, z, short) / step
-        except OUT_OF_DOMAIN:
-            return -64 * ahead(function, z, -short) / step
-
-
 def ahead(function: Function, z: Array, step: Array) -> Array:
-    """As `directional`, over ``z + {0..4} step``."""
-    # off by h^4 / 5 of the fifth derivative: six times as much as to both sides
+    """As `directional`, over ``z + {0..4} step``; off by h^4 / 5 of the fifth derivative, six times
+    as much."""
     weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
-    terms = [w * np.array(function(z + j * step)) for j, w in enumerate(weights)]
-    return np.asarray(sum(terms))
+    return np.asarray(sum(w * np.array(function(z + j * step)) for j, w in enumerate(weights)))
 
 
 def directional(function: Function, z: Array, step: Array) -> Array:
@@ -188,10 +186,7 @@ def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array,
         except OUT_OF_DOMAIN:
             continue
         if len(best) != len(fine):  # the first that could be had
-            best, doubt = (
-                np.resize(best, (len(fine), z.size)),
-                np.resize(doubt, (len(fine), z.size)),
-            )
+            best, doubt = (np.resize(row, (len(fine), z.size)) for row in (best, doubt))
         # an eighth of the step: 8^4 times less of what the formula leaves, 8 times more rounding
         apart = abs(coarse - fine)
         better = apart.max(axis=0) < doubt[:, poor].max(axis=0)

@@ -99,16 +99,20 @@ def _dense(matrix: Array) -> LeastSingular:
     )
 
 
-def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
+def by_inverses(
+    factors: Any, size: int, turns: int = TURNS, **how: bool
+) -> tuple[float, Array, Array]:
     """The least singular value of a square matrix with the sign of its determinant, and its vectors
     w and v: ``w* B v = value``; about, by a few turns of inverse iteration, two where it vanishes.
     """
     left = right = any_vector(size)
     value = 0.0
     # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
-    for _ in range(TURNS):
+    for _ in range(turns):
         right, before = factors.solve(left, **how), left
         value = 1 / math.sqrt(right @ right)
+        if not value > 0.0:  # singular to the last digit, as where what rests branches
+            return 0.0, left, left
         right = value * right
         left = factors.transposed(right)
         left = left / math.sqrt(left @ left)
@@ -182,8 +186,6 @@ def _leading(apply: Callable[[Array], Array], n: int) -> tuple[float, Array]:
 
 # --- bordered matrices along a curve -------------------------------------------------------------
 
-_LOOKS = 3  # steps of inverse iteration: close to a zero one is enough, and far away none is needed
-
 
 @dataclass(frozen=True, eq=False)
 class Bordered:
@@ -204,18 +206,8 @@ class Bordered:
         moved = vector * self.scales
         return np.append(self.factors.matrix @ moved, self.row @ moved)
 
-    def signed_least(self) -> float:
-        """About the least singular value, with the sign of the determinant."""
-        x, size = any_vector(self.row.size), math.inf
-        for _ in range(_LOOKS):  # x <- (M M^T)^-1 x, whose largest eigenvalue is 1 / size^2
-            y = self.solve(x)
-            grown = np.linalg.norm(y)
-            if not grown < math.inf:  # singular to the last digit, as where what rests branches
-                return 0.0
-            x = self.transposed(y / grown)
-            size = 1 / float(np.linalg.norm(x))
-            x = x * size
-        return self.factors.sign(self.row[None, :]) * size
+    def sign(self) -> int:
+        return self.factors.sign(self.row[None, :])
 
 
 def inverses_between(first: Bordered, *others: Bordered) -> Array:
@@ -258,7 +250,7 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
 def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
     """Tell whether an eigenvalue may be of size 1: most steps of a walk are short against all."""
     x, growth = any_vector(size), 0.0
-    for _ in range(_LOOKS):
+    for _ in range(3):
         # power iteration: a few steps show an eigenvalue of size 1 among small ones
         x = matvec(x)
         growth = float(np.linalg.norm(x))

@@ -161,7 +161,7 @@ def newton_step(
     return _shortest(factors.whole, value if row is None else np.append(value, 0.0)), True
 
 
-def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
+def approach(curve: Equations, z: Array) -> Array | None:
     """Go from anywhere to where full steps of Newton's iteration are short; None if that fails.
 
     A step is cut until the next one from there, for the same derivative, would be shorter
@@ -172,7 +172,7 @@ def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
     weights = curve.metric**-0.5
     damping = 1.0
     value = curve.equations(z)
-    for _ in range(most):
+    for _ in range(50):
         matrix = sparse.scaled(curve.jacobian(z), np.ones(value.size), weights)
         large = sparse.is_sparse(matrix)
         least = sparse.Factors(matrix).least if large else partial(_least, matrix)

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
-_MANY = 120  # rows of an array from which on its factors are asked for all
-_STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
+<<<<<<< HEAD
 _LONG, _SHARE = 64, 0.02  # entries of a row, at least, and the share of rows that are so long
 _LOW = 1e-6  # what rows are multiplied by that are to give no pivots
 _BAND = 8  # entries no farther off the diagonal fill no more than their band
+=======
+>>>>>>> main
 TURNS = 4  # steps of inverse iteration next to a null vector
-_SHIFT = 1e-14  # relative size of what is added where a matrix is singular to the last digit
 
 
 # --- dense matrices ---------------------------------------------------------------------------
@@ -56,7 +56,6 @@ class Dense:
         return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
 
     def transposed(self, right: Array) -> Array:
-        """The solution for the transpose."""
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
     def sign(self) -> int:
@@ -78,7 +77,7 @@ def is_sparse(matrix: object) -> bool:
 
 def is_large(matrix: Matrix) -> bool:
     """Tell a matrix that is only solved with: a sparse one, or one of many rows."""
-    return is_sparse(matrix) or len(matrix) >= _MANY
+    return is_sparse(matrix) or len(matrix) >= 120  # from there on that takes less time
 
 
 def canonical(entries: Any) -> Matrix:
@@ -180,7 +179,8 @@ class Factors:
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
-        if width > n and (not self.exact or abs(self.null).max() > _STEEP):
+        # an unknown that moves so much with the last ones is set apart in their place
+        if width > n and (not self.exact or abs(self.null).max() > 1e3):
             from scipy.linalg import qr
 
             # for each null vector an unknown that it moves most, and no other does: each pivot is
@@ -307,13 +307,17 @@ def factorised(matrix: Matrix) -> Any:
     if 0 < long.size < _SHARE * counts.size:
         return _LongRows(matrix, long)
     order: Any = "COLAMD"
-    if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= _BAND:
+    counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
+    if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= 8:
         order = "NATURAL"
-    elif _diagonal_leads(matrix):
-        order = "MMD_AT_PLUS_A"
+    elif counts.all() and max(counts.max(), np.bincount(matrix.indices).max()) <= most:
+        largest = np.maximum.reduceat(abs(matrix.data), matrix.indptr[:-1])
+        if (abs(matrix.diagonal()) >= _PIVOT * largest).all():
+            order = "MMD_AT_PLUS_A"
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
 
 
+<<<<<<< HEAD
 class _LongRows:
     """The factors of a sparse matrix with a few rows that are long, as of conditions on all
     unknowns: columns are put in order as if these were not there, for each would be fill elsewhere,
@@ -380,6 +384,8 @@ def _diagonal_leads(matrix: Matrix) -> bool:
     return bool((abs(matrix.diagonal()) >= _PIVOT * largest).all())
 
 
+=======
+>>>>>>> main
 def _column(matrix: Matrix, number: int) -> Array:
     if not is_sparse(matrix):
         return np.asarray(matrix[:, number])
@@ -389,7 +395,6 @@ def _column(matrix: Matrix, number: int) -> Array:
 
 
 def _small(matrix: Array, right: Array) -> Array:
-    """The solution of one equation, or of a few."""
     return np.asarray(right / matrix[0] if right.size == 1 else np.linalg.solve(matrix, right))
 
 
@@ -397,7 +402,7 @@ def _shifted(matrix: Matrix) -> Matrix:
     """A matrix moved off a singular one by as much as rounding might."""
     from scipy.sparse import diags_array
 
-    shifts = _SHIFT * (1.5 + np.cos(np.arange(matrix.shape[0])))
+    shifts = 1e-14 * (1.5 + np.cos(np.arange(matrix.shape[0])))
     if not is_sparse(matrix):
         return matrix + np.diag(shifts)
     return (matrix + diags_array(shifts)).tocsc()

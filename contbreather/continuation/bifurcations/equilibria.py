@@ -38,8 +38,6 @@ from .stability_border import Border
 
 Array = NDArray[np.float64]
 
-_EXACT = 1e-14  # relative rounding of singular values
-
 
 def fold() -> Event:
     """LP: the curve turns back in its free parameter.
@@ -141,7 +139,7 @@ def _examine_fold(point: Point) -> str:
         change = weak.left @ curve.balanced(curve.along(z, way))
         return float(np.linalg.norm(change * reach))
 
-    small = changes(weak.right * curve.scales[:n]) + _EXACT * weak.largest
+    small = changes(weak.right * curve.scales[:n]) + 1e-14 * weak.largest  # which rounds
     by_params = abs(weak.left @ branch_points.balanced(point)[:, n:])
     # derivatives in the parameters, too: where a fold is narrow beside the size of its unknowns, or
     # they are tiny, those in the unknowns alone vanish

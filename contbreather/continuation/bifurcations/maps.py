@@ -33,8 +33,6 @@ from .multiplier_events import linked
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
 
-_SAME = 1e-7  # relative distance at which a cycle has closed
-
 
 def FixedPoint(
     map_: Map,
@@ -185,7 +183,6 @@ class MapCycle(HtmlRepr):
         return int((abs(self.multipliers) > 1).sum())
 
     def table(self) -> Sheet:
-        """Its period, its multipliers, and how many are outside the unit circle."""
         rows = [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), start=1)]
         return Sheet.of([("period", self.period), *rows, ("unstable", self.unstable)])
 
@@ -249,7 +246,7 @@ class MapCycleProblem(Problem):
     def simpler(self, point: Point) -> Problem | None:
         """The cycle as one of the smallest period it has, if that is not the one it is written
         in."""
-        near = _SAME * (1 + float(np.linalg.norm(point.x)))
+        near = 1e-7 * (1 + float(np.linalg.norm(point.x)))
         for period, x in enumerate(self.residual.phases(point.x, point.params)[1:], start=1):
             if self.period % period == 0 and np.linalg.norm(x - point.x) <= near:
                 return with_period(point.problem, period)
@@ -259,7 +256,6 @@ class MapCycleProblem(Problem):
         return _doubled if kind == "PD" else None
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        """Multipliers, and what rounding may leave in each."""
         matrix = units(point)
         rounding = ROUNDING * float(np.linalg.norm(matrix))
         return np.linalg.eigvals(matrix).astype(complex), rounding
@@ -268,10 +264,14 @@ class MapCycleProblem(Problem):
 # --- the events on a branch -------------------------------------------------------------------
 
 
+def _beside(mu: float, point: Point) -> Array:
+    return units(point) - mu * np.eye(point.curve.size)
+
+
 def _examine_one(plain: Event, point: Point) -> Examined:
     """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
     far apart in size the derivative may look singular where it is not."""
-    sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
+    sizes = np.linalg.svd(_beside(1.0, point), compute_uv=False)
     if sizes[-1] > RANK * max(1.0, sizes[0]):
         return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
     assert plain.examine is not None
@@ -284,15 +284,11 @@ def _doubled(point: Point) -> SwitchingProblem:
     return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
-def _flip_matrix(point: Point) -> Array:
-    return units(point) + np.eye(point.curve.size)
-
-
 def _with_one(plain: Event) -> Event:
     """The event, verified for a multiplier that is 1 as well."""
     return replace(plain, examine=partial(_examine_one, plain))
 
 
-_CIRCLE = linked(_with_one(fold()), systems.Singular(_flip_matrix))
+_CIRCLE = linked(_with_one(fold()), systems.Singular(partial(_beside, -1.0)))
 _BRANCH_POINT = _with_one(crossing_event(_CIRCLE.meetings("BP")))
 EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -30,10 +30,6 @@ from ..systems.spectrum import Multipliers, Values
 from .stability_border import Border
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
-_BESIDE = (
-    1e-12  # how far off its value a multiplier is taken to be where the cycle is singular with it
-)
-_ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
 _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 
 
@@ -60,17 +56,13 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
     )  # fmt: skip
     circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
     circle.events["PD"] = Event(
-        "PD",
-        flips or partial(circle.least_beside, "", -1.0),
-        locus=partial(_flip_locus, circle),
-        examine=_examine_flip,
-    )
+        "PD", flips or partial(circle.least_beside, "", -1.0),
+        locus=partial(_flip_locus, circle), examine=_examine_flip,
+    )  # fmt: skip
     circle.events["NS"] = Event(
-        "NS",
-        partial(circle.least_of_pairs, ""),
-        locus=partial(_rotation_locus, circle),
-        examine=partial(_examine_rotation, circle),
-    )
+        "NS", partial(circle.least_of_pairs, ""),
+        locus=partial(_rotation_locus, circle), examine=partial(_examine_rotation, circle),
+    )  # fmt: skip
     for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
         sign = int(circle.real[on])
         circle.double[on] = CodimensionTwo(
@@ -153,7 +145,7 @@ def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Arra
             weight = min(1.0, weak.second)
             return weight * value, weight * left / units, right * units
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (Factors(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + _BESIDE))
+        factors = (Factors(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + 1e-12))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
@@ -258,7 +250,7 @@ def _angle(point: Point) -> float:
     """Angle of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as
     there a curve of folds or doublings has this angle."""
     values = multipliers_at(point).values
-    for double, angle in ((1.0, _ASIDE), (-1.0, math.pi - _ASIDE)):
+    for double, angle in ((1.0, 1e-2), (-1.0, math.pi - 1e-2)):
         if _count(values, double) == 2:
             return angle
     upper = values[values.imag > 0]

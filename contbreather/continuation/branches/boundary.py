@@ -44,8 +44,6 @@ from ..systems.defining_systems import Extended, ExtendedProblem, event_of, exte
 from ..walk.checkpoint import Save, checkpoint, piece_of
 from ..walk.trace import trace
 
-_MOST = 500  # steps in each direction
-
 
 @one_thread
 def boundary(
@@ -109,7 +107,7 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     named_pair(pair)
     base_point, event = _having(point.base_point, _traceable(point), pair)
-    settings = Settings.of(within, events, steps, inadmissible, Steps(most=_MOST))
+    settings = Settings.of(within, events, steps, inadmissible, Steps(most=500))
     longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
     born = partial(replace, settings=settings, origin=point)
     with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:
@@ -125,7 +123,6 @@ def boundary(
 
 
 def named_pair(pair: Any) -> tuple[str, str]:
-    """Two different names, or a sentence."""
     listed = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
     if not listed or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
@@ -210,7 +207,6 @@ def boundary_problem(
 
 
 def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
-    """A column, NaN for a count."""
     value = math.nan if isinstance(column, UnstableDimension) else column(point)
     return math.nan if isinstance(value, int | np.integer) else value
 

@@ -21,20 +21,15 @@ from ...tables import Column, HtmlRepr, Sheet
 from ..curve.branch import Branch, Stop
 from ..curve.point import Event, Point
 from ..curve.problem import Problem
-from ..curve.settings import Steps, Within, all_of, steps_of, windows
+from ..curve.settings import Settings, Steps, Within
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import Startable, trace
-from .duplicates import duplicate_of, same_place, simplest
+from .duplicates import duplicate_of, ending_at, same_place, simplest
 from .switching import Seed, branches_leave, follow, seeds_at
 
 if TYPE_CHECKING:
     from networkx import MultiDiGraph
     from rich.tree import Tree
-
-
-_COLUMNS = 5  # numbers shown for a point in the tree
-_SHORT = 0.1  # of the first step that was asked for: an arm that sets out by less
-_FARTHER = 12  # is recognised after so many steps
 
 
 @dataclass(frozen=True)
@@ -167,10 +162,7 @@ class Diagram(Columns, HtmlRepr):
 
     def describe(self) -> str:
         """One sentence: how much there is, and what was left undone."""
-        branches, points = (
-            _count(self, "branch", "branches"),
-            _count(self._distinct(), "special point"),
-        )
+        branches, points = _count(self, "branch", "es"), _count(self._distinct(), "special point")
         left = f"{_count(self.left, 'point')} not switched at" if self.left else ""
         failed = f"{_count(self.failed, 'arm')} not followed" if self.failed else ""
         ends = f"{_count(self.ends, 'end')} with no orbit beyond" if self.ends else ""
@@ -182,14 +174,14 @@ class Diagram(Columns, HtmlRepr):
 
     def table(self) -> Sheet:
         """A line for each branch; in a terminal it is a tree."""
-        columns: dict[str, list[Any]] = {
-            "branch": [str(i) for i in range(len(self))],
-            "born at": [birth.place.name if birth.place else "" for birth in self.births],
-            "points": [len(branch) for branch in self],
-            "special": [" ".join(p.label for p in branch.special) for branch in self],
-            "end": [branch.stop.value for branch in self],
-        }
-        return Sheet([Column(name, cells) for name, cells in columns.items()], self.describe())
+        columns = [
+            Column("branch", [str(i) for i in range(len(self))]),
+            Column("born at", [birth.place.name if birth.place else "" for birth in self.births]),
+            Column("points", [len(branch) for branch in self]),
+            Column("special", [" ".join(p.label for p in branch.special) for branch in self]),
+            Column("end", [branch.stop.value for branch in self]),
+        ]
+        return Sheet(columns, self.describe())
 
     def __rich__(self) -> Tree:
         """Branches as a tree: under each its special points, under each of these what was born."""
@@ -215,14 +207,14 @@ class Diagram(Columns, HtmlRepr):
                     self._grow(leaf, i)
 
 
-def _count(things: Sized, singular: str, plural: str = "") -> str:
-    return f"{len(things)} {singular if len(things) == 1 else plural or singular + 's'}"
+def _count(things: Sized, name: str, plural: str = "s") -> str:
+    return f"{len(things)} {name}{plural * (len(things) != 1)}"
 
 
 def _shown(point: Point) -> str:
     values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
     numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
-    return f"{point.label}: {', '.join(numbers[:_COLUMNS])}{', ...' * (len(numbers) > _COLUMNS)}"
+    return f"{point.label}: {', '.join(numbers[:5])}{', ...' * (len(numbers) > 5)}"
 
 
 # --- growing ----------------------------------------------------------------------------------
@@ -294,10 +286,8 @@ def diagram(
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
     with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
-        growth = _Growth(
-            free, windows(within), depth, all_of(events), steps_of(steps), most,
-            flag("beyond", beyond), shown, kept,
-        )  # fmt: skip
+        settings, further = Settings.of(within, events, steps, False), flag("beyond", beyond)
+        growth = _Growth(free, depth, settings, most, further, shown, kept)
         with partial_result(growth.so_far):
             growth.run(start)
         if kept:
@@ -310,10 +300,8 @@ class _Growth:
     """A diagram under way."""
 
     free: str
-    within: Within
     depth: int
-    events: tuple[Event, ...] | None
-    steps: Steps
+    settings: Settings
     most: int
     beyond: bool
     shown: Counter
@@ -324,7 +312,8 @@ class _Growth:
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
         walk = partial(trace, start, self.free)
-        self._grow(Bifurcation(0), walk, within=self.within, events=self.events)
+        asked = self.settings
+        self._grow(Bifurcation(0), walk, within=asked.within, events=asked.events)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -365,17 +354,18 @@ class _Growth:
         """Follow one arm, unless its first step is on a branch that is known."""
         problem, point = seed.problem, place.point
         # those that were given, for the problem they were given for
-        events = self.events if problem.residual is point.curve.problem.residual else None
+        steps, same = self.settings.steps, problem.residual is point.curve.problem.residual
+        events = self.settings.events if same else None
         within = self._within(problem)
         glance = partial(follow, point, seed, within=within, events=(), progress=False)
-        first = glance(steps=replace(self.steps, most=1))
+        first = glance(steps=replace(steps, most=1))
         if len(first) < 2 and first.stop is Stop.BOUND:
             return  # at the edge of the window, beyond which it lies
-        if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
+        if first.curve.length(first[-1].z - first[0].z) < 0.1 * steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
-            first = glance(steps=replace(self.steps, most=_FARTHER))
+            first = glance(steps=replace(steps, most=12))
         reach = first.curve.length(first[-1].z - first[0].z)
-        duplicate = duplicate_of(first[-1], self.tree, reach)
+        duplicate = duplicate_of(first[-1], self.tree, reach) or ending_at(first[0], self.tree)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
             larger = problem.residual is not self.tree[place.branch].problem.residual
             if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
@@ -405,11 +395,12 @@ class _Growth:
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
             save = self.kept and Inner(self.kept, whole)
-            branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
+            branch = walk(**how, steps=self.settings.steps, progress=self.shown, save=save)
         self._add(branch, birth)
 
     def _within(self, problem: Problem) -> Within:
-        return {name: window for name, window in self.within.items() if name in problem.names}
+        within = self.settings.within.items()
+        return {name: window for name, window in within if name in problem.names}
 
     def _add(self, branch: Branch, birth: Bifurcation) -> None:
         places, fresh = list[Place](), list[Place]()

@@ -119,6 +119,21 @@ def duplicate_of(
     return next((Duplicate(i, image=True) for i in numbers), None)
 
 
+def ending_at(start: Point, branches: Iterable[Branch]) -> Duplicate | None:
+    """The branch that ends in an event where another one sets out from, of solutions which are the
+    same however they are written: it is that one, from its other end."""
+    numbers = start.curve.problem.invariants(start)
+    if numbers is None:
+        return None
+    for i, branch in enumerate(branches):
+        for end in (branch[0], branch[-1]):
+            known = end.curve.problem.invariants(end) if end.event and end.event.ends else None
+            alike = known is not None and known.size == numbers.size
+            if alike and (abs(known - numbers) <= GAP * (1.0 + abs(numbers))).all():
+                return Duplicate(i)
+    return None
+
+
 def images(point: Point) -> Iterator[Point]:
     for x in point.curve.problem.images(point.x.copy(), point.params):
         z = point.z.copy()

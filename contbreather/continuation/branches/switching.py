@@ -34,8 +34,6 @@ from ..walk.trace import trace
 from .duplicates import images, lies_on
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
-_ALIKE = 0.999  # entries of a direction that are equal but for rounding
-_APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
 
 
 class Seed(NamedTuple):
@@ -109,11 +107,11 @@ class SwitchingProblem:
     def _oriented(self, tangent: Array, curve: Curve) -> Array:
         slots = [curve.slots[name] for name in self.by or self.problem.start]
         moved = np.concatenate([np.atleast_1d(tangent[slot]) for slot in slots])
-        first = moved[int((abs(moved) >= _ALIKE * abs(moved).max()).argmax())]
+        # of entries that are equal but for rounding the first
+        first = moved[int((abs(moved) >= 0.999 * abs(moved).max()).argmax())]
         return np.asarray(-math.copysign(1.0, first) * tangent)
 
     def seeds(self) -> tuple[Seed, ...]:
-        """Starts of the arms."""
         (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
         sides = (1.0, -1.0) if self.both else (1.0,)
         return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
@@ -212,12 +210,8 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         """A line for each, with its special points."""
         labels = [", ".join(point.label for point in branch.special) for branch in self]
         what = [branch.describe() for branch in self]
-        columns: dict[str, list[Any]] = {
-            "": list(range(len(self))),
-            "branch": what,
-            "points": labels,
-        }
-        return Sheet([Column(name, cells) for name, cells in columns.items()])
+        columns = [Column("", list(range(len(self)))), Column("branch", what)]
+        return Sheet([*columns, Column("points", labels)])
 
 
 @one_thread
@@ -395,7 +389,7 @@ def _refuse_twins(arm: Branch, others: Sequence[Branch]) -> None:
         curve = arm.curve
         reach = curve.length(arm[1].z - arm[0].z)
         distance = curve.length(arm[1].z - other[1].z) / max(reach, 1e-300)
-        if distance < _APART:
+        if distance < 1e-3:
             raise ArmsCoincide(
                 f"two arms of {arm[0].parent!r} coincide: after the first step, "
                 f"{reach:.2g}, they are {distance * reach:.2g} apart",

@@ -66,13 +66,6 @@ class Points(Sequence[Point]):
         return piece
 
     @staticmethod
-    def one(point: Point) -> Points:
-        numbers = np.array([point.arclength]), np.array([point.residual])
-        points = Points(point.curve, point.z[None], point.direction[None], *numbers)
-        points._points[0] = point
-        return points
-
-    @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
@@ -84,7 +77,6 @@ class Points(Sequence[Point]):
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Points of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
     def measured(self, sense: int, shift: float) -> Points:
@@ -312,10 +304,8 @@ class Branch(Columns, HtmlRepr):
         """Columns by name, the labels of the special points first. At special points there is no
         count where rounding decides it."""
         columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
-        record = self.problem.record
-        recorded = self.points.recorded(
-            *(name for name in record if name not in self.problem.names)
-        )
+        record, names = self.problem.record, self.problem.names
+        recorded = self.points.recorded(*(name for name in record if name not in names))
         for name in self.names:
             columns[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
@@ -338,10 +328,8 @@ class Branch(Columns, HtmlRepr):
                 return point
         there = f"no {kind!r} on this branch; it has {[p.label for p in self.special]}"
         asked = self.settings.events if self.settings else None
-        wanted, looked = (
-            str(kind).rstrip("0123456789"),
-            self.problem.events if asked is None else asked,
-        )
+        looked = self.problem.events if asked is None else asked
+        wanted = str(kind).rstrip("0123456789")
         constructor = look_of(wanted).constructor
         # breathers, maps and cycles come with their events, a problem of one's own without
         own = type(self.problem) is Problem or not self.problem.events

@@ -14,9 +14,6 @@ from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import Pattern, canonical, entry_columns, is_sparse
 from .curve import Curve
 
-_SMALL, _LARGE = 1e-3, 1e4  # what is not as small or large is walked along without `scales`
-_MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
-
 
 def check_start(curve: Curve) -> Array:
     """Refuse wrong shapes and wrong derivatives before anything is built on them; the equations at
@@ -134,13 +131,13 @@ def advice(curve: Curve) -> str:
     """Say what would make a large problem cheaper: of a derivative that is dense for want of a
     word; empty if there is nothing to say."""
     problem = curve.problem
-    if curve.size < _MANY or problem.derivatives is not None or problem.beneath is not None:
+    if curve.size < 500 or problem.derivatives is not None or problem.beneath is not None:
         return ""
 
     def made(start: Array) -> str:
         with suppress(*OUT_OF_DOMAIN):
             matrix = curve.jacobian(start)
-            if not is_sparse(matrix) and np.count_nonzero(matrix) < _THIN * matrix.size:
+            if not is_sparse(matrix) and np.count_nonzero(matrix) < 0.05 * matrix.size:
                 return (
                     f"a derivative of {curve.size} x {curve.size} entries, nearly all of them 0: "
                     "Problem(..., jacobian=pattern), or a sparse jacobian, is faster"
@@ -158,8 +155,8 @@ def unlike_scales(curve: Curve, z: Array) -> str:
     unlike = {}
     for name, slot in curve.slots.items():
         size = max(float(abs(at[slot]).max()) for at in (curve.start, z))
-        # what is smaller is zero
-        far = 1e-10 < size < _SMALL or size > _LARGE
+        # what is smaller is zero, and what is between is walked along without
+        far = 1e-10 < size < 1e-3 or size > 1e4
         if far and name not in problem.internals and name not in problem.scales:
             unlike[name] = float(f"{size:.0e}")
     return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""

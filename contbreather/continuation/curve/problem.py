@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property, partial, wraps
-from operator import itemgetter
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,10 +13,10 @@ import numpy as np
 from ...checks import check_kind, kind_of, number, numbers, real
 from ...errors import BadInput, NotConverged
 from ...one_thread import one_thread
-from ..algebra.derivatives import Scheme, choose
-from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton
-from ..algebra.sparse import Matrix, Pattern, beside, first_columns, is_sparse
+from ..algebra.newton import Array, Solution, Undefined, approach, newton
+from ..algebra.sparse import Matrix, Pattern
 from .curve import Curve, Params, Residual
+from .ties import Ties
 
 
 class Structure:
@@ -78,6 +77,11 @@ class Structure:
     def simpler(self, point: Any) -> Any:
         """Smaller problem that has a solution too, as its start: of a fixed point among the cycles
         of period 2 that of fixed points."""
+        return None
+
+    def invariants(self, point: Any) -> Array | None:
+        """Numbers that a solution has however it is written, as the period and the extremes of a
+        cycle, whose mesh and first flow are a choice; None where unknowns alone are compared."""
         return None
 
     def lift(self, kind: str) -> Callable[[Any], Any] | None:
@@ -401,51 +405,10 @@ def problem_in(owner: object) -> Problem:
     return problem
 
 
-# --- parameters as functions of others ------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Ties:
-    """Parameters of a problem, each as a function of others."""
-
-    functions: Mapping[str, Callable[[Params], Any]]
-    schemes: dict[tuple[str, ...], Scheme] = field(default_factory=dict)  # of their derivatives
-    curves: dict[tuple[str, ...], Curve] = field(default_factory=dict)  # of the problem itself
-
-    def __call__(self, params: Params) -> dict[str, Any]:
-        return {name: function(params) for name, function in self.functions.items()}
-
-    def slopes(self, params: Params, free: tuple[str, ...]) -> dict[str, Array]:
-        """Derivatives in free parameters, of those that change with any."""
-
-        def tied(z: Array) -> Array:
-            return np.array([*self({**params, **dict(zip(free, z, strict=True))}).values()])
-
-        place = np.array([params[name] for name in free])
-        if free and free not in self.schemes:
-            self.schemes[free] = choose(tied, place, np.ones(place.size))
-        rows: Any = self.schemes[free](tied, place) if free else []
-        return {n: row for n, row in zip(self.functions, rows, strict=bool(free)) if row.any()}
-
-    def of(self, function: Callable[..., Any]) -> Callable[[Array, Params], Any]:
-        """A function of unknowns and parameters of the problem as one of the new parameters."""
-        return partial(_through, self, function)
-
-
-def _through(ties: Ties, function: Callable[..., Any], x: Array, params: Params) -> Any:
-    return function(x, ties(params))
-
-
-def _of_point(function: Callable[[Params], Any], point: Any) -> float:
-    return float(function(point.params))
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class TiedProblem(Problem):
-    """A problem whose parameters are functions of others, from `Problem.tied`: its derivatives are
-    those of the base in all its parameters that change, times those of the functions."""
+    """A problem whose parameters are functions of others, from `Problem.tied`."""
 
-    base: Problem = field(kw_only=True)
     ties: Ties = field(kw_only=True)
 
     @classmethod
@@ -453,53 +416,23 @@ class TiedProblem(Problem):
         cls, base: Problem, functions: Mapping[str, Any], values: Mapping[str, float], **more: Any
     ) -> Any:
         """Tie a problem; `more` are fields of a derived class."""
-        if not isinstance(functions, Mapping) or not all(map(callable, functions.values())):
-            raise BadInput(f"functions of parameters by name were expected, got {functions!r}")
-        if unknown := [name for name in functions if name not in base.params]:
-            raise BadInput(f"{unknown[0]!r} is no parameter to tie; it has {list(base.params)}")
-        every = {**base.params, **values}
-        params = {n: value for n, value in every.items() if n not in functions or n in values}
-        ties = Ties({n: functions.get(n, itemgetter(n)) for n in base.params})
+        ties, params = Ties.checked(base, functions, values)
         gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
-        own = {what: getattr(base, what) for what in ("events", "label")}
-        for what in ("domain", "scales"):
-            own[what] = {n: x for n, x in getattr(base, what).items() if n not in functions}
-        own |= {"record": {**base.record, **gone}, "base": base, "ties": ties, **more}
-        try:
-            inner = ties(params)
-        except (KeyError, *OUT_OF_DOMAIN) as error:
-            raise BadInput(f"the functions have no value at {params}: {error!r}") from error
-        for name, value in inner.items():
-            number(name, value, -math.inf, math.inf, "a number from its function")
-        return cls(ties.of(base.residual), base.start, params, **own)
+        return cls(
+            ties.of(base.residual), base.start, params, events=base.events, label=base.label,
+            record={**base.record, **gone}, ties=ties,
+            domain={n: edges for n, edges in base.domain.items() if n not in functions},
+            scales={n: size for n, size in base.scales.items() if n not in functions}, **more,
+        )  # fmt: skip
 
-    def untied(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array, Array]:
-        """The curve of the base in all its parameters that change with free ones, the point on it,
-        and the derivatives of these parameters.
-
-        `Undefined` outside of the domain of the base; not so where its equations are evaluated, for
-        differences look beyond the edges of a domain.
-        """
-        inner, base, curves = self.ties(params), self.base, self.ties.curves
-        for name in base.domain.keys() - self.domain.keys():
-            value, (low, high) = inner[name], base.domain[name]
-            # an end that was calculated is met to rounding
-            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
-                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
-        rows = self.ties.slopes(params, free)
-        names, still = (*rows,), inner.keys() - rows.keys()
-        curve = curves.get(names)
-        if curve is None or any(curve.fixed[name] != inner[name] for name in still):
-            curve = curves[names] = Curve(base.at(**self.start, **inner), names)
-        z = np.append(x, [inner[name] for name in names])
-        return curve, z, np.reshape([*rows.values()], (len(rows), len(free)))
+    @property
+    def base(self) -> Problem:
+        """The problem in its own parameters."""
+        base: Problem = self.ties.base
+        return base
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        curve, z, chain = self.untied(x, params, free)
-        matrix = curve.jacobian(z)
-        columns = matrix[:, x.size :]
-        slopes = (columns.toarray() if is_sparse(columns) else columns) @ chain
-        return beside(first_columns(matrix, x.size), slopes)
+        return self.ties.derivatives(self.start, x, params, free)
 
     @property
     def tested(self) -> bool:  # type: ignore[override]
@@ -509,11 +442,12 @@ class TiedProblem(Problem):
     @property
     def interpret(self) -> Callable[[Any], Any] | None:  # type: ignore[override]
         asked: Any = self.base.interpret
-        return None if asked is None else lambda point: asked(self._untied_point(point))
 
-    def _untied_point(self, point: Any) -> Any:
-        curve, z, _ = self.untied(point.x, point.params, point.curve.free)
-        return replace(point, curve=curve, z=z, tangent=None)
+        def interpreted(point: Any) -> Any:
+            curve, z, _ = self.ties.untied(self.start, point.x, point.params, point.curve.free)
+            return asked(replace(point, curve=curve, z=z, tangent=None))
+
+        return asked and interpreted
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.images(x, self.ties(params))
@@ -522,15 +456,5 @@ class TiedProblem(Problem):
         return self.base.modulo(x, self.ties(params))
 
 
-def chained(slopes: Callable[..., Array]) -> Callable[..., Array]:
-    """Let derivatives by names of parameters, ``(of, curve, z, extra)``, suit tied problems."""
-
-    @wraps(slopes)
-    def along(of: Any, curve: Curve, z: Array, extra: Array) -> Array:
-        if not isinstance(curve.problem, TiedProblem):
-            return slopes(of, curve, z, extra)
-        base, place, chain = curve.problem.untied(z[: curve.size], curve.params(z), curve.free)
-        rows, n, m = slopes(of, base, place, extra), curve.size, place.size
-        return np.hstack([rows[:, :n], rows[:, n:m] @ chain, rows[:, m:]])
-
-    return along
+def _of_point(function: Callable[[Params], Any], point: Any) -> float:
+    return float(function(point.params))

@@ -85,12 +85,6 @@ class Steps:
         return self.largest or max(0.1, 0.01 * size)
 
 
-def steps_of(steps: object, usual: Steps | None = None) -> Steps:
-    if not (steps is None or isinstance(steps, Steps)):
-        raise BadInput(f"steps must be given as Steps(largest=...), got {brief(steps)}")
-    return steps or usual or Steps()
-
-
 @dataclass(frozen=True)
 class Settings:
     """Arguments of a walk, as of `trace`; of a boundary as of `boundary`."""
@@ -106,8 +100,10 @@ class Settings:
         inadmissible: bool, usual: Steps | None = None,
     ) -> Self:  # fmt: skip
         """Check what a user asks of a walk: behind this nothing asks again."""
-        lifted = flag("inadmissible", inadmissible)
-        return cls(windows(within), all_of(events), steps_of(steps, usual), lifted)
+        lifted, window, listed = flag("inadmissible", inadmissible), windows(within), all_of(events)
+        if not (steps is None or isinstance(steps, Steps)):
+            raise BadInput(f"steps must be given as Steps(largest=...), got {brief(steps)}")
+        return cls(window, listed, steps or usual or Steps(), lifted)
 
 
 # --- windows ----------------------------------------------------------------------------------

@@ -136,7 +136,12 @@ class _Stored:
             start, params = ({name: first[name] for name in names} for names in content["base"])
             problem = from_dict(content["equations"], start=start, params=params)
         if problem is None:
-            return self._without_equations(), self._settings(()), ()
+            names = content["unknowns"], content["parameters"]
+            start, params = ({name: first[name] for name in some} for some in names)
+            curve = self._curve(_Bare(no_equations, start, params, label=content["label"]))
+            if content["boundary"]:
+                curve.varied = (content["free"][0], content["unknowns"][-1])
+            return curve, self._settings(()), ()
         if content["period"] is not None and isinstance(problem.residual, Iterate):
             # of the map that was given, another iterate
             problem = with_period(problem, content["period"])
@@ -194,15 +199,6 @@ class _Stored:
         make = partial(boundary_problem, *how, inadmissible=settings.inadmissible)
         longer = make(settings.events)
         return longer, (*longer.events, *make(candidates).events)
-
-    def _without_equations(self) -> Curve:
-        content = self.content
-        names = content["unknowns"], content["parameters"]
-        start, params = ({name: self.here[name] for name in some} for some in names)
-        curve = self._curve(_Bare(no_equations, start, params, label=content["label"]))
-        if content["boundary"]:
-            curve.varied = (content["free"][0], content["unknowns"][-1])
-        return curve
 
     def _curve(self, problem: Problem) -> Curve:
         """The curve of a problem, with the columns that were recorded."""

@@ -97,13 +97,9 @@ class Run(HtmlRepr, Mapping[str, Any]):
         return iter(self._entries())
 
     def table(self) -> Sheet:
-        """A line for each result, with its special points."""
         results = list(self.values())
         labels = [", ".join(p.label for p in getattr(result, "special", ())) for result in results]
-        texts = [
-            result.describe() if hasattr(result, "describe") else repr(result) for result in results
-        ]
-        what = [text.strip("<>") for text in texts]
+        what = [getattr(r, "describe", r.__repr__)().strip("<>") for r in results]
         return Sheet([Column("name", list(self)), Column("what", what), Column("points", labels)])
 
     def __len__(self) -> int:

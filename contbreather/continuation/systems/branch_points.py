@@ -28,13 +28,8 @@ Array = NDArray[np.float64]
 # cross. The residual between these is its square, 1e-12: as much as differences and long sums leave
 # where curves do cross. Of stiff equations more may be left, all that rounds in their terms.
 GAP = 1e-6
-_ANGLE = 1e-8  # square of half the angle below which curves touch rather than cross
 CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
 RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
-_PARTING = 1e-5  # and of a second derivative that vanishes along a curve of branch points
-# Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
-# left after Newton's iteration with differences, and what `crossing` takes for one.
-_SPLIT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,7 @@ class Crossing:
     double: bool = False  # whether the derivative loses another rank as close by as curves may be
 
 
-def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
+def crossing(curve: Curve, z: Array) -> Crossing:
     """The branch point near z, by Newton's iteration on ``H + beta w = 0, w^T H_z = 0, |w| = 1``.
 
     That system is regular where two curves cross at an angle; along one of them Newton's
@@ -59,11 +54,9 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     """
     # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
-    for iteration in range(1, most + 1):
-        value, matrix = (
-            curve.equations(z) / curve.row_scales,
-            _finite(curve.balanced(curve.jacobian(z))),
-        )
+    for iteration in range(1, 13):
+        value = curve.equations(z) / curve.row_scales
+        matrix = _finite(curve.balanced(curve.jacobian(z)))
         weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
@@ -95,13 +88,13 @@ def _finite(matrix: Matrix) -> Matrix:
 def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) -> Crossing:
     """The tangents ``c . N`` with ``c^T form c = 0``, once the curves are seen to cross."""
     z, value = root.z, curve.equations(root.z)
-    # two lines are where an indefinite form vanishes: low < 0 < high on its axes
+    # two lines are where an indefinite form vanishes: low < 0 < high on its axes, with the square
+    # of half the angle between the lines as their ratio
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
-    if not min(-low, high) > _ANGLE * max(-low, high):
+    if not min(-low, high) > 1e-8 * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
-    left = max(
-        0.0, abs(w.dot(value / curve.row_scales)) - abs(w) @ (curve.rounding(z) / curve.row_scales)
-    )
+    w = w / curve.row_scales
+    left = max(0.0, abs(w.dot(value)) - abs(w) @ curve.rounding(z))
     # the hyperbola c^T form c / 2 + beta = 0 stays about this far off its centre
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
@@ -290,7 +283,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     values, axes = np.linalg.eigh((form + form.T) / 2)
     # w^T H_zz tau = 0 along the tangent tau of a curve of branch points: the form is singular
     least = int(abs(values).argmin())
-    if abs(values[least]) > _PARTING * abs(values).max():
+    if abs(values[least]) > 1e-5 * abs(values).max():
         raise Undefined(refusal)
     tangent = (axes[:, least] @ null * curve.scales)[-2:]
     if not np.linalg.norm(tangent) > RANK:
@@ -306,7 +299,9 @@ def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
     base, split = point.base_point, abs(point["split"])
-    if split <= _SPLIT * (1 + base.curve.length(base.z)) ** 2:
+    # branches a distance d apart solve the equations up to d^2 between them: what differences leave
+    # after Newton's iteration, and what `crossing` takes for a crossing
+    if split <= 1e-10 * (1 + base.curve.length(base.z)) ** 2:
         return math.nan
     values = ", ".join(f"{name} = {point[name]:.6g}" for name in base.curve.free)
     raise NotConverged(

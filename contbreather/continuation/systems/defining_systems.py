@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,13 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ..algebra import derivatives
-from ..algebra.linear_algebra import Bordered, LeastSingular, inverses_between, least_singular
+from ..algebra.linear_algebra import (
+    Bordered,
+    LeastSingular,
+    by_inverses,
+    inverses_between,
+    least_singular,
+)
 from ..algebra.sparse import Dense, Matrix, above, beside
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
@@ -31,9 +37,7 @@ from ..curve.problem import Problem
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
-_NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
-_STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
 
 
@@ -116,14 +120,16 @@ def _inverses(matrix: Array) -> Array:
 def _places(values: NDArray[Any]) -> Array:
     # Re(1 / value), 0 where the value is
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
-    on_step = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    # two zeros that are close together may be a little off the real axis
+    on_step = (abs(values.imag) < 0.1 * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
     return np.sort(places[on_step])
 
 
 def signed_smallest(matrix: Matrix) -> float:
     """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
     if isinstance(matrix, Bordered):
-        return matrix.signed_least()
+        # close to a zero one turn is enough, and far away none is needed
+        return by_inverses(matrix, matrix.row.size, 3)[0]
     weak = least_singular(matrix)
     return weak.sign * weak.size
 
@@ -216,7 +222,7 @@ def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Ar
     section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = _STEP / max(size, 1e-300)  # one of two null vectors may vanish
+    step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
     change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
     return np.asarray(change / (2 * step))
 
@@ -356,16 +362,12 @@ def event_of(problem: Problem) -> Event | None:
 
 def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    return replace(
-        locus,
-        extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
-        conditions=partial(_asked_beneath, together, locus.conditions),
-        derivative=partial(_derivative_beneath, together, locus.derivative)
-        if locus.derivative
-        else None,
-        events=(),
-        walker=None,
-    )
+    slopes = locus.derivative and partial(_derivative_beneath, together, locus.derivative)
+    return DefiningSystem(
+        {f"{name}{suffix}": value for name, value in locus.extra.items()},
+        partial(_asked_beneath, together, locus.conditions), slopes,
+        domain=locus.domain, meets=locus.meets, unfolding=locus.unfolding,
+    )  # fmt: skip
 
 
 def _asked_beneath(

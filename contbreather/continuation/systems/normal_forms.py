@@ -55,9 +55,7 @@ _SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
 AGREED = 1e-10  # relative error at which no shorter step is tried
 ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
-_FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
-_DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
-_ROUNDING = 1e-11  # and this small it is rounding
+_ROUNDING = 1e-11  # a coefficient this small against its terms is rounding
 _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
 
 
@@ -77,7 +75,7 @@ class Coefficient:
     @property
     def degenerate(self) -> bool:
         """Tell whether its real part has no sign to speak of."""
-        return abs(self.value.real) <= max(_DEGENERATE * self.size, self.least)
+        return abs(self.value.real) <= max(1e-6 * self.size, self.least)
 
     @property
     def signed(self) -> float:
@@ -174,7 +172,7 @@ class Forms:
             )
             jet, of_five = (first / h, second / h**2), (rough / h, rougher / h**2)
             apart = min(self._apart(jet, other, reach) for other in (of_five, before or of_five))
-            worse = apart > doubt and doubt < _FAIR
+            worse = apart > doubt and doubt < 1e-5  # what is so small and grows is rounding
             if apart < doubt:
                 best, doubt = jet, apart
             # five places are off by h^4, and so far from seven: these are off by h^6

@@ -42,17 +42,8 @@ Values = NDArray[np.complex128]
 # by differences where they are zero all along, as in conservative systems, area preserving maps.
 ROUNDING = 2e-13
 FEW = 250  # rows up to which all eigenvalues at once take less time
-_ZERO = 1e-6  # relative size of an eigenvalue that is zero: a double zero splits by a root
 _CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root splits double ones
-_PRODUCT = 1e-12  # relative error of a product of two multipliers
-_IN_A_DISK = 12  # eigenvalues that are looked for around one place of the axis
-_DISKS = 4
-_SPLIT = 4.0  # a real double eigenvalue may split into a pair this many times the rounding apart
-_DOUBLE = 10.0  # and where it is next to a place that was solved for
-_TOGETHER = 6  # vectors that are iterated for the two of a pair
-_TURNS = 40  # steps of iteration; close to a Hopf point two are enough
-_EXACT = 1e-12  # relative change of trace and determinant that ends it
-_NONE = 1e-100  # the size of what has a sign only
+_EXACT = 1e-12  # relative change of trace and determinant that ends the iteration for a pair
 
 
 # --- test functions of eigenvalues --------------------------------------------------------------
@@ -63,12 +54,12 @@ def least_with_sign(factors: Values, rounding: Array | float) -> Any:
     vanishes where the product does, smoothly, and cannot overflow.
 
     A factor that is rounding, as it is all along the branches of conservative systems, is zero.
-    Several of them have no size, and the sign that the others have: a zero of even order.
+    Several of them have no size (1e-100), and the sign that the others have: a zero of even order.
     """
     sizes = abs(factors)
     clear = sizes > rounding
     zeros = np.count_nonzero(~clear, axis=-1)
-    least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, _NONE))
+    least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, 1e-100))
     signs = np.divide(factors, sizes, out=np.ones_like(factors), where=clear)
     return np.copysign(least, signs.prod(axis=-1).real)
 
@@ -137,9 +128,9 @@ class Multipliers(CriticalValues):
 
     def factors(self) -> tuple[Values, Array | float]:
         # mu_i mu_j are the eigenvalues of the bialternate product of the matrix with itself; an
-        # error e in each moves a product by e (|mu_i| + |mu_j|)
+        # error e in each moves a product by e (|mu_i| + |mu_j|), beside what it rounds itself
         first, second = pairs(self.values)
-        rounding = _PRODUCT * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
+        rounding = 1e-12 * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
         return first * second - 1, rounding
 
     beside = _CIRCLE
@@ -169,7 +160,7 @@ class Eigenvalues(CriticalValues):
 
     @cached_property
     def beside(self) -> float:
-        return _ZERO * float(np.linalg.norm(self.matrix, 2))
+        return 1e-6 * float(np.linalg.norm(self.matrix, 2))  # a double zero splits by a root
 
     @property
     def upper(self) -> Values:
@@ -218,7 +209,7 @@ class NearAxis(Eigenvalues):
 
     @property
     def beside(self) -> float:
-        return _DOUBLE * self.split
+        return 10.0 * self.split  # next to a place that was solved for
 
     @property
     def unstable_pairs(self) -> int:
@@ -292,10 +283,10 @@ def _near(matrix: Matrix) -> NearAxis:
     norm = float(abs(matrix).sum(axis=0).max())
     # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
     highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
-    # a perturbation e moves a double eigenvalue by its root
-    split = _SPLIT * math.sqrt(np.finfo(float).eps * norm)
+    # a perturbation e moves a double eigenvalue by its root: it may split into a pair so far apart
+    split = 4.0 * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
-    for _ in range(_DISKS):
+    for _ in range(4):
         if reach >= highest - split:
             reach = math.inf
             break
@@ -321,9 +312,10 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
     except RuntimeError:  # an eigenvalue is there to the last digit
         lu = factorised(plus_diagonal(moved, _EXACT * abs(matrix).max()))
     operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
-    wanted = min(_IN_A_DISK, n - 2)
     try:
-        inverse = eigs(operator, wanted, v0=any_vector(n), tol=1e-10, return_eigenvectors=False)
+        inverse = eigs(
+            operator, min(12, n - 2), v0=any_vector(n), tol=1e-10, return_eigenvectors=False
+        )
     except ArpackError as error:
         raise Undefined(f"no eigenvalues were found next to {height:.3g}i: {error}") from error
     values = 1 / inverse + 1j * height  # those of (A - i height)^-1, the largest first
@@ -347,11 +339,11 @@ class InvariantPlane:
 def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) -> Array:
     """Orthonormal vectors of the plane, out of a few more that grow together with them."""
     n = matrix.shape[0]
-    starts = [np.roll(any_vector(n), k * n // _TOGETHER) for k in range(min(_TOGETHER, n))]
+    starts = [np.roll(any_vector(n), k * n // 6) for k in range(min(6, n))]
     noise = 4 * np.finfo(float).eps * float(abs(matrix).sum(axis=0).max())
     # trace and determinant do not depend on the basis of the plane, as its vectors do
     before = np.full(2, math.inf)
-    for _ in range(_TURNS):
+    for _ in range(40):  # close to a Hopf point two are enough
         x = np.asarray(np.linalg.qr(np.stack([apply(v) for v in starts], axis=1))[0])
         # Rayleigh-Ritz: A within the space of all vectors, and of that the plane wanted
         small = x.T @ (matrix @ x)

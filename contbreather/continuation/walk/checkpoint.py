@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -173,15 +173,13 @@ def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str,
     """Make a dict of a branch, with its doubtful points and the one it was born from as groups."""
     groups = {}
     if branch.doubtful:
-        groups["doubtful"] = _to_dict(branch, Points.of(branch.doubtful), False)
+        inside = replace(branch, points=Points.of(branch.doubtful), doubtful=(), origin=None)
+        groups["doubtful"] = branch_to_dict(inside, recorded=False)
     if branch.origin is not None:
         born = Branch(Points.of([branch.origin]), branch.stop)
-        groups["origin"] = _to_dict(born, born.points, False)
-    return {**_to_dict(branch, branch.points, recorded), "groups": groups}
-
-
-def _to_dict(branch: Branch, points: Points, recorded: bool | None) -> dict[str, Any]:
-    problem, event, settings = branch.problem, event_of(branch.problem), branch.settings
+        groups["origin"] = branch_to_dict(born, recorded=False)
+    points, problem, settings = branch.points, branch.problem, branch.settings
+    event = event_of(problem)
     # of a boundary what the equations of the original problem are made of
     base: Problem = problem.residual.problem if isinstance(problem, ExtendedProblem) else problem
     equations = _form(base)
@@ -218,8 +216,9 @@ def _to_dict(branch: Branch, points: Points, recorded: bool | None) -> dict[str,
         "equations": equations,
         "base": [list(base.start), list(base.params)],
         "settings": asked,
-        "columns": _columns(branch, points, record, kinds),
+        "columns": _columns(branch, record, kinds),
         "attributes": {**ends, **words, "stop_meaning": branch.stop.value},
+        "groups": groups,
     }
 
 
@@ -234,10 +233,8 @@ def _event_to_dict(event: Event) -> dict[str, Any]:
     return _form(event) or {"kind": event.kind, "ends": event.ends}
 
 
-def _columns(
-    branch: Branch, points: Points, record: Iterable[str], kinds: Sequence[str]
-) -> dict[str, Column]:
-    curve, problem = branch.curve, branch.problem
+def _columns(branch: Branch, record: Iterable[str], kinds: Sequence[str]) -> dict[str, Column]:
+    points, curve, problem = branch.points, branch.curve, branch.problem
     columns = {name: column(points.z[:, at], name, "unknown") for name, at in curve.slots.items()}
     columns[curve.free[0]][2]["role"] = "free"
     for name, value in problem.params.items():

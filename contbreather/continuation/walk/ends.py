@@ -41,9 +41,7 @@ QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branc
 ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
 STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
 SMALL = 1e-3  # if it was no more than this all the while
-POWER = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
 SHARE = 0.1  # the power of |z| from which on something grows with it
-STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
 
 
 # --- windows ----------------------------------------------------------------------------------
@@ -224,10 +222,8 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
         reconsider(curve, ahead)
         curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
     try:
-        value, change = (
-            curve.equations(z) / curve.row_scales,
-            curve.jacobian(z) @ tangent / curve.row_scales,
-        )
+        value = curve.equations(z) / curve.row_scales
+        change = curve.jacobian(z) @ tangent / curve.row_scales
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
@@ -297,7 +293,8 @@ class Tendency:
 
     def passes(self, value: float, slope: float, size: float) -> bool:
         """The next value, its derivative along the curve, and the length of z there; whether it
-        tends to zero: with ``d log|value| / d log|z|`` between -POWER and 0."""
+        tends to zero: ``d log|value| / d log|z|`` is negative, and not as steep as where it passes
+        zero. e^-x falls as x^-33 where a curve ends."""
         self.largest = max(self.largest, abs(value))
         # what its moves are compared with: where zero is not to be reached, its own size
         if not abs(value - self.moved) <= STILL * (self.largest if self.reaches else abs(value)):
@@ -305,7 +302,7 @@ class Tendency:
         small = abs(value) <= SMALL * self.largest
         self.small = min(self.small, 1.0 + size) if small else math.inf
         less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
-        falls = 0.0 < -slope * math.copysign(size, value) < POWER * abs(value)
+        falls = 0.0 < -slope * math.copysign(size, value) < 50.0 * abs(value)
         return self.reaches and less and falls
 
     def moves_on(self, values: Array, sizes: Array) -> bool:
@@ -359,7 +356,7 @@ class Growth:
     def towards(self, z: Array, tangent: Array) -> str:
         """Say what grows where a walk took as many steps as allowed; empty if nothing does."""
         size, along = self.curve.length(z), z * self.curve.metric @ tangent
-        outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
+        outwards = along > 0.9 * size > 0.9 * ENDLESS * self.first  # by their cosine
         if not outwards or self._bounded(z, tangent, size):
             return ""
         grows = self._growing(z)

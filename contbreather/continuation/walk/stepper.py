@@ -27,9 +27,7 @@ from .ends import Bound, StartOnCurve
 
 LOG = logging.getLogger(__name__)
 
-_OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
-_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
 
@@ -40,6 +38,9 @@ class StepFailed(Exception):
     def __init__(self, reason: str = "", stop: Stop = Stop.NO_CONVERGENCE) -> None:
         super().__init__(reason)
         self.stop, self.reason = stop, reason
+
+
+Step = tuple[Point, Point | None, Stop | None]  # its end, and as of a piece
 
 
 @dataclass(frozen=True)
@@ -91,22 +92,22 @@ class Stepper:
         """Take the next steps: many at once; or one, or of small problems a few."""
         if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
             return BranchPiece(points)
-        step = self._one(point, count)
-        ends, most = [step.points[0]], min(self.few, self.steps.most - count)
-        while len(ends) < most and not (step.crossing or step.stop):
+        point, crossing, stop = self._one(point, count)
+        ends, most = [point], min(self.few, self.steps.most - count)
+        while len(ends) < most and not (crossing or stop):
             try:
-                step = self._one(ends[-1], count + len(ends))
+                point, crossing, stop = self._one(point, count + len(ends))
             except StepFailed:  # it will again, the first of its piece
                 break
-            ends.append(step.points[0])
+            ends.append(point)
         if not self.pieces and point.z.size <= FEW:
             self.few = min(2 * self.few, _FIRST)
-        return step if len(ends) == 1 else replace(step, points=Points.of(ends))
+        return BranchPiece(Points.of(ends), crossing, stop)
 
-    def _one(self, point: Point, count: int) -> BranchPiece:
+    def _one(self, point: Point, count: int) -> Step:
         """The next step, which may close a loop."""
         try:
-            step = self._advance(point)
+            last, crossing, stop = self._advance(point)
         except StepFailed as failed:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
@@ -114,8 +115,7 @@ class Stepper:
             wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
             if wrong:
                 raise StepFailed(wrong) from failed
-            step = self._advance(point)
-        last = step.points[0]
+            last, crossing, stop = self._advance(point)
         length = last.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
@@ -124,9 +124,8 @@ class Stepper:
             raise StepFailed(f"{_PATIENCE} steps in a row had to be tiny")
         if (count > 2 or not self.outset) and (start := self._passed(point, last)):
             length = point.arclength + self.curve.length(start.z - point.z)
-            end = Points.of([replace(start, arclength=length)])
-            step = replace(step, points=end, stop=Stop.CLOSED)
-        return step
+            return replace(start, arclength=length), crossing, Stop.CLOSED
+        return last, crossing, stop
 
     # --- many at once ---
 
@@ -178,7 +177,7 @@ class Stepper:
             return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            closes = off <= _PASS and _angle(self.curve, slope, self.home.direction) <= _PASS
+            closes = max(off, _angle(self.curve, slope, self.home.direction)) <= 0.03
         else:
             # across the start only: along the curve Newton's linear condition keeps the place
             guess = start + gap - row.dot(gap) * self.home.direction
@@ -188,7 +187,7 @@ class Stepper:
         home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
         return home if closes else None
 
-    def _advance(self, point: Point) -> BranchPiece:
+    def _advance(self, point: Point) -> Step:
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
@@ -204,7 +203,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed()
 
-    def _attempt(self, point: Point, size: float) -> BranchPiece:
+    def _attempt(self, point: Point, size: float) -> Step:
         curve, curvature, sign = self.curve, self.curvature, self.sign
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
@@ -250,7 +249,7 @@ class Stepper:
         self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
         self.sign = side or sign
         self.curvature = (tangent - point.direction) / (arclength - point.arclength)
-        return BranchPiece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
+        return last, branch_point, None if landing is None else Stop.BOUND
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
@@ -315,7 +314,7 @@ class Stepper:
             place, point = segment.corrected(branch_point.solution, branch_point.tangents)
         except Undefined:
             return None
-        return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
+        return point if -0.02 < place < 1.02 else None  # just beyond its ends still belongs to it
 
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Tell whether the curve leaves the window between both ends and comes back."""

@@ -75,7 +75,7 @@ def trace(
         the original problem, another parameter to the same boundary there. A start that is not a
         solution is moved onto one at the same parameters; where none is found, onto the nearest
         with another value of the free one; or it is refused with its residual. How far it was moved
-        says ``branch.moved``.
+        says ``branch.start_correction``.
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional
@@ -460,8 +460,12 @@ class ContinuationIterator:
         else:
             for special in located.points[len(starts) :]:
                 LOG.info("found %s: %r", special.kind, special)
+                if self._turns_into_image(special):
+                    said = "beyond, the branch goes on as its own image under a symmetry"
+                    special = replace(special, detail={**special.detail, "said": said})
+                    stop = Stop.EVENT
                 line.append(special)
-                if special.event is not None and special.event.ends:
+                if stop is Stop.EVENT or (special.event is not None and special.event.ends):
                     stop = Stop.EVENT
                     break
             if broken and stop is not Stop.EVENT:
@@ -476,6 +480,14 @@ class ContinuationIterator:
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
         self.doubtful += [p for p in located.doubtful if p.arclength < end]
         return Points.of(line), stop
+
+    def _turns_into_image(self, special: Point) -> bool:
+        """Tell whether the branch comes to solutions of a simpler problem, as what has doubled does
+        where that is taken back: what is beyond has been walked, with a symmetry between."""
+        crosses, simpler = special.event and special.event.crosses, self.curve.problem.simpler
+        if not crosses or self.count == 0 or simpler(special) is None:
+            return False
+        return simpler(self.point) is None  # else all of the branch is of that problem
 
     # --- end ---
 

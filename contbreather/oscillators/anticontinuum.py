@@ -1,0 +1,189 @@
+"""The limit without coupling: single oscillators, from which breathers are continued.
+
+There each site oscillates by itself, or rests. Where no harmonic of the orbit is a frequency of
+small oscillations its equations are regular, and it goes on to some coupling (R. S. MacKay and
+S. Aubry, Nonlinearity 7, 1623, 1994).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import brief, real
+from ..continuation.algebra.newton import Array
+from ..errors import BadInput, NoSolution
+from ..flows.collocation import Collocation, TrajectorySegment, fitted
+from .oscillator_lattice import SHARE, Oscillators
+from .potentials import Params
+
+_AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
+_NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
+
+
+class SingleOscillator:
+    """One site without coupling: its potential, by its slope and value, over its mass."""
+
+    def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
+        self.chain, self.site, self.params = chain, site, {**p, SHARE: 0.0}
+        # the bonds that hold it even without coupling, by their signs and weights
+        self.bonds = [
+            (sign, weights[bond])
+            for (ends, _), weights in chain.parts(self.params)
+            for bond, sign in zip(*_column(ends, site), strict=True)
+            if weights[bond]
+        ]
+
+    def __call__(self, u: Any) -> NDArray[Any]:
+        """The potential, over the mass, at positions of this site."""
+        chain, p = self.chain, self.params
+        total = chain.onsite[self.site] * (chain.V(u, p) - chain.V(0.0, p))
+        for sign, weight in self.bonds:
+            total = total + weight * (chain.W(sign * u, p) - chain.W(0.0, p))
+        return np.asarray(total / chain.masses[self.site])
+
+    def pull(self, u: Any) -> NDArray[Any]:
+        """Its slope."""
+        chain, p = self.chain, self.params
+        total = chain.onsite[self.site] * chain.V.slope(u, p)
+        for sign, weight in self.bonds:
+            total = total + weight * sign * chain.W.slope(sign * u, p)
+        return np.asarray(total / chain.masses[self.site])
+
+    def turning(self, a: Array, sign: float) -> tuple[Array, Array]:
+        """The turning points on the other side of rest, for amplitudes on one side; NaN where
+        there are none or forces do not lead back."""
+        from scipy.optimize import brentq
+
+        with np.errstate(all="ignore"):
+            # as far as all forces lead back
+            inward = sign * self.pull(sign * a) > 0
+            here = np.where(np.minimum.accumulate(inward), self(sign * a), np.nan)
+            grid = -sign * np.geomspace(1e-4, 1e3, 4000)
+            there, back = self(grid), -sign * self.pull(grid) > 0
+        last = int(np.argmin(back)) if not back.all() else grid.size
+        grid, there = np.append(0.0, grid[:last]), np.append(0.0, there[:last])
+        others = np.full(a.size, np.nan)
+        for i, level in enumerate(here):
+            j = int(np.searchsorted(there, level)) if np.isfinite(level) else there.size
+            if 0 < j < there.size:
+                others[i] = brentq(
+                    lambda u, level=level: float(self(u)) - level,
+                    *grid[[j - 1, j]], xtol=1e-15, rtol=1e-14,
+                )  # fmt: skip
+        return here, others
+
+    def half_periods(self, a: Array, sign: float) -> Array:
+        """How long it takes from turning point to turning point: with ``u = m + h cos s`` the
+        integral of ``ds / sqrt(2 (V(a) - V(u)) / (h sin s)^2)``, of a smooth function."""
+        level, b = self.turning(a, sign)
+        middle, half = 0.5 * (sign * a + b), 0.5 * abs(sign * a - b)
+        u = middle[:, None] + half[:, None] * np.cos(_NODES)
+        with np.errstate(all="ignore"):
+            squares = 2 * (level[:, None] - self(u)) / (half[:, None] * np.sin(_NODES)) ** 2
+            return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
+
+    def amplitudes(self, omega: float, sign: float) -> list[float]:
+        """All amplitudes on one side at which it has a frequency, the smallest first."""
+        from scipy.optimize import brentq
+
+        def off(a: float) -> float:
+            return float(self.half_periods(np.array([a]), sign)[0] - math.pi / omega)
+
+        over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
+        with np.errstate(invalid="ignore"):
+            at = np.flatnonzero(over[:-1] * over[1:] <= 0)
+        return [brentq(off, *_AMPLITUDES[[j, j + 1]], xtol=1e-14) for j in at.tolist()]
+
+    def amplitude(self, code: float, omega: float) -> float:
+        """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
+        others that which is nearest."""
+        sign = math.copysign(1.0, code)
+        found = self.amplitudes(omega, sign)
+        if not found:
+            small = self.half_periods(_AMPLITUDES[:1], sign)[0]
+            raise NoSolution(
+                f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
+                f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
+                "one that softens smaller ones."
+            )
+        if abs(code) == 1.0:
+            return sign * found[0]
+        return sign * min(found, key=lambda a: abs(a - abs(code)))
+
+    def motion(self, a: float, half: float) -> Callable[[Array], Array]:
+        """Position and velocity at times from 0 to half of its period."""
+        from scipy.integrate import solve_ivp
+
+        def field(t: float, y: Array) -> Array:
+            return np.array([y[1], -float(self.pull(y[0]))])
+
+        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13 * abs(a)}
+        solution: Callable[[Array], Array] = solve_ivp(
+            field, (0.0, half), [a, 0.0], dense_output=True, **how
+        ).sol
+        return solution
+
+
+def _column(ends: Any, site: int) -> tuple[Any, Any]:
+    column = ends[:, [site]].tocoo()
+    return column.coords[0], column.data
+
+
+def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
+    """The sites of a code and what they do, as it was given: a dict, or a list of sites."""
+    try:
+        given = dict(code) if isinstance(code, Mapping) else dict.fromkeys(code, 1)
+    except TypeError:
+        given = {}
+    known = all(isinstance(n, int | np.integer) and 0 <= n < chain.sites for n in given)
+    if not given or not known:
+        raise BadInput(
+            f"code = {brief(code)}: a dict of sites, from 0 to {chain.sites - 1}, and 1, -1 or an "
+            "amplitude for each was expected, {5: 1} for instance."
+        )
+    return {int(n): value for n, value in given.items()}
+
+
+def half_without_coupling(
+    chain: Oscillators, code: Any, omega: float, p: Params, scheme: Collocation
+) -> TrajectorySegment:
+    """Half of the orbit that a code stands for, without coupling."""
+    half, motions = math.pi / omega, {}
+    for site, value in coded(chain, code).items():
+        if not (math.isfinite(real(value)) and real(value)):
+            raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
+        single = SingleOscillator(chain, site, p)
+        motions[site] = single.motion(single.amplitude(real(value), omega), half)
+    return fitted(scheme, 0.0, half, partial(together, chain.sites, motions))
+
+
+def together(sites: int, motions: Mapping[int, Callable[[Array], Array]], t: Array) -> Array:
+    """The states of a lattice of which some sites move, and all others rest."""
+    states = np.zeros((2 * sites, np.size(t)))
+    for site, motion in motions.items():
+        states[[site, sites + site]] = motion(t)
+    return states
+
+
+def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, float]:
+    """Which harmonic of a frequency is nearest to the band of small oscillations, or in it, and how
+    far off that is, as a sentence."""
+    band = chain.frequencies(p)
+    if np.isnan(band).any():
+        return "at rest it is unstable there", 0.0
+    low, high = float(band[0]), float(band[-1])
+    m = np.arange(1, int(high / omega) + 2)
+    off = np.maximum(np.maximum(low - m * omega, m * omega - high), 0.0)
+    j = int(off.argmin())
+    where = "lies in" if off[j] == 0 else f"is {off[j]:.3g} off"
+    name = "the frequency itself" if m[j] == 1 else f"harmonic {m[j]}"
+    return (
+        f"{name}, {m[j] * omega:.6g}, {where} the band of small oscillations, {low:.6g} to "
+        f"{high:.6g}"
+    ), float(off[j])

@@ -1,0 +1,203 @@
+"""Constructors of breathers: from the limit without coupling to the coupling that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..checks import check_kind, number
+from ..continuation.bifurcations.equilibria import fold
+from ..continuation.curve.branch import Branch
+from ..continuation.curve.point import Event
+from ..continuation.walk.trace import trace
+from ..errors import BadInput, NoSolution, NotConverged
+from ..flows.collocation import Collocation, sizes_of
+from ..flows.equations import FlowEquations
+from ..flows.flow import Flow
+from ..one_thread import one_thread
+from .anticontinuum import half_without_coupling, resonance
+from .attractors import driven_without_coupling, forcing_period
+from .breather_events import events_of_breather
+from .breather_problem import Breather, BreatherProblem, breather_problem
+from .half_orbit import HalfOrbit
+from .impacting import between_walls_without_coupling
+from .oscillator_lattice import SHARE, Oscillators
+from .potentials import Params
+
+WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
+_RESOLVED, _TAIL = 1e-10, 1e-4
+_MOST = 400  # intervals that are not made finer
+
+_OWN = {"orbit", "mesh", "half", "period", "energy", "action", "participation", "unstable"}
+_OWN |= {"largest", "max|u|", "omega"}
+
+
+class CouplingEnds(NoSolution):
+    """The walk in the coupling ends on its way, at a share of what was asked for."""
+
+    def __init__(self, reason: str, share: float) -> None:
+        super().__init__(reason)
+        self.share = share
+
+
+@one_thread
+def breather(
+    chain: Oscillators,
+    code: Any,
+    *,
+    omega: float,
+    params: Mapping[str, float] | None = None,
+    collocation: Collocation | None = None,
+    events: Iterable[Event] | None = None,
+    label: str = "",
+) -> BreatherProblem:
+    """A breather of a lattice of oscillators, as a problem to trace.
+
+    Without coupling each site of the code is the single oscillator at that frequency, all others
+    rest. From there the coupling is walked up to what was asked for.
+
+    Parameters
+    ----------
+    chain : Oscillators
+    code : dict
+        ``{site: 1}``, with -1 for one that is half a period later, or an amplitude, where the
+        single oscillator has several of one frequency: that nearest to it.
+    omega : float
+        The frequency, a parameter of the breather.
+    params : dict
+        Name and value of each parameter of the formulas.
+    collocation : Collocation, optional
+        Intervals of a whole period and points in each.
+    events : iterable of Event, optional
+        What a walk looks for by default.
+    label : str, optional
+        Shown in tables.
+
+    Returns
+    -------
+    BreatherProblem
+        ``.solution``, and that of each point, is a `Breather`. Of a conservative lattice "energy"
+        may be the free parameter in place of "omega", which is a column then.
+
+    Raises
+    ------
+    BadInput
+        Where the code or the parameters do not fit the lattice, or rest is no equilibrium of it.
+    NoSolution
+        Where no site has that frequency, or the breather ends on the way: the sentence says where,
+        and which harmonic is in the band of small oscillations, or next to it.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
+    >>> round(cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution.energy, 9)
+    1.477894672
+    """
+    check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
+    omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
+    values = _params(chain, {} if params is None else params, omega)
+    scheme = collocation or WHOLE
+    if chain.walls is not None or not chain.dissipative:  # it is made of two halves
+        scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
+    reached = None
+    with suppress(NoSolution):  # on few points first: they lead there as well
+        reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
+    reached = reached or _walked(chain, code, values, scheme)
+    return _closed(reached, scheme, values, events, label or "breather")
+
+
+def _closed(
+    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str
+) -> BreatherProblem:
+    """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
+    needs."""
+    flights = reached.residual.flights(reached.x, reached.params)
+    sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
+    start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
+    equations = replace(reached.residual, start=start, sizes=sizes)
+    wanted = events_of_breather(equations) if events is None else tuple(events)
+    problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
+    while _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
+        problem = problem.halved().solve(tolerance=1e-12)[0]
+    return problem
+
+
+def _coarse(orbit: Breather) -> bool:
+    """Tell whether errors may be above 1e-10: by the trivial multiplier, or where there is none by
+    the highest term of its polynomials."""
+    if orbit.paired:
+        return abs(orbit.trivial - 1) > _RESOLVED
+    return max(flight.unresolved()[0] for flight in orbit.flights) > _TAIL
+
+
+def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
+    check_kind(params, Mapping, "a dict of parameters")
+    missing = [name for name in chain.names if name not in (*params, "omega")]
+    if missing:
+        raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
+    if taken := sorted(_OWN & {*params}):
+        raise BadInput(f"rename {taken}: every breather has columns of these names")
+    values = {
+        name: number(name, value, -np.inf, np.inf, "a number") for name, value in params.items()
+    }
+    values = {**values, "omega": omega}
+    force = abs(chain.gradient(np.zeros(chain.sites), values))
+    if not force.max() <= 1e-12:
+        n = int(force.argmax())
+        raise BadInput(
+            f"u = 0 is no equilibrium: the force on site {n} is {force[n]:.3g} there; write the "
+            "potentials so that all sites rest at 0"
+        )
+    return values
+
+
+def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
+    """Walk from no coupling to all of it."""
+    omega = params["omega"]
+    flows: tuple[Flow, ...] = (Flow(chain),)
+    if chain.walls is not None:
+        flows, flights = between_walls_without_coupling(chain, code, params, scheme)
+    elif chain.dissipative:
+        flights = (driven_without_coupling(chain, code, params, scheme),)
+    else:
+        flights = (half_without_coupling(chain, code, omega, params, scheme),)
+    sizes = sizes_of(flights)
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
+    more = {"start": start, "states": names, "sizes": sizes}
+    equations: FlowEquations
+    if chain.dissipative:
+        equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
+    else:
+        equations = HalfOrbit.of(chain, "omega", **more)
+    alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
+    try:
+        start = alone.solve(tolerance=1e-11)[0]
+    except NotConverged as error:
+        raise NoSolution(
+            f"{code}: without coupling it cannot be continued; "
+            f"{resonance(chain, omega, alone.params)[0]}"
+        ) from error
+    ends = (replace(fold(), ends="branch"),)
+    branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+    if branch[-1][SHARE] < 1.0:
+        reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
+        raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
+    problem: Any = branch[-1].problem
+    return problem
+
+
+def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:
+    """Say how far a breather reaches, and why not farther."""
+    end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
+    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
+    near = resonance(chain, omega, end.params)[0]
+    return (
+        f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
+        f"for; there {turns}. Of its harmonics {near}."
+    )

@@ -1,0 +1,230 @@
+"""A breather of a lattice of oscillators as a value, and as a problem to trace."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation.algebra.newton import Array
+from ..continuation.curve.point import Event, Point, UnstableDimension
+from ..continuation.curve.problem import Problem
+from ..flows.collocation import TrajectorySegment
+from ..flows.cycle_problem import Cycle, CycleProblem
+from ..flows.equations import FlowEquations
+from ..flows.flow import Flow
+from ..flows.functions import Params
+from ..one_thread import one_thread
+from .half_orbit import HalfOrbit, unfolded_half
+from .oscillator_lattice import Oscillators
+
+
+@dataclass(frozen=True, eq=False)
+class Breather(Cycle):
+    """A periodic motion of a lattice of oscillators: what ``point.solution`` is on the branches of
+    `contbreather.breather`.
+
+    Attributes
+    ----------
+    energy : float
+        Of a conservative lattice that of the orbit, of others its mean over a period.
+    action : float
+        ``1/(2 pi)`` of the integral of ``m v du`` over a period: ``dE = omega d(action)`` along a
+        family.
+    participation : float
+        ``(sum e)^2 / sum e^2`` of the mean energies of the sites: about how many take part.
+    largest : float
+        The largest modulus of the multipliers.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
+    >>> orbit = cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution
+    >>> orbit.displacement(2, 0.0).round(6), orbit.unstable
+    (1.2495, 0)
+    """
+
+    @property
+    def chain(self) -> Oscillators:
+        chain: Oscillators = self.equations.flows[0].f
+        return chain
+
+    @property
+    def lattice(self) -> Any:
+        return self.chain.lattice
+
+    @cached_property
+    def swings(self) -> Array:
+        """How far each site moves, from end to end."""
+        states = np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
+        return np.asarray(np.ptp(states, axis=1))
+
+    @cached_property
+    def flights(self) -> tuple[TrajectorySegment, ...]:
+        flights = self.equations.flights(self.x, self.params)
+        if isinstance(self.equations, HalfOrbit):
+            return (unfolded_half(flights[0], self.equations.reversor),)
+        return flights
+
+    @property
+    def begin_of_orbit(self) -> Any:
+        flows, *rest, exact = super().begin_of_orbit
+        if isinstance(self.equations, HalfOrbit):  # so exact that hundreds of periods keep H
+            flows, exact = Flow(self.chain), 1e-13
+        return flows, *rest, exact
+
+    # --- its motion ---------------------------------------------------------------------------
+
+    def displacement(self, n: Any, t: Any) -> Any:
+        """The position of a site, or of several, at a time or at times."""
+        return self.states(t)[: self.chain.sites][n]
+
+    def velocity(self, n: Any, t: Any) -> Any:
+        """The velocity of a site, or of several, at a time or at times."""
+        return self.states(t)[self.chain.sites :][n]
+
+    def state(self, t: float = 0.0) -> tuple[Array, Array]:
+        """Positions and velocities of all sites at a time."""
+        u, v = np.split(self.states(t), 2)
+        return u, v
+
+    @property
+    def omega(self) -> float:
+        return 2 * math.pi / self.period
+
+    # --- its columns --------------------------------------------------------------------------
+
+    @cached_property
+    def _energies(self) -> Array:
+        """Mean energies of the sites over a period."""
+        return np.asarray(
+            sum(self._mean(f, self.chain.site_energies(at, self.params)) for f, at in self._inner)
+        )
+
+    @cached_property
+    def _inner(self) -> list[tuple[TrajectorySegment, Array]]:
+        """States at the Gauss points of each flow."""
+        return [
+            (f, (f.states[:, None] + f.scheme.matrix @ f.slopes).reshape(-1, f.dimension).T)
+            for f in self.flights
+        ]
+
+    def _mean(self, flight: TrajectorySegment, of: Array) -> Array:
+        weights = np.multiply.outer(flight.lengths, flight.scheme.weights).ravel()
+        return np.asarray(of @ weights) / self.period
+
+    @cached_property
+    def energy(self) -> float:
+        return float(self._energies.sum())
+
+    @cached_property
+    def action(self) -> float:
+        masses, n = self.chain.masses, self.chain.sites
+        living = sum(self._mean(f, masses @ at[n:] ** 2) for f, at in self._inner)
+        return float(living) / self.omega
+
+    @cached_property
+    def participation(self) -> float:
+        return float(self._energies.sum() ** 2 / (self._energies**2).sum())
+
+    @cached_property
+    def farthest(self) -> float:
+        """The largest displacement of any site at any time."""
+        n = self.chain.sites  # where it is at rest an interval begins
+        return float(max(abs(f.sampled(4)[1][:n]).max() for f in self.flights))
+
+    # --- its stability ------------------------------------------------------------------------
+
+    @cached_property
+    @one_thread
+    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
+        if isinstance(self.equations, HalfOrbit):
+            return self.equations.spectrum(self.x, self.params)
+        return super()._spectrum
+
+    @property
+    def paired(self) -> bool:
+        return isinstance(self.equations, HalfOrbit)
+
+    @cached_property
+    def symplectic(self) -> tuple[Array, Array | None]:
+        assert isinstance(self.equations, HalfOrbit)
+        masses, none = np.diag(self.chain.masses), np.zeros((self.chain.sites,) * 2)
+        form = np.block([[none, -masses], [masses, none]])
+        return reduce(np.matmul, self.equations.factors(self.x, self.params)[::-1]), form
+
+    @property
+    def largest(self) -> float:
+        return float(abs(self.others).max(initial=0.0))
+
+    def __repr__(self) -> str:
+        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
+
+
+COLUMNS = {
+    name: attrgetter(f"solution.{name}")
+    for name in ("energy", "action", "omega", "participation", "largest")
+} | {"max|u|": attrgetter("solution.farthest")}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BreatherProblem(CycleProblem):
+    """The problem of a breather; its `solution` is the orbit at which it starts."""
+
+    @property
+    def internals(self) -> frozenset[str]:
+        return super().internals | {"half"}
+
+    @property
+    def solution(self) -> Breather:
+        return Breather(self.residual, self.x, self.params)
+
+    def interpret(self, point: Point) -> Breather:  # type: ignore[override]
+        return Breather(self.residual, np.array(point.x), point.params)
+
+    def modulo(self, x: Array, params: Params) -> dict[str, Any]:
+        return {}
+
+    def having(self, *names: str) -> Problem:
+        """Give the energy of an orbit in place of its frequency, or the other way around."""
+        if not isinstance(self.residual, HalfOrbit):
+            return super().having(*names)
+        asked = [name for name in ("omega", "energy") if name in names]
+        return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
+
+    def holding(self, name: str) -> BreatherProblem:
+        half, orbit = self.residual, self.solution
+        assert isinstance(half, HalfOrbit)
+        more = {what: getattr(half, what) for what in ("start", "states", "sizes")}
+        params = {n: value for n, value in self.params.items() if n != half.held}
+        params[name] = getattr(orbit, name)
+        problem = breather_problem(
+            HalfOrbit.of(half.chain, name, **more), params, self.events, self.label
+        )
+        return replace(problem, start=self.start)
+
+
+def breather_problem(
+    equations: FlowEquations, params: Params, events: Sequence[Event], label: str
+) -> BreatherProblem:
+    """The problem of a breather that starts at the orbit which its equations began with."""
+    start = equations.unknowns(equations.start, params)
+    size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
+    whole_time = sum(flight.duration for flight in equations.start)
+    scales = {"orbit": size} | {
+        name: whole_time for name in ("half", "period", "durations", "phase") if name in start
+    }
+    gone = {*params, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
+    record: dict[str, Any] = {name: get for name, get in COLUMNS.items() if name not in gone}
+    record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
+    return BreatherProblem(
+        equations, start, dict(params), events=tuple(events), record=record, scales=scales,
+        label=label,
+    )  # fmt: skip

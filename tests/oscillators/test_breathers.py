@@ -1,0 +1,86 @@
+"""Breathers of lattices of oscillators: published-type numbers, an own integrator, closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+
+HARD, LINEAR = "u**2/2 + u**4/4", "c*r**2/2"
+
+
+def phi4(lattice, code, c, **how):
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=lattice)
+    return cb.breather(chain, code, omega=1.5, params={"c": c}, **how)
+
+
+def by_hand(stiffness, c, t, y):
+    """The hard chain with its variational equations, written down again."""
+    n = len(stiffness)
+    u, v, M = y[:n], y[n : 2 * n], y[2 * n :].reshape(2 * n, -1)
+    K = np.diag(1 + 3 * u**2) + c * stiffness
+    turned = np.vstack([M[n:], -K @ M[:n]])
+    return np.concatenate([v, -u - u**3 - c * stiffness @ u, turned.ravel()])
+
+
+def monodromy(stiffness, c, u, period):
+    n = len(stiffness)
+    start = np.concatenate([u, 0 * u, np.eye(2 * n).ravel()])
+    how = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+    end = solve_ivp(lambda t, y: by_hand(stiffness, c, t, y), (0, period), start, **how).y[:, -1]
+    return end[: 2 * n], end[2 * n :].reshape(2 * n, -1)
+
+
+# by half a period's shooting with DOP853 at 1e-13 and the variational equations
+NUMBERS = [
+    (cb.Ring(11), {5: 1}, 0.05, {5: 1.24950007}, 1.477894660123, 1.0, 0),
+    (cb.Ring(11), {5: 1}, 0.1, {5: 1.18376790}, 1.374091165415, 1.0, 0),
+    (cb.Ring(11), {5: 1, 6: 1}, 0.05, dict.fromkeys((5, 6), 1.27829490), 3.061056703746, 1.0, 0),
+    (cb.Ring(11), {5: 1, 6: -1}, 0.05, {5: 1.22257518, 6: -1.22257518}, 2.845365125630,
+     1.785304246, 1),
+    (cb.OpenChain(8, ends="fixed"), {0: 1}, 0.1, {0: 1.18944374}, 1.370661072860, 1.0, 0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lattice", "code", "c", "u", "energy", "largest", "unstable"), NUMBERS)
+def test_amplitudes_energies_and_multipliers_are_those_of_shooting(
+    lattice, code, c, u, energy, largest, unstable
+) -> None:
+    orbit = phi4(lattice, code, c).solution
+    for site, value in u.items():
+        assert orbit.displacement(site, 0.0) == pytest.approx(value, abs=6e-9)
+    assert orbit.energy == pytest.approx(energy, abs=1e-9)
+    assert orbit.largest == pytest.approx(largest, abs=1e-9)
+    assert orbit.unstable == unstable
+
+
+def test_an_own_integration_returns_and_has_the_same_multipliers() -> None:
+    lattice = cb.OpenChain(5, ends="fixed")
+    orbit = phi4(lattice, {1: 1, 2: -1}, 0.05).solution
+    end, M = monodromy(lattice.stiffness, 0.05, orbit.displacement(slice(None), 0.0), orbit.period)
+    np.testing.assert_allclose(end, np.concatenate(orbit.state()), atol=1e-9)
+    trace = np.trace(M)  # of pairs: twice the sum of indices, that of the trivial pair is 1
+    assert 2 * (orbit.indices.sum().real + 1) == pytest.approx(trace, abs=1e-8)
+    mu = np.linalg.eigvals(M)
+    assert orbit.largest == pytest.approx(abs(mu).max(), rel=1e-8)
+    assert orbit.unstable == 1
+
+
+def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
+    """dE = omega dJ along a family, whichever of both is its parameter."""
+    start = phi4(cb.Ring(5), {2: 1}, 0.05)
+    for free, window in (("omega", (1.4, 1.6)), ("energy", (1.2, 1.7))):
+        branch = cb.trace(start, free, within={free: window}, steps=cb.Steps(largest=0.05))
+        J, E = branch["action"], branch["energy"]
+        rule = np.polynomial.Polynomial.fit(J, E, 9).deriv()(J)
+        np.testing.assert_allclose(rule, branch["omega"], atol=1e-5)
+        assert not branch["unstable"].any()
+
+
+def test_energy_and_frequency_are_each_other_s_parameter() -> None:
+    start = phi4(cb.Ring(5), {2: 1}, 0.05)
+    energy = cb.trace(start, "omega", within={"omega": (1.5, 1.7)})[-1]["energy"]
+    back = cb.trace(start, "energy", within={"energy": (1.0, energy)})[-1]
+    assert back["omega"] == pytest.approx(1.7, abs=1e-8)

@@ -1,0 +1,87 @@
+"""Driven lattices and walls: beside integration in time, the single oscillator, the paper's chain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+import contbreather as cb
+
+DUFFING = {"b": 1.0, "c": 0.02, "d": 0.1, "a": 0.15}
+
+
+@pytest.fixture(scope="module")
+def driven():
+    chain = cb.Oscillators(
+        V="u**2/2 + b*u**4/4", W="c*r**2/2", lattice=cb.OpenChain(4),
+        damping="d", drive="a*cos(omega*t)",
+    )  # fmt: skip
+    return cb.breather(chain, {1: "high"}, omega=1.3, params=DUFFING)
+
+
+def test_a_driven_breather_attracts_what_starts_beside_it(driven) -> None:
+    orbit = driven.solution
+    assert orbit.unstable == 0
+    assert orbit.max["u1"] > 3 * orbit.max["u3"]
+    run = cb.integrate(driven, periods=40, perturb=1e-3)
+    np.testing.assert_allclose(run.final, orbit.states(0.0), atol=1e-6)
+    exact = cb.integrate(driven, periods=1)
+    np.testing.assert_allclose(exact.final, orbit.states(0.0), atol=1e-9)
+
+
+def test_losses_are_the_product_of_all_multipliers(driven) -> None:
+    """Liouville: the volume shrinks by exp(-N d T)."""
+    orbit = driven.solution
+    assert np.prod(orbit.multipliers).real == pytest.approx(np.exp(-4 * 0.1 * orbit.period))
+
+
+def test_its_frequency_response_folds(driven) -> None:
+    branch = cb.trace(driven, "omega", within={"omega": (1.25, 1.45)}, towards="up", events=[cb.fold()])
+    assert branch.first("LP")["omega"] > 1.3
+    assert branch["max|u|"].max() > driven.solution.farthest
+
+
+def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
+    how = {"V": "u**2/2", "W": "c*r**2/2", "lattice": cb.Ring(3), "drive": "a*cos(omega*t)"}
+    with pytest.raises(cb.NoSolution, match="one attractor only"):
+        linear = cb.Oscillators(**how, damping=0.2)
+        cb.breather(linear, {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
+    with pytest.raises(cb.BadInput, match="damping above 0"):
+        cb.breather(cb.Oscillators(**how), {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
+
+
+# --- walls --------------------------------------------------------------------------------------
+
+
+def test_without_potentials_it_is_the_chain_of_the_paper() -> None:
+    ring = cb.Ring(20)
+    chain = cb.Oscillators(W="gamma*r**2/2", lattice=ring, drive="-a*cos(t)", walls=1.0, k="k")
+    params = {"a": 0.5, "gamma": 0.08, "k": 0.8}
+    orbit = cb.breather(chain, {0: 1}, omega=1.0, params=params).solution
+    closed_form = cb.symmetric(**params, lattice=ring)
+    t = np.linspace(0.1, 6.2, 9)
+    for n in range(11):
+        np.testing.assert_allclose(
+            orbit.displacement(n, t), closed_form.displacement(n, t), atol=1e-9
+        )
+    assert np.mod(orbit.flights[0].start - closed_form.times[0], np.pi) == pytest.approx(
+        0.0, abs=1e-9
+    )
+    mu, wanted = orbit.multipliers, closed_form.multipliers(sites=20)
+    apart = abs(mu[:, None] - wanted)
+    assert apart[linear_sum_assignment(apart)].max() < 1e-9
+
+
+def test_nonlinear_sites_impact_and_return_under_an_integration_with_impacts() -> None:
+    chain = cb.Oscillators(
+        V="u**2/20 + u**4/40", W="c*r**2/2", lattice=cb.OpenChain(4), damping=0.05,
+        drive="-a*cos(omega*t)", walls=1.0, k=0.8,
+    )  # fmt: skip
+    hit = cb.breather(chain, {1: 1}, omega=1.0, params={"a": 0.5, "c": 0.05})
+    run = cb.integrate(hit, periods=1)
+    assert len(run.events) == 2
+    begin = hit.solution.flights[0].states[0]
+    np.testing.assert_allclose(run.final, begin, atol=1e-8)
+    branch = cb.trace(hit, "a", within={"a": (0.1, 0.6)}, towards="down")
+    assert branch.special[-1].kind in ("GR", "VI", "LP", "EP")
