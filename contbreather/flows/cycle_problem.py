@@ -32,12 +32,8 @@ from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, sys
 from .functions import Function, Params, values
 from .integrate import bottom
 from .jacobian import at_other_time
-<<<<<<< HEAD
-from .multipliers import closing_matrix, of_cycle, paces
-from .sparse_equations import SparseFlowEquations
-=======
 from .multipliers import around, closing_matrix, of_cycle, paces
->>>>>>> main
+from .sparse_equations import SparseFlowEquations
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3

@@ -20,12 +20,6 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
-<<<<<<< HEAD
-_LONG, _SHARE = 64, 0.02  # entries of a row, at least, and the share of rows that are so long
-_LOW = 1e-6  # what rows are multiplied by that are to give no pivots
-_BAND = 8  # entries no farther off the diagonal fill no more than their band
-=======
->>>>>>> main
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -303,8 +297,8 @@ def factorised(matrix: Matrix) -> Any:
     from scipy.sparse.linalg import splu
 
     counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
-    long = np.flatnonzero(counts > max(_LONG, math.sqrt(counts.size)))
-    if 0 < long.size < _SHARE * counts.size:
+    long = np.flatnonzero(counts > max(64, math.sqrt(counts.size)))
+    if 0 < long.size < 0.02 * counts.size:
         return _LongRows(matrix, long)
     order: Any = "COLAMD"
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
@@ -317,7 +311,6 @@ def factorised(matrix: Matrix) -> Any:
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
 
 
-<<<<<<< HEAD
 class _LongRows:
     """The factors of a sparse matrix with a few rows that are long, as of conditions on all
     unknowns: columns are put in order as if these were not there, for each would be fill elsewhere,
@@ -329,7 +322,7 @@ class _LongRows:
         key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
         self._order = _order_without(long.tobytes(), *key)
         self._rows = np.ones(matrix.shape[0])
-        self._rows[long] = _LOW
+        self._rows[long] = 1e-6
         self._lu = splu(
             scaled(matrix, self._rows)[:, self._order],
             permc_spec="NATURAL", diag_pivot_thresh=_PIVOT,
@@ -375,17 +368,6 @@ def _order_without(long: bytes, indptr: bytes, indices: bytes, kind: str) -> NDA
     return np.argsort(factors.perm_c)
 
 
-def _diagonal_leads(matrix: Matrix) -> bool:
-    n, counts = matrix.shape[0], np.diff(matrix.indptr)
-    most = max(16, 10 * math.sqrt(n))
-    if not counts.all() or counts.max() > most or np.bincount(matrix.indices).max() > most:
-        return False
-    largest = np.maximum.reduceat(abs(matrix.data), matrix.indptr[:-1])
-    return bool((abs(matrix.diagonal()) >= _PIVOT * largest).all())
-
-
-=======
->>>>>>> main
 def _column(matrix: Matrix, number: int) -> Array:
     if not is_sparse(matrix):
         return np.asarray(matrix[:, number])
