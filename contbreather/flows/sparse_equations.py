@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -61,10 +61,8 @@ def sparse_where_large(equations: FlowEquations, p: Params) -> FlowEquations:
     """Choose these equations for a flow that is large."""
     if not is_large(equations.flows[0], equations.start[0], p):
         return equations
-    return SparseFlowEquations(**{name: getattr(equations, name) for name in _FIELDS})
-
-
-_FIELDS = ("flows", "start", "period", "turns", "parts", "sizes", "conservation")
+    own = {of.name: getattr(equations, of.name) for of in fields(equations) if of.init}
+    return SparseFlowEquations(**own)
 
 
 @dataclass(frozen=True, eq=False)

@@ -323,10 +323,8 @@ class _LongRows:
         self._order = _order_without(long.tobytes(), *key)
         self._rows = np.ones(matrix.shape[0])
         self._rows[long] = 1e-6
-        self._lu = splu(
-            scaled(matrix, self._rows)[:, self._order],
-            permc_spec="NATURAL", diag_pivot_thresh=_PIVOT,
-        )  # fmt: skip
+        ordered = scaled(matrix, self._rows)[:, self._order]
+        self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
 
     def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
         rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
