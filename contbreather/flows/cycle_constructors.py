@@ -145,7 +145,7 @@ def cycle(
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
-        arrays = None
+        arrays = dict[str, tuple[str, ...]]()
         _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
         size = shift = 0.0
     else:

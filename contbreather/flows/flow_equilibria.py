@@ -129,7 +129,8 @@ class _Born(SwitchingProblem):
     def tangents(self) -> tuple[Array, None]:
         curve = Curve(self.problem, (self.free,))
         outwards = np.zeros(curve.start.size)
-        nodes = self.problem.residual.layout.nodes[0]
+        cycle: Any = self.problem.residual
+        nodes = cycle.layout.nodes[0]
         outwards[nodes] = curve.start[nodes] - curve.start[nodes].mean(axis=0)
         return curve.tangent_at(curve.start, outwards)[0], None
 
