@@ -74,7 +74,7 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
 STORY = (
     "breather", "branch", "zones", "switching", "beyond_grazing", "lattice", "disorder",
     "measurement", "shooting", "simulate", "smooth_walls", "your_own_problem", "henon", "lorenz",
-    "pendulum", "bouncing_ball", "impact_oscillator", "stick_slip", "backbone",
+    "pendulum", "bouncing_ball", "impact_oscillator", "stick_slip", "backbone", "brusselator",
 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -144,11 +145,12 @@ def cycle(
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
-        named = {name: (name,) for name in names}
+        arrays = dict[str, tuple[str, ...]]()
         _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
         size = shift = 0.0
     else:
-        (state, params), named = named_state(start, params, *conserved), state_names(start)
+        (state, params), arrays = named_state(start, params, *conserved), state_names(start)
+        names = tuple(chain.from_iterable(arrays.values()))
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
@@ -173,7 +175,9 @@ def cycle(
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
-    equations = FlowEquations(parts, tuple(flights), forcing, turns, named, sizes_of(flights))
+    equations = FlowEquations(
+        parts, tuple(flights), forcing, turns, names, sizes_of(flights), arrays=arrays
+    )
     if conserved:
         equations, params = _conserving(equations, conserved, params)
     equations = sparse_where_large(equations, params)

@@ -235,8 +235,8 @@ def _top(flight: TrajectorySegment, part: slice, sign: float) -> float:
     """The largest value of some states on a flight, beside the largest of many: at the other end
     of a closed one, too."""
     s, states = flight.sampled(8)  # into each interval
-    i, j = np.unravel_index((sign * states[part]).argmax(), states[part].shape)
-    last, i, j = s.size - 1, int(i) + part.start, int(j)
+    i, j = divmod(int((sign * states[part]).argmax()), s.size)
+    i, last = i + part.start, s.size - 1
     return max(
         -bottom(lambda s: -sign * flight.at(s)[i], s[max(k - 1, 0)], s[min(k + 1, last)])[1]
         for k in ({j, last} if j == 0 else {j})

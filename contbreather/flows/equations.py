@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -150,9 +149,10 @@ class FlowEquations:
     start: tuple[TrajectorySegment, ...]  # the orbit at which all began: meshes and first guesses
     period: Callable[..., Any] | None  # (t, x, p), of which p is used; None if it is autonomous
     turns: int  # over how many of these periods it closes
-    parts: Mapping[str, tuple[str, ...]]  # names of states, several of an array
+    states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     conservation: Conservation | None = None
+    arrays: Mapping[str, tuple[str, ...]] | None = None  # of several states that have columns
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -171,10 +171,10 @@ class FlowEquations:
     def autonomous(self) -> bool:
         return self.period is None
 
-    @cached_property
-    def states(self) -> tuple[str, ...]:
-        """Names of all states, for those who look at orbits."""
-        return tuple(chain.from_iterable(self.parts.values()))
+    @property
+    def parts(self) -> Mapping[str, tuple[str, ...]]:
+        """What has columns: states, or arrays of these."""
+        return self.arrays or {name: (name,) for name in self.states}
 
     @property
     def smooth(self) -> bool:
@@ -291,7 +291,7 @@ class FlowEquations:
     def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
         flights = self._solved(x, p, error).flights
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
-        rows = []
+        rows: list[Array] = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             gaps = flight.states.copy()

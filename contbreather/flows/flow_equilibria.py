@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,8 @@ class _Born(SwitchingProblem):
     def tangents(self) -> tuple[Array, None]:
         curve = Curve(self.problem, (self.free,))
         outwards = np.zeros(curve.start.size)
-        nodes = self.problem.residual.layout.nodes[0]
+        cycle: Any = self.problem.residual
+        nodes = cycle.layout.nodes[0]
         outwards[nodes] = curve.start[nodes] - curve.start[nodes].mean(axis=0)
         return curve.tangent_at(curve.start, outwards)[0], None
 
@@ -136,7 +138,8 @@ class _Born(SwitchingProblem):
 def _born(point: Point) -> SwitchingProblem:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
-    residual, parts = point.curve.problem.residual, state_names(point.curve.problem.start)
+    residual, arrays = point.curve.problem.residual, state_names(point.curve.problem.start)
+    names = tuple(chain.from_iterable(arrays.values()))
     omega = float(point["omega"])
     q = null_vectors(plus_diagonal(first_columns(point.jacobian(), rest.size), -1j * omega))[0]
     size = float(np.sqrt(np.mean(rest**2)))
@@ -150,7 +153,8 @@ def _born(point: Point) -> SwitchingProblem:
 
     for amplitude in _AMPLITUDES:
         flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
-        equations = FlowEquations((residual.flow,), (flight,), None, 1, parts, sizes_of([flight]))
+        flows, sizes = (residual.flow,), sizes_of([flight])
+        equations = FlowEquations(flows, (flight,), None, 1, names, sizes, arrays=arrays)
         equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)
         curve = Curve(problem_of(equations, params, events, "cycle"), (free,))

@@ -10,10 +10,9 @@ of an interval of length h from x_0 with states X_c,
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -61,10 +60,8 @@ def sparse_where_large(equations: FlowEquations, p: Params) -> FlowEquations:
     """Choose these equations for a flow that is large."""
     if not is_large(equations.flows[0], equations.start[0], p):
         return equations
-    return SparseFlowEquations(**{name: getattr(equations, name) for name in _FIELDS})
-
-
-_FIELDS = ("flows", "start", "period", "turns", "parts", "sizes", "conservation")
+    own = {of.name: getattr(equations, of.name) for of in fields(equations) if of.init}
+    return SparseFlowEquations(**own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +137,8 @@ class SparseFlowEquations(FlowEquations):
 
         rows, columns, data = _joined([self._constant, *self._blocks(x, p, names)])
         width = self.layout.size + len(names) + 1  # the last column is that of fixed knots
-        whole = csc_array((data, (rows, columns % width)), (self.layout.size, width))
+        cells: Any = data, (rows, columns % width)
+        whole = csc_array(cells, (self.layout.size, width))
         return first_columns(whole, width - 1)
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
@@ -209,7 +207,8 @@ class SparseFlowEquations(FlowEquations):
         rows, columns, data = _joined([self._inner, self._field(entries, flight)])
         inside, forced, ends = self.layout.inside, self._inverse.sum(axis=1), self._ends
         first, size = inside.flat[0], inside[0].size
-        whole = csc_array((data, (rows - first, columns - first)), (inside.size, inside.size))
+        cells: Any = data, (rows - first, columns - first)
+        whole = csc_array(cells, (inside.size, inside.size))
 
         def over(factors: Any, start: Array) -> Array:
             # (A^-1 - h f_x) X = A^-1 x_0
@@ -253,7 +252,7 @@ class SparseFlowEquations(FlowEquations):
         whole = LinearOperator(
             (n, n), lambda start: _across(way, around(_across(way, start))), dtype=float
         )
-        for wanted in itertools.count(_LEADING, _LEADING):
+        for wanted in range(_LEADING, n // 4, _LEADING):
             try:
                 mu = eigs(
                     whole, wanted, ncv=4 * wanted, v0=any_vector(n), tol=_ARNOLDI,
@@ -263,7 +262,9 @@ class SparseFlowEquations(FlowEquations):
                 raise Undefined(f"leading multipliers: {error}") from error
             if abs(mu).min() < 1:  # so are all that are not known
                 return mu[np.argsort(-abs(mu), kind="stable")], trivial
-        raise AssertionError
+        raise Undefined(
+            "too many multipliers are outside of the unit circle to look for all of them"
+        )
 
 
 def _across(way: Array, vector: Array) -> Array:

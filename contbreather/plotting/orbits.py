@@ -290,9 +290,11 @@ def draw_states(
     """Draw lines of the flows; a dot where a condition ends one, and from there a dotted line to
     where the next one begins."""
     cycle = isinstance(motion, Cycle)
-    names = motion.equations.states if isinstance(motion, Cycle) else motion.names
-    # of an array of states the first one
-    shown = [part[0] for part in motion.equations.parts.values()] if cycle else names
+    if isinstance(motion, Cycle):  # of an array of states the first one
+        names = motion.equations.states
+        shown = [part[0] for part in motion.equations.parts.values()]
+    else:
+        names, shown = motion.names, [*motion.names]
     x = TIME if x is None else x
     chosen = [y] if isinstance(y, str) else [n for n in shown if n != x] if y is None else list(y)
     for name in (x, *chosen):

@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
-_LONG, _SHARE = 64, 0.02  # entries of a row, at least, and the share of rows that are so long
-_LOW = 1e-6  # what rows are multiplied by that are to give no pivots
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -299,8 +297,8 @@ def factorised(matrix: Matrix) -> Any:
     from scipy.sparse.linalg import splu
 
     counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
-    long = np.flatnonzero(counts > max(_LONG, math.sqrt(counts.size)))
-    if 0 < long.size < _SHARE * counts.size:
+    long = np.flatnonzero(counts > max(64, math.sqrt(counts.size)))
+    if 0 < long.size < 0.02 * counts.size:
         return _LongRows(matrix, long)
     order: Any = "COLAMD"
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
@@ -324,11 +322,9 @@ class _LongRows:
         key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
         self._order = _order_without(long.tobytes(), *key)
         self._rows = np.ones(matrix.shape[0])
-        self._rows[long] = _LOW
-        self._lu = splu(
-            scaled(matrix, self._rows)[:, self._order],
-            permc_spec="NATURAL", diag_pivot_thresh=_PIVOT,
-        )  # fmt: skip
+        self._rows[long] = 1e-6
+        ordered = scaled(matrix, self._rows)[:, self._order]
+        self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
 
     def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
         rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
