@@ -278,7 +278,7 @@ class FlowEquations:
     def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
         flights = self._solved(x, p, error).flights
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
-        rows = []
+        rows: list[Array] = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             gaps = flight.states.copy()

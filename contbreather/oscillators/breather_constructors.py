@@ -169,7 +169,7 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     sizes = sizes_of(flights)
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    more = {"start": start, "states": names, "sizes": sizes}
+    more: dict[str, Any] = {"start": start, "states": names, "sizes": sizes}
     equations: FlowEquations
     if chain.dissipative:
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
@@ -177,14 +177,14 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         equations = HalfOrbit.of(chain, "omega", **more)
     alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
     try:
-        start = alone.solve(tolerance=1e-11)[0]
+        begin = alone.solve(tolerance=1e-11)[0]
     except NotConverged as error:
         raise NoSolution(
             f"{code}: without coupling it cannot be continued; "
             f"{resonance(chain, omega, alone.params)[0]}"
         ) from error
     ends = (replace(fold(), ends="branch"),)
-    branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+    branch = trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
     if branch[-1][SHARE] < 1.0:
         reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
         raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
