@@ -71,7 +71,8 @@ def breather(
     params : dict
         Name and value of each parameter of the formulas.
     collocation : Collocation, optional
-        Intervals of a whole period and points in each.
+        Intervals of a whole period and points in each; by default as many as errors of about 1e-10
+        need, from ``Collocation(intervals=12, points=6)`` on.
     events : iterable of Event, optional
         What a walk looks for by default.
     label : str, optional
@@ -108,21 +109,23 @@ def breather(
     with suppress(NoSolution):  # on few points first: they lead there as well
         reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
     reached = reached or _walked(chain, code, values, scheme)
-    return _closed(reached, scheme, values, events, label or "breather")
+    finer = collocation is None
+    return _closed(reached, scheme, values, events, label or "breather", finer=finer)
 
 
 def _closed(
-    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str
-) -> BreatherProblem:
+    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str,
+    *, finer: bool,
+) -> BreatherProblem:  # fmt: skip
     """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
-    needs."""
+    needs, unless their number was given."""
     flights = reached.residual.flights(reached.x, reached.params)
     sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
     start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
     equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
-    while _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
+    while finer and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
         problem = problem.halved().solve(tolerance=1e-12)[0]
     return problem
 
