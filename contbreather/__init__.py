@@ -45,7 +45,6 @@ __all__ = front(
         "runs": "Run load save",
         "simulation": "simulate",
     },
-    breathers="orbits",
     dynamics="simulation",
 )
 
