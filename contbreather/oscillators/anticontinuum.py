@@ -58,8 +58,6 @@ class SingleOscillator:
     def turning(self, a: Array, sign: float) -> tuple[Array, Array]:
         """The turning points on the other side of rest, for amplitudes on one side; NaN where
         there are none or forces do not lead back."""
-        from scipy.optimize import brentq
-
         with np.errstate(all="ignore"):
             # as far as all forces lead back
             inward = sign * self.pull(sign * a) > 0
@@ -72,11 +70,14 @@ class SingleOscillator:
         for i, level in enumerate(here):
             j = int(np.searchsorted(there, level)) if np.isfinite(level) else there.size
             if 0 < j < there.size:
-                others[i] = brentq(
-                    lambda u, level=level: float(self(u)) - level,
-                    *grid[[j - 1, j]], xtol=1e-15, rtol=1e-14,
-                )  # fmt: skip
+                others[i] = self._crossing(level, *grid[[j - 1, j]].tolist())
         return here, others
+
+    def _crossing(self, level: float, low: float, high: float) -> float:
+        """Where the potential has a level."""
+        from scipy.optimize import brentq
+
+        return float(brentq(lambda u: float(self(u)) - level, low, high, xtol=1e-15, rtol=1e-14))
 
     def half_periods(self, a: Array, sign: float) -> Array:
         """How long it takes from turning point to turning point: with ``u = m + h cos s`` the
@@ -98,7 +99,8 @@ class SingleOscillator:
         over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
-        return [brentq(off, *_AMPLITUDES[[j, j + 1]], xtol=1e-14) for j in at.tolist()]
+        pairs = _AMPLITUDES[at].tolist(), _AMPLITUDES[at + 1].tolist()
+        return [brentq(off, low, high, xtol=1e-14) for low, high in zip(*pairs, strict=True)]
 
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
@@ -124,9 +126,7 @@ class SingleOscillator:
             return np.array([y[1], -float(self.pull(y[0]))])
 
         how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13 * abs(a)}
-        solution: Callable[[Array], Array] = solve_ivp(
-            field, (0.0, half), [a, 0.0], dense_output=True, **how
-        ).sol
+        solution: Any = solve_ivp(field, (0.0, half), [a, 0.0], dense_output=True, **how).sol
         return solution
 
 

@@ -16,7 +16,6 @@ from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
 from ..flows.collocation import Collocation, sizes_of
-from ..flows.cycle_constructors import state_names
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
@@ -72,7 +71,8 @@ def breather(
     params : dict
         Name and value of each parameter of the formulas.
     collocation : Collocation, optional
-        Intervals of a whole period and points in each.
+        Intervals of a whole period and points in each; by default as many as errors of about 1e-10
+        need, from ``Collocation(intervals=12, points=6)`` on.
     events : iterable of Event, optional
         What a walk looks for by default.
     label : str, optional
@@ -109,21 +109,23 @@ def breather(
     with suppress(NoSolution):  # on few points first: they lead there as well
         reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
     reached = reached or _walked(chain, code, values, scheme)
-    return _closed(reached, scheme, values, events, label or "breather")
+    finer = collocation is None
+    return _closed(reached, scheme, values, events, label or "breather", finer=finer)
 
 
 def _closed(
-    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str
-) -> BreatherProblem:
+    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str,
+    *, finer: bool,
+) -> BreatherProblem:  # fmt: skip
     """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
-    needs."""
+    needs, unless their number was given."""
     flights = reached.residual.flights(reached.x, reached.params)
     sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
     start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
     equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
-    while _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
+    while finer and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
         problem = problem.halved().solve(tolerance=1e-12)[0]
     return problem
 
@@ -168,9 +170,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     else:
         flights = (half_without_coupling(chain, code, omega, params, scheme),)
     sizes = sizes_of(flights)
-    parts = state_names(dict.fromkeys("uv", np.zeros(chain.sites)))
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    more = {"start": start, "parts": parts, "sizes": sizes}
+    more: dict[str, Any] = {"start": start, "states": names, "sizes": sizes}
     equations: FlowEquations
     if chain.dissipative:
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
@@ -178,14 +180,14 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         equations = HalfOrbit.of(chain, "omega", **more)
     alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
     try:
-        start = alone.solve(tolerance=1e-11)[0]
+        begin = alone.solve(tolerance=1e-11)[0]
     except NotConverged as error:
         raise NoSolution(
             f"{code}: without coupling it cannot be continued; "
             f"{resonance(chain, omega, alone.params)[0]}"
         ) from error
     ends = (replace(fold(), ends="branch"),)
-    branch = trace(start, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+    branch = trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
     if branch[-1][SHARE] < 1.0:
         reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
         raise CouplingEnds(_refusal(code, branch, chain, omega), reached)

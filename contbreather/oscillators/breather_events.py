@@ -46,7 +46,7 @@ def _turned_around(point: Point) -> float:
     """Measure how near perturbations that are at rest in their positions at both ends are to a
     solution, but for the orbit's own: 0 where the map from v to u has another null vector."""
     orbit: Breather = point.base_point.solution
-    half = orbit.equations
+    half = _of(point.base_point.curve)
     factors = half.factors(orbit.x, orbit.params)
     n, sites = factors.shape[0] // 2, half.chain.sites
     block = reduce(np.matmul, factors[:n][::-1])[:sites, sites:]
@@ -80,7 +80,9 @@ def _at_minus_one(point: Point) -> DefiningSystem:
     ends: those that do here."""
     base = point.base_point
     pairs = (("v", "u"), ("u", "v"))
-    starts, ends = min(pairs, key=lambda pair: abs(_closed(*pair, base.curve, base.z)[0]))
+    starts, ends = min(
+        pairs, key=lambda pair: abs(_closed(pair[0], pair[1], base.curve, base.z)[0])
+    )
     return rank_locus(partial(_closed, starts, ends))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,7 @@ class Breather(Cycle):
 
     @property
     def chain(self) -> Oscillators:
-        chain: Oscillators = self.equations.flows[0].f
-        return chain
+        return cast("Oscillators", self.equations.flows[0].f)
 
     @property
     def lattice(self) -> Any:
@@ -199,10 +198,14 @@ class BreatherProblem(CycleProblem):
         asked = [name for name in ("omega", "energy") if name in names]
         return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
 
+    def lift(self, kind: str) -> Any:
+        # what branches off at PD is no half orbit of this kind
+        return None if isinstance(self.residual, HalfOrbit) else super().lift(kind)
+
     def holding(self, name: str) -> BreatherProblem:
         half, orbit = self.residual, self.solution
         assert isinstance(half, HalfOrbit)
-        more = {what: getattr(half, what) for what in ("start", "parts", "sizes")}
+        more = {what: getattr(half, what) for what in ("start", "states", "sizes")}
         params = {n: value for n, value in self.params.items() if n != half.held}
         params[name] = getattr(orbit, name)
         problem = breather_problem(

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +65,7 @@ class HalfOrbit(FlowEquations):
 
     @property
     def chain(self) -> Oscillators:
-        chain: Oscillators = self.flows[0].f
-        return chain
+        return cast("Oscillators", self.flows[0].f)
 
     @property
     def held(self) -> str:

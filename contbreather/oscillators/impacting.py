@@ -108,8 +108,8 @@ def _single(chain: Oscillators, site: int, p: Params) -> Cycle:
         return alone.field(t, x)
 
     flows = [
-        Flow(field, until=lambda t, x, p, side=side: wall - side * x[0], reset=bounce)
-        for side in (1, -1)
+        Flow(field, until=lambda t, x, p: wall - x[0], reset=bounce),
+        Flow(field, until=lambda t, x, p: wall + x[0], reset=bounce),
     ]
     for velocity in _VELOCITIES:
         start = {"u": 0.0, "v": velocity * wall * p["omega"]}

@@ -20,8 +20,8 @@ from scipy import sparse
 from ..checks import brief, numbers, real
 from ..errors import BadInput
 from ..flows.functions import slopes_along
-from ..lattice.finite import Finite, finite, stiffness_of
-from .potentials import Function, Params, SmoothFunction
+from ..lattice.finite import finite, stiffness_of
+from .potentials import Params, SmoothFunction
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class Oscillators:
 
     V: Any = None
     W: Any = None
-    lattice: Finite | None = None
+    lattice: Any = None
     damping: Any = None
     drive: Any = None
     walls: Any = None
@@ -120,8 +120,8 @@ class Oscillators:
 
     @property
     def sites(self) -> int:
-        assert self.lattice is not None
-        return self.lattice.sites
+        sites: int = self.lattice.sites
+        return sites
 
     @property
     def dissipative(self) -> bool:
@@ -274,7 +274,7 @@ class LatticeJacobian:
     chain: Oscillators
 
     def slopes(
-        self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]
+        self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Array, Array]:
         """Evaluate the field at K states, and its derivatives in states, (n, n, K), and in time
         and named parameters."""
@@ -285,7 +285,7 @@ class LatticeJacobian:
         return value, matrix, other
 
     def entries(
-        self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]
+        self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Any, Array]:
         """The same as rows, columns and values of one matrix with K blocks on its diagonal."""
         value, other = self._others(f, t, x, p, names)
@@ -300,7 +300,7 @@ class LatticeJacobian:
     def is_sparse(self, t: float, x: Array, p: Params) -> bool:
         return True
 
-    def _others(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Any:
+    def _others(self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Any:
         return slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
 
     def _entries(self, x: Array, p: Params) -> tuple[Any, Any, Array]:
@@ -311,8 +311,8 @@ class LatticeJacobian:
         if chain.damping is not None:
             lost = chain.lattice.dampings * chain.damping(0.0, p) / chain.masses
             places.append((n + sites, n + sites, -lost[:, None] * one))
-        parts = (np.concatenate(column) for column in zip(*places, strict=True))
-        return tuple(parts)
+        first, second, entries = (np.concatenate(part) for part in zip(*places, strict=True))
+        return first, second, entries
 
 
 def _entries_of(matrix: Any, row: int) -> list[tuple[int, float]]:
@@ -326,7 +326,7 @@ def _beside(row: Any, x: Any) -> Any:
     return row if np.ndim(x) == 1 else row[:, None]
 
 
-def _oriented(lattice: Any) -> tuple[Any, Any, Array, Array]:
+def _oriented(lattice: Any) -> tuple[Any, Any, Any, Any]:
     """From where each bond leads, and where to; its stiffness; and that to the ground by site."""
     n = np.arange(lattice.sites)
     if hasattr(lattice, "with_spring") or not hasattr(lattice, "stiffness"):  # a ring

@@ -68,7 +68,7 @@ class SmoothFunction:
         return self._functions[2](u, p)
 
     @property
-    def _functions(self) -> tuple[Function, Function, Function]:
+    def _functions(self) -> tuple[Function, ...]:
         if callable(self.given):
             return _by_steps(self.given)
         return _compiled(self.given, self.variable)[1]
@@ -111,7 +111,7 @@ class _OfParams:
 
 
 @lru_cache(maxsize=64)
-def _by_steps(function: Function) -> tuple[Function, Function, Function]:
+def _by_steps(function: Function) -> tuple[Function, ...]:
     def slope(u: Any, p: Params) -> Any:
         return np.imag(function(np.real(u) + 1j * IMAGINARY, p)) / IMAGINARY
 

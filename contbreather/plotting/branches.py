@@ -460,6 +460,7 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
     axes, point = drawn.axes, branches[0][0]
     low, high = point.solution.chain.frequencies(point.params)[[0, -1]]
     left, right = axes.get_xlim()
+    left, right = min(left, 1.05 * high - 0.05 * right), max(right, 1.05 * low - 0.05 * left)
     for m in range(1, int(high / max(left, 1e-3 * high)) + 1):
         axes.axvspan(low / m, high / m, color=GREY, alpha=0.25 / m, linewidth=0, zorder=0)
     axes.set_xlim(left, right)

@@ -88,6 +88,8 @@ def plot_multipliers(
             root = np.sqrt(orbit.indices**2 - 1)
             mu = np.concatenate([orbit.indices + root, orbit.indices - root])
         waves, alone = np.empty((0, 0)), np.ones(mu.size, dtype=bool)
+        if isinstance(orbit, Cycle) and orbit.paired:  # those on the circle need no name
+            alone = np.abs(mu) > _ON_CIRCLE
     else:
         ring = 400 if orbit.lattice.sites is None else None
         mu, waves, alone = with_band(orbit, ring if sites is None else sites, half)

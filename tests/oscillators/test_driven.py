@@ -1,4 +1,4 @@
-"""Driven lattices and walls: beside integration in time, the single oscillator, the paper's chain."""
+"""Driven lattices and walls: beside integration in time, and the chain of the paper."""
 
 from __future__ import annotations
 
@@ -37,15 +37,17 @@ def test_losses_are_the_product_of_all_multipliers(driven) -> None:
 
 
 def test_its_frequency_response_folds(driven) -> None:
-    branch = cb.trace(driven, "omega", within={"omega": (1.25, 1.45)}, towards="up", events=[cb.fold()])
+    branch = cb.trace(
+        driven, "omega", within={"omega": (1.25, 1.45)}, towards="up", events=[cb.fold()]
+    )
     assert branch.first("LP")["omega"] > 1.3
     assert branch["max|u|"].max() > driven.solution.farthest
 
 
 def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
     how = {"V": "u**2/2", "W": "c*r**2/2", "lattice": cb.Ring(3), "drive": "a*cos(omega*t)"}
+    linear = cb.Oscillators(**how, damping=0.2)
     with pytest.raises(cb.NoSolution, match="one attractor only"):
-        linear = cb.Oscillators(**how, damping=0.2)
         cb.breather(linear, {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
     with pytest.raises(cb.BadInput, match="damping above 0"):
         cb.breather(cb.Oscillators(**how), {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
