@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.start_search import problem_with
 from contbreather.parameters import window_of
 from contbreather.studies import Report, cluster, dry_run, read
 from contbreather.studies import run as conduct
@@ -505,7 +504,7 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
     one, other = cb.switch(branch.first("PF"), within={"a": (0.75, 0.83)})
     still = find("gamma", (0.03, 0.03), a=0.6, gamma=0.03, k=0.9, **on, forcing=fixed)
     ring = {"lattice": cb.Ring(6), "spring": 0.0}
-    soft = problem_with(find("a", (0.3, 0.6), gamma=0.04, k=0.7, **ring), "a", threshold=1.01)
+    soft = find("a", (0.3, 0.6), gamma=0.04, k=0.7, **ring).problem_beyond(1.01).having("a")
     fork = {"within": {"k": (0.79, 0.81)}, "steps": cb.Steps(largest=0.003)}
     wanted = {
         "ways": branch,

@@ -232,7 +232,7 @@ class BranchWindow:
         """Window of the parameter, where it is looked at unless given."""
         return {self.free: self.window or window_of(self.free)}
 
-    def start(self, where: ModelOptions, root: int | None = None) -> Any:
+    def start(self, where: ModelOptions, root: int | None = None) -> cb.orbits.Orbit:
         """Find a breather at the value of the free parameter, if one is given, or in its window."""
         free, on = self.free, where.on(self.free)
         params = where.given(free)
@@ -244,7 +244,6 @@ class BranchWindow:
     ) -> cb.Problem:
         """Equations of the breather, with all events; where other branches are `switched` to, on
         finite lattices those of shooting."""
-        from contbreather.orbits.start_search import problem_with
         from contbreather.stability.verdict import THRESHOLD
 
         breather = self.start(where, root)
@@ -256,7 +255,7 @@ class BranchWindow:
             )
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)
-        return problem_with(breather, self.free, threshold=threshold)
+        return breather.problem_beyond(threshold).having(self.free)
 
 
 @Parameter(name="*")

@@ -20,7 +20,6 @@ from contbreather.cli.output import (
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
-from contbreather.orbits.zone_search import second_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -54,6 +53,8 @@ def zones(
         Say of the regions beyond GR which orbit is there: with other sites that impact, or more
         impacts of the same.
     """
+    from contbreather.orbits.zone_search import second_of
+
     every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
     typed = {name: values for name, values in every.items() if values}
     if into == SavedOutput():

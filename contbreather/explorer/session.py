@@ -201,10 +201,10 @@ class Session:
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
         params, words = arguments(on, **values)
-        orbit = breather_at(None, **params)
+        orbit = breather_at(**params)
         self.lattices[lattice] = on
         typed = (*values.items(), ("lattice", lattice))
-        made = "symmetric(" if orbit.symmetric else "orbits.start_search.breather_at(None, "
+        made = "symmetric(" if orbit.symmetric else "orbits.start_search.breather_at("
         return Chosen(f"cb.{made}{words})", orbit, typed=typed)
 
     def lattice_of(self, chosen: Chosen) -> str:

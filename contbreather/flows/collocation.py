@@ -335,7 +335,7 @@ def _newton(
             linear = derivatives(flow, flight, k, p)
             h_f, inverse, good = linear.field, linear.inverse, True
         else:
-            h_f = values(flow.f, flight.inner, _reached(flight, k), p).T.reshape(k.shape) * lengths
+            h_f = values(flow.f, flight.inner, reached(flight, k), p).T.reshape(k.shape) * lengths
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
         step = (inverse @ (k - h_f).reshape(len(k), -1, 1)).reshape(k.shape)
         k = k - step
@@ -363,7 +363,7 @@ def derivatives(
 ) -> Slopes:
     """Exact derivatives of a flight with these slopes inside, of all intervals at once."""
     (count, points, n), scheme, lengths = k.shape, flight.scheme, flight.lengths[:, None, None]
-    f, df = slopes(flow.f, flight.inner, _reached(flight, k), p, names)
+    f, df = slopes(flow.f, flight.inner, reached(flight, k), p, names)
     f = f.T.reshape(k.shape)
     whole = df.transpose(2, 0, 1).reshape(*k.shape, -1) * lengths[..., None]
     # d(h f)/dh at the time t_0 + c h of a node: f + h f_t c
@@ -442,7 +442,7 @@ def fitted(
     return TrajectorySegment(scheme, knots, start, duration, states, slopes)
 
 
-def _reached(flight: TrajectorySegment, k: Array) -> Array:
+def reached(flight: TrajectorySegment, k: Array) -> Array:
     """The states at all Gauss points for these slopes there, shape (n, intervals points)."""
     inside = flight.states[:, None] + flight.scheme.matrix @ k
     return np.asarray(inside.reshape(-1, k.shape[-1]).T)

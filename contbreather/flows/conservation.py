@@ -23,7 +23,17 @@ from numpy.typing import NDArray
 from ..checks import brief
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput
-from .functions import Function, Params, check_function, offset, place, rows_of, slopes, values
+from .functions import (
+    Function,
+    Params,
+    check_function,
+    offset,
+    place,
+    rows_of,
+    slopes,
+    slopes_along,
+    values,
+)
 
 _DRIFTS = 1e-7  # of what its terms add up to: a rate of change that is no rounding
 _ASIDE = 1e-3  # of the size of a state: how far off it the gradient of the unfolding looks
@@ -52,8 +62,7 @@ class Unfolded:
 
     @property
     def jacobian(self) -> Any:
-        """That of the field, if it was given: what lambda adds is rounding."""
-        return getattr(self.f, "jacobian", None)
+        return FieldAlone(self.f) if hasattr(self.f, "jacobian") else None
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         field = rows_of(self.f(t, x, p), x)
@@ -67,6 +76,31 @@ class Unfolded:
                 ]
                 field = field + p[name] * (rise[0] - rise[1]) / (2 * aside)
         return field
+
+
+@dataclass(frozen=True, eq=False)
+class FieldAlone:
+    """The derivative that was given of a field, for that of it unfolded: in the states, where
+    lambda adds rounding, which need not be in its pattern."""
+
+    f: Any
+
+    def is_sparse(self, *at: Any) -> bool:
+        return bool(self.f.jacobian.is_sparse(*at))
+
+    def slopes(self, *at: Any) -> tuple[Array, Any, Array]:
+        return self._beside(self.f.jacobian.slopes, *at)
+
+    def entries(self, *at: Any) -> tuple[Array, Any, Array]:
+        return self._beside(self.f.jacobian.entries, *at)
+
+    def _beside(
+        self, given: Any, unfolded: Unfolded, t: Any, x: Array, p: Params, names: tuple[str, ...]
+    ) -> tuple[Array, Any, Array]:
+        # what is linear in lambda is differentiated where that is 0, not rounding
+        p = {**p, **dict.fromkeys(unfolded.quantities, 0.0)}
+        value, other = slopes_along(unfolded, t, x, p, names, np.empty((len(x), 0)))
+        return value, given(self.f, t, x, p, ())[1], other
 
 
 @dataclass(frozen=True, eq=False)

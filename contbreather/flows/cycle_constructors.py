@@ -35,6 +35,7 @@ from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, va
 from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 from .multipliers import around
+from .sparse_equations import is_large, sparse_where_large
 
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
@@ -47,7 +48,7 @@ _UNFORCED = "where nothing depends on the time its period is unknown: leave peri
 @one_thread
 def cycle(
     flows: Flow | Function | Sequence[Flow] | Filippov,
-    start: Mapping[str, float] | tuple[Any, Any],
+    start: Mapping[str, Any] | tuple[Any, Any],
     params: Mapping[str, float],
     *,
     period: float | Callable[[Params], float] | None = None,
@@ -72,7 +73,8 @@ def cycle(
         cycle or, with `period`, a forced response; with a mirror as `reset` the half of a
         symmetric one.
     start : dict or tuple of arrays
-        Name and value of each state; or samples ``(t, x)``, shapes (m,) and (n, m), of one period
+        Name and value of each state, or of a row of them: of an array u they are u0, u1, ..., one
+        after the other in `x`; or samples ``(t, x)``, shapes (m,) and (n, m), of one period
         of a smooth orbit.
     params : dict
         Name and value of each parameter.
@@ -142,10 +144,11 @@ def cycle(
     alone = _alone(flows)
     if isinstance(start, tuple):
         parts, pieces, names = _sampled(alone, start, params)
+        named = {name: (name,) for name in names}
         _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
         size = shift = 0.0
     else:
-        (state, params), names = named_state(start, params, *conserved), tuple(start)
+        (state, params), named = named_state(start, params, *conserved), state_names(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
@@ -170,9 +173,10 @@ def cycle(
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
-    equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
+    equations = FlowEquations(parts, tuple(flights), forcing, turns, named, sizes_of(flights))
     if conserved:
         equations, params = _conserving(equations, conserved, params)
+    equations = sparse_where_large(equations, params)
     if events is None:
         events = events_of_cycle(equations)
     problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
@@ -224,7 +228,7 @@ def with_jacobian(flows: Any, jacobian: Any) -> Any:
 
 
 def named_state(
-    start: Mapping[str, float], params: Mapping[str, float], *conserved: str
+    start: Mapping[str, Any], params: Mapping[str, float], *conserved: str
 ) -> tuple[Array, dict[str, float]]:
     """Make numbers of a state and parameters, and refuse names that clash."""
     states = "a dict with the name and value of each state, {'x': 1.0} for instance,"
@@ -242,17 +246,24 @@ def named_state(
         raise BadInput(f"{twice} are named twice, among states and parameters")
     if not start:
         raise BadInput("the start has no states: name and value of each were expected")
-    for name, value in dict[str, Any](start).items():
-        if isinstance(value, np.ndarray | list | tuple):
-            raise BadInput(
-                f"{name} = {brief(value)}: the states of a flow are numbers, one name each, "
-                f"{name}0, {name}1, ..."
-            )
+    state = [np.atleast_1d(numbers(name, value)) for name, value in start.items()]
+    if wrong := [name for name, part in zip(start, state, strict=True) if part.ndim != 1]:
+        raise BadInput(
+            f"{wrong[0]} has shape {np.shape(start[wrong[0]])}: a number or a row of numbers was "
+            "expected, f sees all states as one row"
+        )
     by_name = {
-        name: number(name, value, -math.inf, math.inf, "a value")
-        for name, value in (*start.items(), *params.items())
+        name: number(name, value, -math.inf, math.inf, "a value") for name, value in params.items()
     }
-    return np.array([by_name[name] for name in start]), {name: by_name[name] for name in params}
+    return np.concatenate(state), by_name
+
+
+def state_names(start: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Name the states of each part of a start: u0, u1, ... those of an array u."""
+    return {
+        name: tuple(f"{name}{i}" for i in range(np.size(value))) if np.ndim(value) else (name,)
+        for name, value in start.items()
+    }
 
 
 def _alone(flows: Any) -> Flow | None:
@@ -303,6 +314,8 @@ def _resolved(
 
     even = [None] * len(pieces)
     flights = [*_adapted(through(scheme, even))]
+    if is_large(flows[0], flights[0], params):
+        return flights
     for _ in range(5):  # of the intervals of a mesh that does not resolve a simulation
         try:
             for flow, flight, size in zip(flows, flights, sizes_of(flights), strict=True):

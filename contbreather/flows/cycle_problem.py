@@ -33,6 +33,7 @@ from .functions import Function, Params, values
 from .integrate import bottom
 from .jacobian import at_other_time
 from .multipliers import around, closing_matrix, of_cycle, paces
+from .sparse_equations import SparseFlowEquations
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -54,8 +55,9 @@ class Cycle(HtmlRepr):
         The sum of the durations of its flows. Of a symmetric orbit that is written as half of
         itself with a mirror as `reset`, that half.
     multipliers : ndarray
-        Of small perturbations over the period, the largest first; the trivial one of an
-        autonomous orbit is among them. One is infinite where an impact loses its velocity (VI),
+        Of small perturbations over the period, the largest first, of many states (more than 250,
+        given with a sparse `jacobian`) the leading ones; the trivial one of an autonomous orbit is
+        among them. One is infinite where an impact loses its velocity (VI),
         where all others are NaN.
     trivial : float
         That one, 1 but for what the mesh does not resolve; NaN for forced orbits. Where something
@@ -68,7 +70,8 @@ class Cycle(HtmlRepr):
     times : ndarray
         When its flows begin, and when the last one ends.
     max, min : dict
-        The largest and the smallest value of each state, as long as `period` is.
+        The largest and the smallest value of each state, or of all of an array of them, as long
+        as `period` is.
 
     Examples
     --------
@@ -122,16 +125,19 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def max(self) -> dict[str, float]:
-        return {name: self.extreme(name, 1.0) for name in self.equations.states}
+        return {name: self.extreme(name, 1.0) for name in self.equations.parts}
 
     @cached_property
     def min(self) -> dict[str, float]:
-        return {name: self.extreme(name, -1.0) for name in self.equations.states}
+        return {name: self.extreme(name, -1.0) for name in self.equations.parts}
 
     def extreme(self, name: str, sign: float) -> float:
-        """The largest value of one state, with -1 the smallest."""
-        i = [*self.equations.states].index(name)
-        return sign * max(_top(f, i, sign) for f in self.flights if i < f.dimension)
+        """The largest value of a state, or of all of an array; with -1 the smallest."""
+        equations = self.equations
+        wanted = equations.parts.get(name, (name,))
+        i = equations.states.index(wanted[0])
+        part = slice(i, i + len(wanted))
+        return sign * max(_top(f, part, sign) for f in self.flights if i < f.dimension)
 
     @cached_property
     @one_thread
@@ -184,7 +190,8 @@ class Cycle(HtmlRepr):
     @property
     def coarse(self) -> str:
         """Reason why the mesh does not resolve the orbit; empty if it does."""
-        off = abs(self.trivial - 1)
+        # of a large flow multipliers are not asked for here
+        off = abs(self.trivial - 1) if self.equations.condensed else math.nan
         if off <= 1e-4:  # so far off 1 it may be of a resolved orbit
             return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
@@ -206,7 +213,8 @@ class Cycle(HtmlRepr):
         rows += [
             (f"{what}({n})", v) for what in ("min", "max") for n, v in getattr(self, what).items()
         ]
-        rows += [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), 1)]
+        leading = self.multipliers[:12].tolist()  # of a large flow there are many
+        rows += [(f"multiplier {i}", mu) for i, mu in enumerate(leading, 1)]
         return Sheet.of(rows)
 
     def __repr__(self) -> str:
@@ -223,11 +231,12 @@ def _states(flights: Sequence[TrajectorySegment], t: Array) -> Array:
     return states
 
 
-def _top(flight: TrajectorySegment, i: int, sign: float) -> float:
-    """The largest value of a state on a flight, beside the largest of many: at the other end of a
-    closed one, too."""
+def _top(flight: TrajectorySegment, part: slice, sign: float) -> float:
+    """The largest value of some states on a flight, beside the largest of many: at the other end
+    of a closed one, too."""
     s, states = flight.sampled(8)  # into each interval
-    last, j = s.size - 1, int((sign * states[i]).argmax())
+    i, j = np.unravel_index((sign * states[part]).argmax(), states[part].shape)
+    last, i, j = s.size - 1, int(i) + part.start, int(j)
     return max(
         -bottom(lambda s: -sign * flight.at(s)[i], s[max(k - 1, 0)], s[min(k + 1, last)])[1]
         for k in ({j, last} if j == 0 else {j})
@@ -296,7 +305,10 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        return point.solution.others, 0.0  # small ones are as exact as large ones
+        mu, count = point.solution.others, self.residual.start[0].dimension - 1
+        # those that are not known are next to 0: of these four at once change no sign of a test
+        unknown = (count - mu.size) % 4 if isinstance(self.residual, SparseFlowEquations) else 0
+        return np.append(mu, np.zeros(unknown)), 0.0  # small ones are as exact as large ones
 
     @property
     def perturbed(self) -> NDArray[np.intp]:
@@ -732,7 +744,7 @@ def problem_of(
     record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
     if equations.autonomous:
         record["trivial"] = _trivial
-    for name in equations.states:
+    for name in equations.parts:
         record[f"max({name})"] = partial(_extreme, name, 1.0)
         record[f"min({name})"] = partial(_extreme, name, -1.0)
     whole = sum(flight.duration for flight in equations.start)

@@ -9,9 +9,10 @@ period, or the integral condition that fixes the phase of an autonomous orbit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,6 +58,7 @@ class Layout:
         self.knots, self.lengths = parts[flows : 2 * flows], parts[2 * flows]
         self.phase = parts[-3].tolist()  # no unknown, or one
         self.levels, self.lambdas = parts[-2:]
+        self.last = self.nodes[0][0]  # equations in which the length counts by the last velocity
         self.ended = [flow.until is not None for flow in equations.flows]
         self.autonomous = equations.autonomous
         self._cells: dict[int, Places] = {}
@@ -79,7 +81,7 @@ class Layout:
 
     def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
         """Rows and columns of the blocks of `FlowEquations`."""
-        diagonal, parameters = np.arange(self.orbit), self._parameters(named)
+        diagonal, parameters = np.arange(self.orbit), self.parameters(named)
         whole = np.append(self.lengths, parameters)
         yield diagonal, diagonal
         for i, node in enumerate(self.nodes):
@@ -99,14 +101,15 @@ class Layout:
             start = self.nodes[0][0], self.lengths, self.levels, parameters
             yield rows[:, None], np.concatenate(start)
 
-    def _parameters(self, named: int) -> Places:
+    def parameters(self, named: int) -> Places:
+        """List lambdas and parameters."""
         return np.arange(self.size - self.lambdas.size, self.size + named)
 
     def columns(self, i: int, named: int) -> Places:
         """List the unknowns that each interval depends on, -1 for a knot that is fixed: its state,
         the knots at both ends, the duration, what the beginning of the flow is the sum of, and the
         parameters."""
-        begins, parameters = [*self.lengths[:i], *self.phase], self._parameters(named)
+        begins, parameters = [*self.lengths[:i], *self.phase], self.parameters(named)
         inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
         shared = np.tile([self.lengths[i], *begins, *parameters], (len(inner) - 1, 1))
         return np.hstack([self.nodes[i], inner[:-1, None], inner[1:, None], shared])
@@ -147,7 +150,7 @@ class FlowEquations:
     start: tuple[TrajectorySegment, ...]  # the orbit at which all began: meshes and first guesses
     period: Callable[..., Any] | None  # (t, x, p), of which p is used; None if it is autonomous
     turns: int  # over how many of these periods it closes
-    states: tuple[str, ...]  # their names, for those who look at orbits
+    parts: Mapping[str, tuple[str, ...]]  # names of states, several of an array
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     conservation: Conservation | None = None
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
@@ -157,6 +160,8 @@ class FlowEquations:
 
     # --- the unknowns -----------------------------------------------------------------------------
 
+    condensed = True  # whether all multipliers are had, or the leading ones only
+
     @cached_property
     def phased(self) -> bool:
         """Tell whether the time at which the first flow begins is unknown."""
@@ -165,6 +170,11 @@ class FlowEquations:
     @property
     def autonomous(self) -> bool:
         return self.period is None
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of all states, for those who look at orbits."""
+        return tuple(chain.from_iterable(self.parts.values()))
 
     @property
     def smooth(self) -> bool:
@@ -216,9 +226,7 @@ class FlowEquations:
 
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """Solve for all flows, once for one of the latest places."""
-        if self.conservation:  # lambdas are unknowns here, and parameters to the flow
-            lambdas = x[self.layout.lambdas].tolist()
-            p = {**p, **dict(zip(self.conservation.lambdas, lambdas, strict=True))}
+        p = self._unfolded(x, p)
         key = x.tobytes(), tuple(p.items())
         place = self._latest.pop(key, None)
         if place is None or place.error > error:
@@ -234,6 +242,11 @@ class FlowEquations:
                 del self._latest[next(iter(self._latest))]
         self._latest[key] = place
         return place
+
+    def _unfolded(self, x: Array, p: Params) -> Params:
+        """Add lambdas, which are unknowns here, and parameters to the flow."""
+        lambdas = self.conservation.lambdas if self.conservation else ()
+        return {**p, **dict(zip(lambdas, x[self.layout.lambdas].tolist(), strict=True))}
 
     def _near(self, x: Array) -> list[SolvedPlace]:
         """Sort the places that are solved for, and near: the nearest first."""

@@ -18,20 +18,21 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from .collocation import Collocation, fitted, sizes_of
-from .cycle_constructors import named_state, with_jacobian
+from .cycle_constructors import named_state, state_names, with_jacobian
 from .cycle_events import events_of_cycle
 from .cycle_problem import problem_of
 from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
 from .functions import Function, Params, at_state
 from .jacobian import Exact, Field
+from .sparse_equations import sparse_where_large
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 
 
 def equilibrium(
     f: Flow | Function,
-    start: Mapping[str, float],
+    start: Mapping[str, Any],
     params: Mapping[str, float],
     *,
     jacobian: Any = None,
@@ -45,7 +46,7 @@ def equilibrium(
     ----------
     f : callable or Flow
     start : dict
-        Name and value of each state, close to the equilibrium.
+        Name and value of each state, or of a row of them, close to the equilibrium.
     params : dict
         Name and value of each parameter.
     jacobian : callable or pattern, optional
@@ -127,15 +128,15 @@ class _Born(SwitchingProblem):
     def tangents(self) -> tuple[Array, None]:
         curve = Curve(self.problem, (self.free,))
         outwards = np.zeros(curve.start.size)
-        orbit = curve.start[curve.slots["orbit"]].reshape(self.problem.start["mesh"].size, -1)
-        outwards[: orbit.size] = (orbit - orbit.mean(axis=0)).ravel()
+        nodes = self.problem.residual.layout.nodes[0]
+        outwards[nodes] = curve.start[nodes] - curve.start[nodes].mean(axis=0)
         return curve.tangent_at(curve.start, outwards)[0], None
 
 
 def _born(point: Point) -> SwitchingProblem:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
-    residual, names = point.curve.problem.residual, tuple(point.curve.problem.start)
+    residual, parts = point.curve.problem.residual, state_names(point.curve.problem.start)
     omega = float(point["omega"])
     q = null_vectors(plus_diagonal(first_columns(point.jacobian(), rest.size), -1j * omega))[0]
     size = float(np.sqrt(np.mean(rest**2)))
@@ -149,12 +150,13 @@ def _born(point: Point) -> SwitchingProblem:
 
     for amplitude in _AMPLITUDES:
         flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
-        equations = FlowEquations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
+        equations = FlowEquations((residual.flow,), (flight,), None, 1, parts, sizes_of([flight]))
+        equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)
         curve = Curve(problem_of(equations, params, events, "cycle"), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
-        row[: equations.layout.orbit] = (flight.states - rest).ravel()
+        row[equations.layout.nodes[0]] = flight.states - rest
         try:
             solution = newton(curve, curve.start, curve.metric * row, tolerance=1e-11, most=20)
         except Undefined:

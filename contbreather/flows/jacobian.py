@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import brief, numbers
 from ..continuation.algebra import derivatives
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..continuation.algebra.sparse import Matrix, Pattern, canonical, is_sparse
+from ..continuation.algebra.sparse import Matrix, Pattern, canonical, entry_columns, is_sparse
 from ..errors import BadInput
 from .functions import (
     Function,
@@ -42,8 +42,22 @@ class Exact:
             return value, np.stack(at, axis=-1), other
         return value, values(self._entries, t, x, p).reshape(n, n, count), other
 
+    def entries(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
+        """Evaluate a field at K states and differentiate it: rows, columns and values of what is
+        not zero in one matrix with K blocks on its diagonal."""
+        (n, _), t = x.shape, np.broadcast_to(t, x.shape[1:])
+        value, other = slopes_along(f, t, x, p, names, np.empty((n, 0)))
+        blocks = [canonical(self.matrix(*place, p)) for place in zip(t, x.T, strict=True)]
+        rows = [block.indices + k * n for k, block in enumerate(blocks)]
+        columns = [entry_columns(block) + k * n for k, block in enumerate(blocks)]
+        parts = rows, columns, [block.data for block in blocks]
+        return value, [np.concatenate(part) for part in parts], other
+
     def matrix(self, t: float, x: Array, p: Params) -> Matrix:
         return self.function(t, x, p)
+
+    def is_sparse(self, t: float, x: Array, p: Params) -> bool:
+        return is_sparse(self.matrix(t, x, p))
 
     @cached_property
     def _entries(self) -> Function:
@@ -82,12 +96,22 @@ class Coloured:
 
     def slopes(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
         n, count = x.shape
-        value, entries, other = self.entries(f, t, x, p, names)
+        value, entries, other = self._entries(f, t, x, p, names)
         matrix = np.zeros((n, n, count))
         matrix[self.pattern.matrix.indices, self.pattern.columns] = entries
         return value, matrix, other
 
     def entries(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
+        """As of one that is exact."""
+        value, entries, other = self._entries(f, t, x, p, names)
+        first = len(x) * np.arange(x.shape[1])[:, None]
+        places = first + self.pattern.matrix.indices, first + self.pattern.columns
+        return value, (*(place.ravel() for place in places), entries.T.ravel()), other
+
+    def is_sparse(self, t: float, x: Array, p: Params) -> bool:
+        return True
+
+    def _entries(self, f: Function, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
         """Evaluate a field and differentiate it, in states by the entries of the pattern, shape
         (entries, K)."""
         colours, columns = self.pattern.colours, self.pattern.columns
@@ -105,7 +129,7 @@ class Coloured:
             raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
         from scipy.sparse import csc_array
 
-        entries, where = self.entries(f, t, x[:, None], p, ())[1], self.pattern.matrix
+        entries, where = self._entries(f, t, x[:, None], p, ())[1], self.pattern.matrix
         return csc_array((entries[:, 0], where.indices, where.indptr), shape=shape)
 
 

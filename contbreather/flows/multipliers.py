@@ -18,6 +18,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
 from .functions import Params, values
+from .sparse_equations import SparseFlowEquations
 
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
@@ -176,6 +177,8 @@ def of_cycle(
 
     At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
     """
+    if isinstance(equations, SparseFlowEquations) and not equations.condensed:
+        return equations.leading(x, p)
     factors, directions = around(equations, x, p)
     none = np.empty(0)
     if any(np.isnan(stack).any() for stack in factors):
@@ -280,7 +283,7 @@ def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Mat
     for i in endless if equations.autonomous else ():
         square[layout.lengths[i]] = 0.0
         if i == endless[-1]:  # its length is free, and brings back to the section
-            square[layout.lengths[i], start] = square[start, layout.lengths[i]].T
+            square[layout.lengths[i], start] = square[layout.last, layout.lengths[i]].T
         else:
             square[layout.lengths[i], layout.lengths[i]] = 1.0
     if equations.phased:

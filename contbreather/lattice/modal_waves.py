@@ -39,12 +39,12 @@ class Waves(NamedTuple):
     modes: Counts  # whose it is
     level: Matrix  # constant of each mode, and its slope
     apart: Vector  # in z, of each mode from the next harmonic
-    count: Counts  # of all waves
+    filled: Counts  # number of all waves
 
 
 def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: Waves) -> None:
     """Waves of modes z; `swings` are the harmonics that are taken out, of other modes 0."""
-    out.count[0], T = 0, length_of(on)
+    out.filled[0], T = 0, length_of(on)
     for k in range(z.size):
         apart = out.apart[k] = distance(z[k], swings[k], damping, on)
         slow = abs(z[k] - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
@@ -126,8 +126,8 @@ def add_waves(
 
 @inlined
 def add(out: Waves, k: int, rate: complex, size: complex, growth: complex, drift: complex) -> None:
-    n = out.count[0]
-    out.modes[n], out.count[0] = k, n + 1
+    n = out.filled[0]
+    out.modes[n], out.filled[0] = k, n + 1
     out.parts[RATE, n, 0], out.parts[RATE, n, 1] = rate.real, rate.imag
     out.parts[SIZE, n, 0], out.parts[SIZE, n, 1] = size.real, size.imag
     out.parts[GROWTH, n, 0], out.parts[GROWTH, n, 1] = growth.real, growth.imag
@@ -181,7 +181,7 @@ def modal_interactions(
                 out[VALUE, i, j] += weight * of.level[k, 0]
                 out[BY_GAMMA, i, j] += weight * lam[k] * of.level[k, 1]
                 out[BY_SPRING, i, j] += weight * of.level[k, 1]
-            for n in range(of.count[0]):
+            for n in range(of.filled[0]):
                 k = of.modes[n]
                 weight = sign * weights[i, j, k]
                 rate = complex(of.parts[RATE, n, 0], of.parts[RATE, n, 1])

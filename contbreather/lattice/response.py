@@ -281,7 +281,7 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        waves, n = self._waves, int(self._waves.count[0])
+        waves, n = self._waves, int(self._waves.filled[0])
         rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
         return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
 

@@ -413,7 +413,9 @@ def closure_data(
         np.array([given[name] for name in names]),
         waves,
         waves.copy(),
-        *(lattice.expansion(name, fixed) for name in ("chi", "sigma", "eta")),
+        lattice.expansion("chi", fixed),
+        lattice.expansion("sigma", fixed),
+        lattice.expansion("eta", fixed),
         HeldMean(*chi_of_chain()) if held else HeldMean(*np.empty((5, 0))),
         extra,
     )

@@ -17,6 +17,7 @@ from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
 from contbreather.continuation.curve.problem import Problem, TiedProblem
+from contbreather.continuation.curve.ties import Ties
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Chains
 from contbreather.lattice.conditions import Conditions
@@ -114,7 +115,9 @@ class OrbitProblem(Problem):
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
         domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
-        return replace(driven, residual=partial(_in_users_units, driven.residual), domain=domain)
+        ties = _TiesOfDrive(driven.ties.base, driven.ties.functions, driven.ties.domain)
+        residual = partial(_in_users_units, driven.residual)
+        return replace(driven, residual=residual, ties=ties, domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         if "omega" in names:
@@ -155,7 +158,7 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
     try:
         return asked(*given)
     except (BadInput, Undefined) as error:
-        params = next(part for part in given if isinstance(part, Mapping))
+        params = next(part for part in given if isinstance(part, Mapping) and "omega" in part)
         omega, gamma, spring = (params.get(name, 0.0) for name in ("omega", "gamma", "spring"))
         low, high = (math.sqrt(max(0.0, edge)) for edge in (spring, spring + 4.0 * gamma))
         if not high >= 0.999 * omega:
@@ -165,6 +168,11 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
             f"harmonic 1 of the drive, omega = {omega:.6g}, comes to the band of the lattice, "
             f"{low:.6g} to {high:.6g} at gamma = {gamma:.6g}{held}"
         ) from error
+
+
+class _TiesOfDrive(Ties):
+    def untied(self, *given: Any) -> Any:
+        return _in_users_units(super().untied, *given)
 
 
 def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
@@ -179,9 +187,6 @@ class DrivenProblem(TiedProblem, OrbitProblem):
     def serialised(self) -> Mapping[str, Any]:
         form = dict(self.base.serialised or {})
         return {"kind": self.kind, "of": form.pop("kind"), "form": form}
-
-    def untied(self, *given: Any) -> Any:
-        return _in_users_units(super().untied, *given)
 
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
         inner = self.ties(point.params)

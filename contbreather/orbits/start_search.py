@@ -15,7 +15,6 @@ from contbreather.continuation.branches.boundary import named_pair
 from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
-from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.curve.settings import windows
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged
@@ -100,12 +99,12 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
     )
 
 
-def breather_at(number: int | None, **conditions: Any) -> Any:
+def breather_at(root: int | None = None, **conditions: Any) -> Any:
     """The symmetric breather of a root, or what it becomes as the even harmonics of the drive and
     its mean grow from 0."""
     drive = forcing_of(conditions.get("forcing"))
     odd = with_even(0.0, drive)
-    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), number)
+    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), root)
     return orbit if odd is drive else grown(orbit, drive)
 
 
@@ -155,12 +154,6 @@ def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterato
     # every other value first, then those between them
     spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
     yield from (value for value in spread if free != "a" or value > 0.0)  # no forcing, no breather
-
-
-def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
-    """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
-    these parameters among theirs."""
-    return orbit.problem_beyond(threshold).having(*names)
 
 
 @one_thread
@@ -221,8 +214,8 @@ def find_event(
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
             refusal = refusal or error
             continue
-        problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
-        kinds = dict.fromkeys([*(event.kind for event in problem.events), "PD"])
+        problem = start.problem_beyond(threshold_on(start.lattice, threshold)).having(*pair)
+        kinds = [*dict.fromkeys(event.kind for event in problem.events), "PD"]
         one_of("the kind under this drive" if start.section.sign > 0 else "the kind", kind, kinds)
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)

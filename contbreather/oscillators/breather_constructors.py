@@ -16,6 +16,7 @@ from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
 from ..flows.collocation import Collocation, sizes_of
+from ..flows.cycle_constructors import state_names
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
@@ -97,7 +98,7 @@ def breather(
     >>> import contbreather as cb
     >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
     >>> round(cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution.energy, 9)
-    1.477894672
+    1.477892933
     """
     check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
     omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
@@ -170,9 +171,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     else:
         flights = (half_without_coupling(chain, code, omega, params, scheme),)
     sizes = sizes_of(flights)
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    parts = state_names(dict.fromkeys("uv", np.zeros(chain.sites)))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    more: dict[str, Any] = {"start": start, "states": names, "sizes": sizes}
+    more: dict[str, Any] = {"start": start, "parts": parts, "sizes": sizes}
     equations: FlowEquations
     if chain.dissipative:
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)

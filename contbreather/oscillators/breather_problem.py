@@ -205,7 +205,7 @@ class BreatherProblem(CycleProblem):
     def holding(self, name: str) -> BreatherProblem:
         half, orbit = self.residual, self.solution
         assert isinstance(half, HalfOrbit)
-        more = {what: getattr(half, what) for what in ("start", "states", "sizes")}
+        more = {what: getattr(half, what) for what in ("start", "parts", "sizes")}
         params = {n: value for n, value in self.params.items() if n != half.held}
         params[name] = getattr(orbit, name)
         problem = breather_problem(

@@ -291,8 +291,10 @@ def draw_states(
     where the next one begins."""
     cycle = isinstance(motion, Cycle)
     names = motion.equations.states if isinstance(motion, Cycle) else motion.names
+    # of an array of states the first one
+    shown = [part[0] for part in motion.equations.parts.values()] if cycle else names
     x = TIME if x is None else x
-    chosen = [y] if isinstance(y, str) else [n for n in names if n != x] if y is None else list(y)
+    chosen = [y] if isinstance(y, str) else [n for n in shown if n != x] if y is None else list(y)
     for name in (x, *chosen):
         if name not in (TIME, *names):
             raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")

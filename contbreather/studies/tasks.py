@@ -23,7 +23,7 @@ from contbreather.continuation.curve.settings import Steps
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, read_text, writable, write_whole
-from contbreather.orbits.start_search import find_symmetric, problem_with
+from contbreather.orbits.start_search import find_symmetric
 from contbreather.orbits.zones import zones
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
@@ -255,7 +255,7 @@ def computed(task: Task, folder: Path) -> Any:
         breather = find_symmetric(free, near, root=table.root, **on)
     except NoSolution as error:
         raise NoStart(str(error)) from error
-    problem = problem_with(breather, free, threshold=chain.verge)
+    problem = breather.problem_beyond(chain.verge).having(free)
     return trace(problem, free, within={free: span}, steps=steps, progress=False)
 
 

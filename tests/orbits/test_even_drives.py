@@ -73,7 +73,7 @@ def test_a_search_for_breathers_finds_what_they_become_under_the_whole_drive(ome
 
 def test_kinds_that_broken_symmetry_has_not_are_named() -> None:
     drive = cb.Symbolic("-cos(t) - 0.05*cos(2*t)")
-    with pytest.raises(BadInput, match="the kind under this drive must be 'LP', 'BP', .* got 'PF'"):
+    with pytest.raises(BadInput, match=r"kind under this drive must be .LP., .BP., .* got .PF."):
         cb.orbits.find_event("PF", ("gamma", "a"), gamma=0.03, k=0.8, forcing=drive)
     fold = cb.orbits.find_event("LP", ("gamma", "a"), gamma=0.03, k=0.8, forcing=drive)
     assert fold.solution.section.sign == 1

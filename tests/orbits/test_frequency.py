@@ -392,7 +392,8 @@ def test_zones_in_the_frequency_and_the_coupling_have_the_closed_forms():
     for kind in ("LP", "PF"):
         for line in zones[kind]:
             for w, gamma, p in zip(line["omega"], line["gamma"], line["p"], strict=True):
-                chi, sigma = (CHAIN.mean(gamma / w**2, name) for name in ("chi", "sigma"))
+                means = cb.InfiniteChain()
+                chi, sigma = (means.mean(gamma / w**2, name) for name in ("chi", "sigma"))
                 size = math.hypot(1 / 9, chi) if kind == "LP" else 1 / math.hypot(1 / 9, 2 * sigma)
                 scaled = 1 / (9 * size) if kind == "LP" else p / size
                 assert 0.5 / w**2 == pytest.approx(scaled, abs=1e-9)

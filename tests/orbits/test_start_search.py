@@ -9,7 +9,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import progress
-from contbreather.orbits import find_event, find_symmetric, smallest_amplitude, start_search
+from contbreather.orbits import find_event, find_symmetric, smallest_amplitude
 from contbreather.parameters import window_of
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
@@ -144,9 +144,9 @@ def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> 
 @pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
 def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
     orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
-    plain = start_search.problem_with(orbit, "a", "gamma")
+    plain = orbit.problem.having("a", "gamma")
     assert "p" in plain.start
-    freed = start_search.problem_with(orbit, "gamma", "spring")
+    freed = orbit.problem.having("gamma", "spring")
     assert ("p" in freed.start) == (lattice is None)
     assert "spring" in freed.params
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
+_LONG, _SHARE = 64, 0.02  # entries of a row, at least, and the share of rows that are so long
+_LOW = 1e-6  # what rows are multiplied by that are to give no pivots
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -290,12 +292,16 @@ def factorised(matrix: Matrix) -> Any:
 
     A narrow band is taken as it is. Elsewhere, where the diagonal leads in every column and no
     row or column is long, pivots are taken from it, in the order that suits a symmetric pattern:
-    two thirds of the time for a square.
+    two thirds of the time for a square. A few rows that are long come last.
 
     Raises `RuntimeError` where a pivot is exactly zero.
     """
     from scipy.sparse.linalg import splu
 
+    counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
+    long = np.flatnonzero(counts > max(_LONG, math.sqrt(counts.size)))
+    if 0 < long.size < _SHARE * counts.size:
+        return _LongRows(matrix, long)
     order: Any = "COLAMD"
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
     if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= 8:
@@ -305,6 +311,63 @@ def factorised(matrix: Matrix) -> Any:
         if (abs(matrix.diagonal()) >= _PIVOT * largest).all():
             order = "MMD_AT_PLUS_A"
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
+
+
+class _LongRows:
+    """The factors of a sparse matrix with a few rows that are long, as of conditions on all
+    unknowns: columns are put in order as if these were not there, for each would be fill elsewhere,
+    and they are scaled down, so that pivots are taken from them where there are no others."""
+
+    def __init__(self, matrix: Matrix, long: NDArray[np.intp]) -> None:
+        from scipy.sparse.linalg import splu
+
+        key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
+        self._order = _order_without(long.tobytes(), *key)
+        self._rows = np.ones(matrix.shape[0])
+        self._rows[long] = _LOW
+        self._lu = splu(
+            scaled(matrix, self._rows)[:, self._order],
+            permc_spec="NATURAL", diag_pivot_thresh=_PIVOT,
+        )  # fmt: skip
+
+    def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
+        rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
+        if trans != "N":
+            return np.asarray(rows * self._lu.solve(right[self._order], trans))
+        x = self._lu.solve(rows * right)
+        x[self._order] = x.copy()
+        return np.asarray(x)
+
+    @property
+    def perm_r(self) -> NDArray[Any]:
+        return np.asarray(self._lu.perm_r)
+
+    @property
+    def perm_c(self) -> NDArray[Any]:
+        return self._order[self._lu.perm_c]
+
+    @property
+    def U(self) -> Any:
+        return self._lu.U
+
+
+@lru_cache(maxsize=8)
+def _order_without(long: bytes, indptr: bytes, indices: bytes, kind: str) -> NDArray[np.intp]:
+    """Order the columns of a pattern that a few rows are left out of."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import spilu
+
+    ends, rows = np.frombuffer(indptr, kind), np.frombuffer(indices, kind)
+    n = ends.size - 1
+    columns, short = np.repeat(np.arange(n), np.diff(ends)), np.ones(n, dtype=bool)
+    short[np.frombuffer(long, np.intp)] = False
+    kept, diagonal = short[rows], np.arange(n)
+    # only the order is asked for: what is eliminated is dropped
+    entries = np.append(np.ones(np.count_nonzero(kept)), np.full(n, 2.0 * n))
+    places = np.append(rows[kept], diagonal), np.append(columns[kept], diagonal)
+    pattern = csc_array((entries, places), (n, n))
+    factors = spilu(pattern, drop_tol=1.0, fill_factor=1, permc_spec="COLAMD")
+    return np.argsort(factors.perm_c)
 
 
 def _column(matrix: Matrix, number: int) -> Array:

@@ -1,0 +1,276 @@
+"""The equations of a cycle of one smooth flow with many states, few of which meet in an equation.
+
+States at all Gauss points are unknowns, too: what couples two of them are the matrix of the scheme,
+along the time, and the derivative of the field, from state to state. Nothing is eliminated, so that
+the derivative is as sparse as that of the field. With the matrix A and the weights b of the scheme,
+of an interval of length h from x_0 with states X_c,
+
+    sum_d (A^-1)_cd (X_d - x_0) = h f(X_c),    x_1 = x_0 + sum_cd b_c (A^-1)_cd (X_d - x_0).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.algebra.sparse import Matrix, any_vector, factorised, first_columns
+from .collocation import ROUNDING, Slopes, TrajectorySegment, reached
+from .equations import FlowEquations, Layout, Linear, Places, SolvedPlace
+from .flow import Flow
+from .functions import Params, values
+
+FEW = 40  # states, from which on what is eliminated costs more than what is sparse
+MANY = 250  # states up to which all multipliers are had
+_LEADING, _ARNOLDI = 8, 1e-10  # multipliers that are looked for at first, and their error
+
+
+class SparseLayout(Layout):
+    """The order of unknowns with the states at Gauss points, `inside`, after those where intervals
+    begin."""
+
+    def __init__(self, equations: FlowEquations) -> None:
+        super().__init__(equations)
+        shape = equations.start[0].slopes.shape
+        count = math.prod(shape)
+        self.inside: Places = self.orbit + np.arange(count).reshape(shape)
+        self.last = self.inside[-1, -1]
+        self.knots = [knots + count for knots in self.knots]
+        self.lengths, self.levels, self.lambdas = (
+            places + count for places in (self.lengths, self.levels, self.lambdas)
+        )
+        self.orbit += count
+        self.size += count
+
+
+def is_large(flow: Flow, flight: TrajectorySegment, p: Params) -> bool:
+    """Tell a flow of many states that nothing ends, given with a sparse derivative."""
+    given = getattr(flow.f, "jacobian", None)
+    plain = not (flow.guards or flow.reset) and flight.dimension >= FEW
+    return plain and given is not None and given.is_sparse(flight.start, flight.states[0], p)
+
+
+def sparse_where_large(equations: FlowEquations, p: Params) -> FlowEquations:
+    """Choose these equations for a flow that is large."""
+    if not is_large(equations.flows[0], equations.start[0], p):
+        return equations
+    return SparseFlowEquations(**{name: getattr(equations, name) for name in _FIELDS})
+
+
+_FIELDS = ("flows", "start", "period", "turns", "parts", "sizes", "conservation")
+
+
+@dataclass(frozen=True, eq=False)
+class SparseFlowEquations(FlowEquations):
+    """A cycle of one flow of many states, discretised."""
+
+    @cached_property
+    def layout(self) -> SparseLayout:
+        return SparseLayout(self)
+
+    def unknowns(self, flights: Any, p: Params | None = None) -> dict[str, Any]:
+        start, (flight,) = super().unknowns(flights, p), flights
+        inside = reached(flight, flight.slopes).T
+        return {**start, "orbit": np.concatenate([start["orbit"], inside.ravel()])}
+
+    # --- values -----------------------------------------------------------------------------------
+
+    def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
+        flight, inside = super()._flight(i, x, t), x[self.layout.inside]
+        slopes = self._inverse @ (inside - flight.states[:, None])  # A k = X - x_0
+        return replace(flight, slopes=slopes)
+
+    def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
+        p = self._unfolded(x, p)
+        key = x.tobytes(), tuple(p.items())
+        if key not in self._latest:
+            if len(self._latest) == 2:  # are kept: the orbit, and one beside it
+                del self._latest[next(iter(self._latest))]
+            flight = self._flight(0, x, self.start[0].start)
+            self._latest[key] = SolvedPlace(x.copy(), dict(p), (flight,))
+        return self._latest[key]
+
+    def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
+        (flow,), (flight,), p = self.flows, self.flights(x, p), self._unfolded(x, p)
+        rows, count = super().__call__(x, p), flight.states.size
+        f = values(flow.f, flight.inner, reached(flight, flight.slopes), p)
+        left = flight.slopes - f.T.reshape(flight.slopes.shape) * flight.lengths[:, None, None]
+        return np.concatenate([rows[:count], left.ravel(), rows[count:]])
+
+    # --- derivatives ------------------------------------------------------------------------------
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self.start[0].scheme.matrix))
+
+    @cached_property
+    def _ends(self) -> Array:
+        """Weights of the states inside in that where an interval ends; what is left of 1 is that of
+        the state where it begins."""
+        return np.asarray(self.start[0].scheme.weights @ self._inverse)
+
+    @cached_property
+    def _inner(self) -> tuple[Array, ...]:
+        """Entries of A^-1, in states inside."""
+        inside = self.layout.inside
+        return _joined([(inside[:, :, None], inside[:, None], self._inverse[:, :, None])])
+
+    @cached_property
+    def _constant(self) -> tuple[Any, ...]:
+        """Entries of the derivative that are the same everywhere: of what is interpolated."""
+        (nodes,), inside, ends = self.layout.nodes, self.layout.inside, self._ends
+        after = np.roll(nodes, -1, axis=0)  # an interval ends where the next one begins
+        return _joined([
+            self._inner,  # A^-1 (X - x_0)
+            (inside, nodes[:, None], -self._inverse.sum(axis=1)[:, None]),
+            (nodes, nodes, 1.0),
+            (after, nodes, ends.sum() - 1),
+            (after[:, None], inside, -ends[:, None]),
+        ])  # fmt: skip
+
+    def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
+        from scipy.sparse import csc_array
+
+        rows, columns, data = _joined([self._constant, *self._blocks(x, p, names)])
+        width = self.layout.size + len(names) + 1  # the last column is that of fixed knots
+        whole = csc_array((data, (rows, columns % width)), (self.layout.size, width))
+        return first_columns(whole, width - 1)
+
+    def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
+        """Rows, columns and values of all others; several may meet in one entry."""
+        layout, (flow,), (flight,) = self.layout, self.flows, self.flights(x, p)
+        inside, knots, (length,) = layout.inside, layout.knots[0], layout.lengths
+        kept, full = self.conservation, self._unfolded(x, p)
+        unfolded = (*(kept.lambdas if kept else ()), *names)
+        parameters = layout.parameters(len(names))
+        states, shape = reached(flight, flight.slopes), flight.slopes.shape
+        given: Any = flow.f
+        f, entries, other = given.jacobian.entries(flow.f, flight.inner, states, full, unfolded)
+        h, T = flight.lengths[:, None, None], flight.duration
+        f, other = f.T.reshape(shape), other.transpose(2, 0, 1).reshape(*shape, -1)
+        yield self._field(entries, flight)
+        # h = T (s_1 - s_0), t = T (s_0 + c (s_1 - s_0)): how h f changes with s_0, s_1 and T
+        c, rate = flight.scheme.nodes[:, None], h * other[..., 0]
+        left, right = np.concatenate([[-1], knots[:-1]]), np.append(knots[:-1], -1)
+        yield inside, left[:, None, None], T * (f - (1 - c) * rate)
+        yield inside, right[:, None, None], -T * (f + c * rate)
+        since = flight.knots[:-1, None, None] + c * flight.steps[:, None, None]
+        yield inside, length, -f * flight.steps[:, None, None] - since * rate
+        yield inside[..., None], parameters, -h[..., None] * other[..., 1:]
+        # the mesh
+        moved, steps, longer = flight.share_slopes(self.sizes[0], math.exp(x[knots[-1]]))
+        moved = np.einsum("jcn,cd->jdn", moved, self._inverse)
+        yield knots[:, None, None], inside, moved
+        yield knots[:, None], layout.nodes[0], -moved.sum(axis=1)
+        yield knots, left, -steps
+        yield knots, right, steps
+        yield knots, knots[-1], -longer
+        if self.autonomous:
+            yield length, layout.nodes[0].ravel(), self._phase[0]
+        else:
+            yield length, np.append(length, parameters), self._of_period(0, p, names)
+        if kept:
+            rows = np.concatenate([layout.levels, layout.lambdas])[:, None]
+            columns = np.concatenate(
+                [layout.nodes[0][0], layout.lengths, layout.levels, parameters]
+            )
+            yield rows, columns, self._given_slopes(kept, x, p, names)
+
+    def _field(self, entries: Any, flight: TrajectorySegment) -> tuple[Array, ...]:
+        """Entries of - h f_x."""
+        rows, columns, data = entries
+        places, lengths = (
+            self.layout.inside.ravel(),
+            np.repeat(flight.lengths, flight.slopes[0].size),
+        )
+        return places[rows], places[columns], -lengths[rows] * data
+
+    # --- multipliers ------------------------------------------------------------------------------
+
+    @property
+    def condensed(self) -> bool:  # type: ignore[override]
+        return self.start[0].dimension <= MANY or self.conservation is not None
+
+    def maps(self, x: Array, p: Params) -> list[Callable[[Array], Array]]:
+        """Map small perturbations over each interval: what is inside is solved for."""
+        from scipy.sparse import csc_array
+
+        (flow,), (flight,), full = self.flows, self.flights(x, p), self._unfolded(x, p)
+        given: Any = flow.f
+        states = reached(flight, flight.slopes)
+        entries = given.jacobian.entries(flow.f, flight.inner, states, full, ())[1]
+        rows, columns, data = _joined([self._inner, self._field(entries, flight)])
+        inside, forced, ends = self.layout.inside, self._inverse.sum(axis=1), self._ends
+        first, size = inside.flat[0], inside[0].size
+        whole = csc_array((data, (rows - first, columns - first)), (inside.size, inside.size))
+
+        def over(factors: Any, start: Array) -> Array:
+            # (A^-1 - h f_x) X = A^-1 x_0
+            right = np.multiply.outer(forced, start).reshape(-1, *start.shape[1:])
+            states = factors.solve(right).reshape(ends.size, *start.shape)
+            return np.asarray((1 - ends.sum()) * start + np.tensordot(ends, states, 1))
+
+        starts = range(0, inside.size, size)
+        blocks = (whole[:, start : start + size][start : start + size] for start in starts)
+        return [partial(over, factorised(csc_array(block))) for block in blocks]
+
+    def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
+        """Map all perturbations over each interval, dense."""
+        place = self._solved(x, p)
+        if not place.linear:
+            unit = np.eye(self.start[0].dimension)
+            ends = np.array([over(unit) for over in self.maps(x, p)])
+            none = np.empty(0)
+            slopes = Slopes(ends, none, none, none)
+            place.linear = (Linear(slopes, ends, none, none, none, unit, None),)
+        return place
+
+    def leading(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], Array]:
+        """The largest multipliers, by Arnoldi's iteration, and the trivial one of an autonomous
+        cycle: all outside of the unit circle, and some inside."""
+        from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+        n, maps = self.start[0].dimension, self.maps(x, p)
+        way, trivial = np.zeros(n), np.empty(0)
+
+        def around(start: Array) -> Array:
+            for over in maps:
+                start = over(start)
+            return start
+
+        if self.autonomous:
+            way = self.velocities(x, p)[0][0]
+            way = way / np.linalg.norm(way)
+            trivial = np.array([way @ around(way)])
+        # M v = v along the flow: the others are those of the complement of v
+        whole = LinearOperator(
+            (n, n), lambda start: _across(way, around(_across(way, start))), dtype=float
+        )
+        for wanted in itertools.count(_LEADING, _LEADING):
+            try:
+                mu = eigs(
+                    whole, wanted, ncv=4 * wanted, v0=any_vector(n), tol=_ARNOLDI,
+                    return_eigenvectors=False,
+                )  # fmt: skip
+            except ArpackNoConvergence as error:
+                raise Undefined(f"leading multipliers: {error}") from error
+            if abs(mu).min() < 1:  # so are all that are not known
+                return mu[np.argsort(-abs(mu), kind="stable")], trivial
+        raise AssertionError
+
+
+def _across(way: Array, vector: Array) -> Array:
+    return np.asarray(vector - way * (way @ vector))
+
+
+def _joined(blocks: Any) -> tuple[Array, ...]:
+    """Broadcast rows, columns and values of each block, and join them."""
+    parts = [np.broadcast_arrays(*block) for block in blocks]
+    return tuple(np.concatenate([part[k].ravel() for part in parts]) for k in range(3))
