@@ -36,7 +36,7 @@ from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, va
 from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 from .multipliers import around
-from .sparse_equations import is_large, sparse_where_large
+from .sparse_equations import has_many_states, sparse_where_large
 
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
@@ -318,7 +318,7 @@ def _resolved(
 
     even = [None] * len(pieces)
     flights = [*_adapted(through(scheme, even))]
-    if is_large(flows[0], flights[0], params):
+    if has_many_states(flows[0], flights[0], params):
         return flights
     for _ in range(5):  # of the intervals of a mesh that does not resolve a simulation
         try:

@@ -28,7 +28,7 @@ from .functions import (
     undecorated,
     values,
 )
-from .jacobian import Field, divided
+from .jacobian import FieldWithJacobian, over_mass
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -138,9 +138,9 @@ class Flow:
             if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
         if self.jacobian is not None:
-            keep("f", Field.of(self.f, self.jacobian))
+            keep("f", FieldWithJacobian.of(self.f, self.jacobian))
         if self.mass is not None:
-            keep("f", divided(_inverse(self.mass), self.f))
+            keep("f", over_mass(_inverse(self.mass), self.f))
         for name in ("jacobian", "mass"):
             keep(name, None)  # they are in f now
 
@@ -185,7 +185,7 @@ class Flow:
         if x.ndim != 1 or not x.size:
             raise BadInput(f"a state is a row of numbers; an array of shape {x.shape} was given")
         check_function("f", self.f, (x.size,), float(t), x, p)
-        if isinstance(self.f, Field):
+        if isinstance(self.f, FieldWithJacobian):
             self.f.check(float(t), x, p)
         for name, guard in self.guards.items():
             check_function(name, guard, (), float(t), x, p)

@@ -25,7 +25,7 @@ from .cycle_problem import problem_of
 from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
 from .functions import Function, Params, at_state
-from .jacobian import Exact, Field
+from .jacobian import Exact, FieldWithJacobian
 from .sparse_equations import sparse_where_large
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
@@ -101,7 +101,7 @@ class _Rest:
     @property
     def jacobian(self) -> Any:
         """The derivative as it was given: a function of (x, p), or a pattern."""
-        if not isinstance(self.flow.f, Field):
+        if not isinstance(self.flow.f, FieldWithJacobian):
             return None
         given = self.flow.f.jacobian
         return partial(given.matrix, 0.0) if isinstance(given, Exact) else given.pattern

@@ -134,14 +134,14 @@ class Coloured:
 
 
 @dataclass(frozen=True)
-class Field:
+class FieldWithJacobian:
     """A vector field with its derivative in the state as it was given."""
 
     f: Function
     jacobian: Exact | Coloured
 
     @classmethod
-    def of(cls, f: Function, jacobian: Any) -> Field:
+    def of(cls, f: Function, jacobian: Any) -> FieldWithJacobian:
         """Take a function (t, x, p), or a pattern of its entries, dense or from scipy.sparse."""
         if callable(jacobian):
             return cls(f, Exact(undecorated(jacobian)))
@@ -193,24 +193,24 @@ class Field:
 
 def at_other_time(through: Any, f: Function) -> Function:
     """The function ``through(f, t, x, p)``, with the derivative that was given of f."""
-    if not isinstance(f, Field):
+    if not isinstance(f, FieldWithJacobian):
         return partial(through, f)
     given = f.jacobian
     if isinstance(given, Exact):
         given = Exact(partial(through, given.function))
-    return Field(partial(through, f.f), given)
+    return FieldWithJacobian(partial(through, f.f), given)
 
 
-def divided(inverse: Array, f: Function) -> Function:
+def over_mass(inverse: Array, f: Function) -> Function:
     """The function ``M^-1 f``, with the derivative that was given of f."""
-    if not isinstance(f, Field):
+    if not isinstance(f, FieldWithJacobian):
         return partial(_divided, inverse, f)
     given = f.jacobian
     if isinstance(given, Exact):
         given = Exact(partial(_divided_matrix, inverse, given.function))
     else:
         given = Coloured(Pattern((inverse != 0) @ given.pattern.matrix))
-    return Field(partial(_divided, inverse, f.f), given)
+    return FieldWithJacobian(partial(_divided, inverse, f.f), given)
 
 
 def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:

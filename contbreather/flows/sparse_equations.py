@@ -49,7 +49,7 @@ class SparseLayout(Layout):
         self.size += count
 
 
-def is_large(flow: Flow, flight: TrajectorySegment, p: Params) -> bool:
+def has_many_states(flow: Flow, flight: TrajectorySegment, p: Params) -> bool:
     """Tell a flow of many states that nothing ends, given with a sparse derivative."""
     given = getattr(flow.f, "jacobian", None)
     plain = not (flow.guards or flow.reset) and flight.dimension >= FEW
@@ -58,7 +58,7 @@ def is_large(flow: Flow, flight: TrajectorySegment, p: Params) -> bool:
 
 def sparse_where_large(equations: FlowEquations, p: Params) -> FlowEquations:
     """Choose these equations for a flow that is large."""
-    if not is_large(equations.flows[0], equations.start[0], p):
+    if not has_many_states(equations.flows[0], equations.start[0], p):
         return equations
     own = {of.name: getattr(equations, of.name) for of in fields(equations) if of.init}
     return SparseFlowEquations(**own)

@@ -47,7 +47,7 @@ class Breather(Cycle):
     >>> import contbreather as cb
     >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
     >>> orbit = cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution
-    >>> orbit.displacement(2, 0.0).round(6), orbit.unstable
+    >>> round(float(orbit.displacement(2, 0.0)), 6), orbit.unstable
     (1.2495, 0)
     """
 
