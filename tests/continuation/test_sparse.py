@@ -294,6 +294,10 @@ def pattern_without(i: int, j: int) -> np.ndarray:
             {"jacobian": pattern_without(11, 12)},
             r"^the sparsity pattern does not fit the residual: it misses entry \(11, 12\)",
         ),
+        (
+            {"jacobian": pattern_without(1, 0)},
+            r"^the sparsity pattern does not fit the residual: it misses entry \(1, 0\)",
+        ),
     ],
 )
 def test_what_does_not_fit_a_large_problem_is_named(given, words: str) -> None:

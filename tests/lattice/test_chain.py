@@ -7,6 +7,8 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
@@ -15,6 +17,7 @@ from tests.orbits.field import dense
 
 CHAIN = InfiniteChain()
 GAMMAS = [0.0, 1e-9, 0.12, 0.24, 0.24999999]
+couplings = st.floats(0.0, 0.2499)
 
 
 def mean(of, gamma):
@@ -55,6 +58,17 @@ def test_slopes_in_gamma_are_those_of_the_means(name, gamma, sites):
     got = lattice.slope(gamma, name)
     # the finite step misses (h/(1/4 - gamma))^2 of it
     assert abs(got - exact) < 2e-13 * max(1e-2, abs(exact))
+
+
+@settings(max_examples=40)
+@given(couplings, st.integers(1, 40))
+def test_every_mean_of_a_ring_tends_to_the_chain_s_exponentially(gamma, sites):
+    r = math.sqrt(1 - 4 * gamma)
+    lap = ((1 - r) / (1 + r)) ** sites  # what goes once round
+    for name in MEANS:
+        gap = abs(getattr(Ring(sites), name)(gamma) - getattr(CHAIN, name)(gamma))
+        # from the pole next to the band; the next, two or three times as far, adds much less
+        assert gap <= (4 / math.pi) * 2.5 * lap / (r * (1 - lap)) + 3e-15 / r
 
 
 # ------------------------------------------------------------------------------------ modes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import mpmath as mp
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -86,3 +87,15 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
         slope = response(lattice, gamma, n, 0.0, "gamma")[0]
         scale = lattice.slope(gamma, "chi") + 1.0
         assert abs(slope - float(exact)) < 5e-15 * scale
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.1, 0.2499])
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
+def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
+    h = 1e-4 * min(gamma, 0.25 - gamma)
+    scale = lattice.slope(gamma, "chi") + 1.0
+    for n in (0, 1, 4):
+        for s in (0.57, 2.27):
+            more, less = (np.array(response(lattice, g, n, s)) for g in (gamma + h, gamma - h))
+            slope = response(lattice, gamma, n, s, "gamma")
+            assert slope == pytest.approx((more - less) / (2 * h), abs=1e-6 * scale)

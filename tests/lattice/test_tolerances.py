@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Samples, Symbolic
 from contbreather.orbits import smallest_amplitude
 
@@ -116,9 +116,19 @@ def test_a_formula_that_vanishes_is_refused_with_the_values_of_its_letters() -> 
         Symbolic("c*cos(t) + d*cos(t)", c=1.0, d=-1.0)
 
 
-# --- the closure ----------------------------------------------------------------------------------
-
 SAME = Fourier(cos={1: -1.0, 3: 0.0})  # the harmonic one, by the general road
+
+
+@pytest.mark.parametrize("forcing", [Harmonic(), SAME, Fourier(cos={1: -1.0, 3: -0.9})])
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.1, 0.8), (0.2, 0.3)])
+def test_the_smallest_amplitude_is_a_limit_to_twelve_digits(forcing, gamma, k) -> None:
+    least = smallest_amplitude(gamma, k, forcing)
+    assert cb.symmetric(least * (1 + 1e-12), gamma, k, forcing=forcing).p > 0
+    with pytest.raises(NoSolution, match="below the fold"):
+        cb.symmetric(least * (1 - 1e-12), gamma, k, forcing=forcing)
+
+
+# --- the closure ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("above", [1e-11, 1e-8, 1e-5])

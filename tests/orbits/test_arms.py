@@ -14,7 +14,7 @@ from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
-from contbreather.orbits import neimark_sacker, pitchfork, symmetric
+from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
 from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
@@ -452,6 +452,20 @@ def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold(s
         mu = point.base_point.solution.multipliers()
         wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
         assert abs(mu - wanted).min() < 1e-10
+
+
+def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
+    arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
+    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.75, 0.85)})
+    for point in line.points[::3]:
+        single = orbit_at(point.base_point.problem).on(Ring(1))
+        assert np.abs(single.multipliers() + 1).min() < 1e-10
+
+
+def test_ends_of_branches_are_honest():
+    """Every point of both arms but the very last is a breather that the ring repeats."""
+    for point in arms(0.04, 0.8)[1].points[1:-1]:
+        assert point.solution.admissibility().ok
 
 
 def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:

@@ -167,6 +167,14 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
         assert asked(n, t) == pytest.approx(np.array(single), abs=1e-13)
 
 
+def test_all_sites_obey_the_equation_of_motion():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    n, t = np.arange(-2, 4), 1.234
+    pull = orbit.displacement(n + 1, t) + orbit.displacement(n - 1, t)
+    force = 0.04 * (pull - 2 * orbit.displacement(n, t)) - 0.82 * math.cos(t)
+    assert np.abs(orbit.acceleration(n, t) - force).max() < 1e-14
+
+
 def test_an_impact_that_overtakes_another_site_changes_nothing_but_its_place_in_line():
     early = [(0, 1, 0.1, -1.0), (1, 1, 0.2, -1.1), (0, -1, 3.0, 1.0), (1, -1, 3.1, 1.1)]
     orbit = orbit_at(impact_problem(orbit_from(early)).at(t1=0.3))

@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 from contbreather.orbits import Closure, smallest_amplitude, symmetric, symmetric_roots
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.orbit import Orbit
@@ -56,6 +56,14 @@ def test_close_to_the_fold_only_its_conditioning_is_lost(paper, gamma, k, above)
         allowed = 4e-16 * (1 + 1 / math.sqrt(2 * above))
         assert abs(b.p / p - 1) < allowed
         assert abs(b.phi - phi) < 4 * allowed
+
+
+def test_spot_values():
+    b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    assert b.chi == pytest.approx(2.06787397039377, abs=1e-14)
+    assert b.p == pytest.approx(0.680056001966491, abs=1e-15)
+    assert b.phi == pytest.approx(-2.51929314335911, abs=1e-14)
+    assert fold(0.1, 0.8) == pytest.approx(0.057029037182, abs=5e-13)
 
 
 def test_the_phase_printed_in_13_is_a_solution_only_for_weak_forcing():
@@ -127,6 +135,40 @@ def test_every_site_is_antisymmetric_and_the_breather_even_in_space(gamma, k, n,
     u = b.displacement(n, t)
     assert u == pytest.approx(-b.displacement(n, t + math.pi), abs=2e-14 * (1 + b.incoming[0]))
     assert u == b.displacement(-n, t)
+
+
+@pytest.mark.parametrize("forcing", [Harmonic(), TWO, Symbolic("-cos(t)/(1+e*cos(2*t))", e=0.4)])
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(5)])
+def test_profile_obeys_equation_1_between_impacts(forcing, lattice):
+    """Second differences of the positions, the neighbours and the force."""
+    b = symmetric(0.9, 0.2, 0.5, forcing=forcing, lattice=lattice)
+    h = 1e-3
+    t = b.phi + np.linspace(0.1, math.pi - 0.1, 9)
+    for n in (0, 1, 2, 3):
+        near = [b.displacement(n, t + j * h) for j in (-2, -1, 0, 1, 2)]
+        bend = (-near[0] + 16 * near[1] - 30 * near[2] + 16 * near[3] - near[4]) / (12 * h * h)
+        stretch = 2 * near[2] - b.displacement(n - 1, t) - b.displacement(n + 1, t)
+        force = b.a * forcing.d2f(t)
+        np.testing.assert_allclose(bend + b.gamma * stretch, force, atol=2e-8)
+
+
+def test_derived_quantities_are_read_off_the_motion():
+    for b in (
+        symmetric(0.5, 0.12, 0.4),
+        symmetric(0.3, 0.12, 0.7, forcing=TWO),
+        symmetric(0.8, 0.2, 0.9, lattice=Ring(3)),
+    ):
+        h = 1e-4
+        before = [b.velocity(0, b.phi - j * h) for j in (1, 2, 3)]
+        assert b.incoming[0] == pytest.approx(3 * before[0] - 3 * before[1] + before[2], abs=1e-9)
+        slope = (2 * b.incoming[0] - 5 * before[0] + 4 * before[1] - before[2]) / (2 * h)
+        slope = (11 * b.incoming[0] - 18 * before[0] + 9 * before[1] - 2 * before[2]) / (6 * h)
+        assert b.accelerations[0] == pytest.approx(slope, abs=1e-7)
+        assert b.b == pytest.approx((1 + b.k) * b.accelerations[0] / b.incoming[0], rel=1e-14)
+        assert b.period == 2 * math.pi
+    b = symmetric(0.5, 0.12, 0.4)
+    harmonic = 1.4**2 * (b.p * (b.chi - CHAIN.eta(0.12)) - 1) / (2 * b.p)  # theory, section 1
+    assert b.b == pytest.approx(harmonic, abs=1e-14)
 
 
 # ------------------------------------------------------------------------ the motion itself

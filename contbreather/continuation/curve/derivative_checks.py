@@ -104,9 +104,9 @@ def wrong_entry(curve: Curve, z: Array) -> str:
     if wrong is None:
         return ""
     if is_sparse(matrix):
-        pattern = curve.problem.jacobian
-        listed = isinstance(pattern, Pattern)
-        given = pattern.matrix[[wrong[0]]].indices if listed else None
+        pattern, given = curve.problem.jacobian, None
+        if isinstance(pattern, Pattern):
+            given = pattern.columns[pattern.matrix.indices == wrong[0]]
         return derivatives.wrong_in_row(curve.residual, z, matrix, wrong[0], direction, given)
     wanted, doubt, _ = derivatives.estimate(curve.residual, z, curve.scales)
     entry = derivatives.misfit(matrix, wanted, doubt)
