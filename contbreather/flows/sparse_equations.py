@@ -123,14 +123,24 @@ class SparseFlowEquations(FlowEquations):
     def _constant(self) -> tuple[Any, ...]:
         """Entries of the derivative that are the same everywhere: of what is interpolated."""
         (nodes,), inside, ends = self.layout.nodes, self.layout.inside, self._ends
-        after = np.roll(nodes, -1, axis=0)  # an interval ends where the next one begins
+        first, last = self.closing
         return _joined([
             self._inner,  # A^-1 (X - x_0)
             (inside, nodes[:, None], -self._inverse.sum(axis=1)[:, None]),
-            (nodes, nodes, 1.0),
-            (after, nodes, ends.sum() - 1),
-            (after[:, None], inside, -ends[:, None]),
+            (nodes[0], nodes[0], self.standing),
+            (nodes[1:], nodes[1:], 1.0),
+            # an interval ends where the next one begins, and the last one where all closes
+            (nodes[1:], nodes[:-1], ends.sum() - 1),
+            (nodes[1:, None], inside[:-1], -ends[:, None]),
+            (nodes[0][first], nodes[-1][last], ends.sum() - 1),
+            (nodes[0][first], inside[-1][:, last], -ends[:, None]),
         ])  # fmt: skip
+
+    @property
+    def closing(self) -> tuple[Any, Any]:
+        """Tell which of the equations that close have which entries of the last state."""
+        every = np.arange(self.start[0].dimension)
+        return every, every
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
         from scipy.sparse import csc_array

@@ -29,7 +29,10 @@ from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.multipliers import of_family
+from ..flows.sparse_equations import SparseFlowEquations
 from .oscillator_lattice import Oscillators
+
+MANY_STATES = 100  # from which on what is eliminated costs more than what is sparse
 
 
 def at_rest(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -61,7 +64,9 @@ class HalfOrbit(FlowEquations):
     def of(cls, chain: Oscillators, held: str, **more: Any) -> HalfOrbit:
         until, period = (None, half_period) if held == "omega" else (EnergyShell(chain), None)
         flow = Flow(chain, until=until, reset=at_rest)
-        return cls(flows=(flow,), period=period, turns=1, **more)
+        large = held == "omega" and 2 * chain.sites >= MANY_STATES
+        kind = SparseHalfOrbit if large else cls
+        return kind(flows=(flow,), period=period, turns=1, **more)
 
     @property
     def chain(self) -> Oscillators:
@@ -139,6 +144,16 @@ class HalfOrbit(FlowEquations):
             square[last, first[sites:]] = way
             square[left, last] = self.chain(0.0, self.flights(x, p)[0].end, p)[sites:]
         return square
+
+
+@dataclass(frozen=True, eq=False)
+class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
+    """Half of an orbit of many sites at a given frequency, of which nothing is eliminated."""
+
+    @property
+    def closing(self) -> tuple[Any, Any]:
+        sites = np.arange(self.chain.sites)
+        return sites, sites + sites.size  # `at_rest`
 
 
 def unfolded_half(flight: TrajectorySegment, reversor: Array) -> TrajectorySegment:
