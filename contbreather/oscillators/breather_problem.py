@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import attrgetter
@@ -12,9 +13,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.newton import Array
+from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.branches.switching import SwitchingProblem
+from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
+from ..continuation.systems.branch_points import crossing
 from ..flows.collocation import TrajectorySegment
 from ..flows.cycle_problem import Cycle, CycleProblem
 from ..flows.equations import FlowEquations
@@ -198,9 +202,10 @@ class BreatherProblem(CycleProblem):
         asked = [name for name in ("omega", "energy") if name in names]
         return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
 
-    def lift(self, kind: str) -> Any:
-        # what branches off at PD is no half orbit of this kind
-        return None if isinstance(self.residual, HalfOrbit) else super().lift(kind)
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        if not isinstance(self.residual, HalfOrbit):
+            return super().lift(kind)
+        return _doubled_half if kind == "PD" else None
 
     def holding(self, name: str) -> BreatherProblem:
         half, orbit = self.residual, self.solution
@@ -212,6 +217,34 @@ class BreatherProblem(CycleProblem):
             HalfOrbit.of(half.chain, name, **more), params, self.events, self.label
         )
         return replace(problem, start=self.start)
+
+
+def _doubled_half(point: Point) -> SwitchingProblem:
+    """Make half of the orbit of twice the period: once around, from where the perturbation that
+    changes its sign is at rest, which is at one end of the half or at the other."""
+    problem, (free,) = point.curve.problem, point.curve.free
+    half: HalfOrbit = problem.residual
+    (whole,), n, k = point.solution.flights, half.chain.sites, len(half.start[0].states)
+    over = reduce(np.matmul, half.factors(np.array(point.x), point.params)[:k][::-1])
+    # at rest where the half begins and without displacement where it ends, or the other way around
+    least = [np.linalg.svd(over[part, part])[1][-1] for part in (slice(0, n), slice(n, None))]
+    if least[1] < least[0]:
+        states, slopes, steps = (
+            np.roll(part, -k, axis=0) for part in (whole.states, whole.slopes, whole.steps)
+        )
+        knots = np.append(0.0, np.cumsum(steps))
+        whole = replace(whole, knots=knots / knots[-1], states=states, slopes=slopes)
+    params = dict(point.params)
+    if half.held == "omega":
+        params["omega"] /= 2
+    twice = HalfOrbit.of(
+        half.chain, half.held, start=(whole,), states=half.states, sizes=half.sizes
+    )
+    arm: Problem = breather_problem(twice, params, problem.events, problem.label)
+    curve = Curve(arm, (free,))
+    with suppress(Undefined):  # off PD by as much as the mesh does not resolve
+        arm = Point(curve, crossing(curve, curve.start).solution.z).problem
+    return SwitchingProblem(arm, free, both=False)
 
 
 def breather_problem(

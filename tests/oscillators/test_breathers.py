@@ -77,6 +77,32 @@ def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> 
         np.testing.assert_allclose(one[name][[0, -1]], other[name][[0, -1]], atol=1e-9)
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_at_pd_the_orbit_of_twice_the_period_sets_out(number: int) -> None:
+    """From where the perturbation is at rest, at either end of the half on the two edges of one
+    tongue: it returns after two periods, and not after one."""
+    V, n, c = "u**2/2 + 0.2*u**3 + u**4/4", 3, 0.1
+    chain = cb.Oscillators(V=V, W=LINEAR, lattice=cb.OpenChain(n))
+    start = cb.breather(chain, {0: 1}, omega=2.0, params={"c": c})
+    doublings = cb.trace(start, "omega", within={"omega": (1.9, 2.3)})
+    point = [p for p in doublings.special if p.kind == "PD"][number - 1]
+    (arm,) = cb.switch(point, within={"omega": (0.9, 1.2)})
+    assert arm[0]["omega"] == pytest.approx(point["omega"] / 2, abs=1e-7)
+    assert arm[0]["energy"] == pytest.approx(point["energy"], abs=1e-6)
+    orbit = arm[len(arm) // 2].solution
+    K = cb.OpenChain(n).stiffness
+
+    def field(t, y):
+        u = y[:n]
+        return np.concatenate([y[n:], -u - 0.6 * u**2 - u**3 - c * K @ u])
+
+    start_state = np.concatenate(orbit.state())
+    how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "dense_output": True}
+    run = solve_ivp(field, (0, orbit.period), start_state, **how)
+    assert abs(run.y[:, -1] - start_state).max() < 1e-7
+    assert abs(run.sol(orbit.period / 2) - start_state).max() > 1e-2
+
+
 @pytest.mark.slow
 def test_sites_far_away_change_nothing() -> None:
     """Its tails fall as c^n: rings of 31 and 51 sites have one breather, by both equations."""
