@@ -670,15 +670,15 @@ def _hit(
     part, reason = detail.get("touch", 1.0), ""
     joins = hit is own and not (system and "touch" in detail)
     following = (list(flows) * 3)[len(hit)] if joins else first
-    if "at once" in detail:
+    if "guard" in detail and "touch" not in detail:
+        reason = "it is touched where a flow begins or ends: there these follow in another order"
+    elif slides and "touch" in detail:
+        reason = "it leaves the surface for so short a time at first that nothing tells how long"
+    elif "at once" in detail:
         reason = (
             f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
             "begin there, and those that hit all; move a wall a little to follow one contact"
         )
-    elif "guard" in detail and "touch" not in detail:
-        reason = "it is touched where a flow begins or ends: there these follow in another order"
-    elif slides and "touch" in detail:
-        reason = "it leaves the surface for so short a time at first that nothing tells how long"
     elif callable(hit):
         reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
     elif first.until is None and first.reset:

@@ -453,8 +453,8 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
     >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(3))
     >>> b = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})
     >>> branch = cb.trace(b, "omega", within={"omega": (1.4, 1.6)})
-    >>> plot_energy(branch).axes.get_xlabel()
-    '$\\omega$'
+    >>> print(plot_energy(branch).axes.get_xlabel())
+    $\\omega$
     """
     drawn = plot_branches(*branches, x="omega", y="energy", ax=ax)
     axes, point = drawn.axes, branches[0][0]
