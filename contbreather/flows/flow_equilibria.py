@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..continuation.algebra.newton import Array, Undefined, newton
-from ..continuation.algebra.sparse import first_columns, null_vectors, plus_diagonal
+from ..continuation.algebra.sparse import first_columns, is_sparse, null_vectors, plus_diagonal
 from ..continuation.bifurcations.equilibria import branch_point, fold, hopf, unstable
 from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.curve import Curve
@@ -141,7 +141,12 @@ def _born(point: Point) -> SwitchingProblem:
     residual, arrays = point.curve.problem.residual, state_names(point.curve.problem.start)
     names = tuple(chain.from_iterable(arrays.values()))
     omega = float(point["omega"])
-    q = null_vectors(plus_diagonal(first_columns(point.jacobian(), rest.size), -1j * omega))[0]
+    matrix = first_columns(point.jacobian(), rest.size)
+    if is_sparse(matrix):
+        q = null_vectors(plus_diagonal(matrix, -1j * omega))[0]
+    else:
+        eigenvalues, vectors = np.linalg.eig(matrix)
+        q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
     size = float(np.sqrt(np.mean(rest**2)))
     size = size if size > 1e-12 else 1.0  # or it is the origin, but for rounding
     # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
