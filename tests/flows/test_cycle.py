@@ -584,7 +584,7 @@ def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_
          {"period": lambda p: TAU / p["w"]}),
         ("has no states", van_der_pol, {}, {"mu": 1.0}, {}),
         ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
-        ("u has shape .2, 3.: a number or a row", van_der_pol, {"u": np.eye(2, 3)}, {"mu": 1.0}, {}),
+        ("u has shape .2, 3.: a number or", van_der_pol, {"u": np.eye(2, 3)}, {"mu": 1.0}, {}),
         ("a second multiplier is 1: .* where energy is conserved",
          lambda t, x, p: [x[1], -x[0] - x[0] ** 3], {"x": 1.0, "v": 0.0}, {}, {}),
         ("a second multiplier is 1", lambda t, x, p: [x[1], -x[0]], {"x": 1.0, "v": 0.0}, {}, {}),
