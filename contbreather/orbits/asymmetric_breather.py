@@ -59,13 +59,6 @@ class AsymmetricEquations:
     The third holds for every symmetric breather. We divide it by delta, exactly at delta = 0 too:
     what is left has asymmetric breathers for solutions and no others, and their pitchfork is an
     ordinary point of their branch, where the branch turns back in its parameter and both arms meet.
-
-    Examples
-    --------
-    >>> x = np.array([1.093139, -3.284360, 0.453958, 0.037354])
-    >>> off = AsymmetricEquations().residual(x, {"a": 0.82, "gamma": 0.04, "k": 0.8})
-    >>> bool(abs(off).max() < 1e-5)
-    True
     """
 
     forcing: Forcing = field(default_factory=Harmonic)

@@ -224,15 +224,7 @@ def smallest_margins(of: Sequence[Clearance]) -> Clearance:
 
 
 def least_margin(orbit: SiteMotion) -> float:
-    """The least of all margins, without a word on whose it is.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
-    True
-    """
+    """The least of all margins, without a word on whose it is."""
     measured = measured_margins(orbit, orbit.idle, only_closest=True)
     # impacts of one site at one wall may come in the wrong order, which no flight tells
     lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []

@@ -58,15 +58,6 @@ class OrbitEquations:
     at : Walls
     resonant : sequence of (mode, frequency)
         Modes whose amplitudes, cosine and sine, are unknowns.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
-    >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
-    >>> bool(abs(same.residual(x, {"a": 0.5, "gamma": 0.12, "k": 0.4})).max() < 1e-14)
-    True
     """
 
     section: Section
