@@ -101,7 +101,7 @@ class Responses(NamedTuple):
 
 @inlined
 def sections_since(responses: Responses, since: float) -> int:
-    """How often an impact has recurred; just after it, it has."""
+    """Count how often an impact has recurred; just after it, it has."""
     width = math.pi if responses.half else 2.0 * math.pi
     s = since / responses.turns
     return math.floor((s + LATE + SLACK * abs(s)) / width)
@@ -119,7 +119,7 @@ def response_since(
 def response_in(
     responses: Responses, row: int, since: float, past: int
 ) -> tuple[float, float, float, float]:
-    """The same as it goes on from the section after so many others."""
+    """Responses as they go on from the section after so many others."""
     table, n = responses.table, responses.turns
     width = math.pi if responses.half else 2.0 * math.pi
     s = since / n

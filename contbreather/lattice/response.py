@@ -260,7 +260,7 @@ class ModalResponse(Response):
 
     @cached_property
     def _waves(self) -> ModeWaves:
-        """All of their waves with slopes, for kernels."""
+        """Waves of the modes with their slopes, for kernels."""
         K, swings = self.z.size, np.zeros(self.z.size)
         for i, w in self.resonant:
             swings[i] = w

@@ -150,7 +150,7 @@ def measured_margins(
 
 
 def single(motion: Motion) -> Along:
-    """Of one motion what many may differ in."""
+    """Take apart what many motions may differ in, for one."""
     of, drive, (times, impulses) = motion.responses, motion.forced, motion.impacts[:SITE]
     parts = np.array([motion.a]), times[None], impulses[None], of.table[None], of.largest[None]
     return Along(*parts, drive.cosines[None], drive.sines[None], np.array([drive.peak]))

@@ -219,7 +219,7 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
 
 
 def closure_system(z: Any, on: ClosureData, out: Any) -> int:
-    """Both equations (11)."""
+    """Evaluate both equations (11)."""
     if unpack(z, on) != 0:
         return 1
     out[0], out[1] = closure_equations(terms(z, on, on.chi, series_motion(on.harmonics, z[1])))

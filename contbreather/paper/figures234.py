@@ -189,7 +189,7 @@ class MultiplierFigure:
         return 2.4 * (self.threshold - 1.0)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """All multipliers of QS, and their squares, largest first."""
+        """Multipliers of QS, and their squares, largest first."""
         for panel, breather in zip("ab", self.breathers, strict=True):
             on = {"panel": panel, "a": breather.a, "gamma": breather.gamma, "k": breather.k}
             half = np.asarray(breather.multipliers(sites=self.sites, half=True), dtype=complex)

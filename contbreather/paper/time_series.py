@@ -90,7 +90,7 @@ class TimeSeries:
     numbers: dict[str, float] = field(default_factory=dict)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """All points drawn: panel, curve, site, and the two coordinates."""
+        """Points drawn: panel, curve, site, and the two coordinates."""
         for letter, panel in zip("abcdef", self.panels, strict=False):
             for name, site, times, values, _ in panel.curves:
                 for t, u in zip(times.tolist(), values.tolist(), strict=True):

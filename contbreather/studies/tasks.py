@@ -95,7 +95,7 @@ class Task:
 
     @property
     def conditions(self) -> str:
-        """What is computed, at which values, in which windows, from what."""
+        """Say what is computed, at which values, in which windows, from what."""
         table, said, words = self.table, self.said, self.table.kind
         windows, fixed = dict(said.get("within", {})), dict(self.values)
         if self.needs is not None:
