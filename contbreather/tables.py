@@ -83,7 +83,6 @@ class Sheet:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, Cell]], title: str = "", digits: int = DIGITS) -> Sheet:
-        """Names and their values, without headings."""
         names, cells = zip(*rows, strict=True)
         return cls([Column("", names), Column("", cells, digits, right=True)], title)
 

@@ -97,7 +97,6 @@ class RunOptions:
 
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
-        """Run it."""
         from contbreather.progress import Bar
         from contbreather.simulation.simulate import length_of
 

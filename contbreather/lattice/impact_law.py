@@ -37,11 +37,9 @@ class ImpactLaw:
         return number(name, self.by_speed(speed), 0.0, 1.0, "a number from 0 to 1")
 
     def after(self, v: float) -> float:
-        """The velocity after an impact."""
         return -self.at(abs(v)) * v
 
     def slope(self, v: float) -> float:
-        """The derivative of `after`."""
         if self.by_speed is None:
             return -self.k
         h = 1e-4 * abs(v)  # differences of order 4 over so much are right to 1e-12

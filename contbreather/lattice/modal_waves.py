@@ -138,7 +138,6 @@ def add(
 
 @inlined
 def exponential(x: complex) -> complex:
-    """exp(x)."""
     size = math.exp(x.real)
     return complex(size * math.cos(x.imag), size * math.sin(x.imag))
 

@@ -68,7 +68,6 @@ class ImpactSequence:
 
     @cached_property
     def times(self) -> FloatArray:
-        """Times of the impacts of a section."""
         return np.array([impact.time for impact in self.impacts])
 
     @cached_property

@@ -246,7 +246,6 @@ def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row
 
 
 def is_image(motion: Motion, site: int, other: int) -> bool:
-    """Tell whether two sites move alike."""
     points = points_of(motion.fine, motion.length)
     for p in range(points):
         t = motion.start + motion.length / points * p

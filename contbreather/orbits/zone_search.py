@@ -99,7 +99,6 @@ class ZoneSearch:
         return float((omega or self.held.get("omega", 1.0)) ** POWERS.get(name, 0))
 
     def zones(self, *, interrupted: bool = False) -> Zones:
-        """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         reach = 1.0 / self.model["forcing"].peak()
         beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach

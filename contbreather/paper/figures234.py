@@ -59,7 +59,6 @@ class Figure2:
                        "nu": angle, "sites": line.sites, "threshold": line.threshold}  # fmt: skip
 
     def draw(self) -> Figure:
-        """The figure, one panel for each k."""
         with style():
             figure, panels = new_figure(len(self.zones), height=1.6 + 5.8 * len(self.zones))
             draw_panels(self.zones, panels)

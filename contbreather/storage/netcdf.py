@@ -257,7 +257,6 @@ class GrowingFile:
         (self.group,) = root.values()
 
     def append(self, columns: Mapping[str, Array]) -> None:
-        """Add rows to columns."""
         for name, rows in columns.items():
             variable = self.group[name]
             before = len(variable)
@@ -267,7 +266,6 @@ class GrowingFile:
         self.stream.check()
 
     def describe(self, **about: Any) -> None:
-        """Change what JSON takes."""
         image = np.array(json.dumps({**about_of(self.group), **about}).encode())
         del self.group[ABOUT]
         fill_group(self.group, {ABOUT: ((), image, {})}, {})
@@ -309,7 +307,6 @@ class _Spool:
         return tried
 
     def check(self) -> None:
-        """Raise the refusal."""
         if self.refusal:
             raise self.refusal
 
