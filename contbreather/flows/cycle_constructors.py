@@ -414,6 +414,12 @@ def _hybrid(
 def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
     """Choose the first return that is nearly as close as the closest of all."""
     least = min((off for off, _ in returns), default=math.inf)
+    if not returns:
+        raise NotConverged(
+            f"the simulation does not return: its state goes from {brief(ran.pieces[0].x[:, 0].tolist())} to "
+            f"{brief(ran.final.tolist())} at t = {ran.pieces[-1].t[-1]:.4g}; a state that is an "
+            "angle is named with its turn, wraps={'theta': 2*np.pi}"
+        )
     if not least <= _BACK:
         raise NotConverged(
             f"the simulation does not return: within {len(returns)} times around it comes back to "

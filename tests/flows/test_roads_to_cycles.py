@@ -140,3 +140,26 @@ def test_blindness_ends_between_the_scuffing_and_the_strike(walker: Any) -> None
         flight = point.solution.flights[0]
         state = flight.at(np.array([point["blind"] / flight.duration]))
         assert abs(heel(0.0, state, None)[0]) < 1e-9
+
+
+def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
+    def relaxing(t: Any, x: Any, p: Any) -> Any:
+        """A stable cycle of radius 1, an unstable one of 1/2 and a focus."""
+        r2 = x[0] ** 2 + x[1] ** 2
+        rate = -(r2 - 1) * (r2 - 0.25)
+        return [rate * x[0] - x[1], rate * x[1] + x[0]]
+
+    starts = [{"x": x, "y": 0.0} for x in (0.9, 0.2, 1.2, 0.1)]
+    (cycle, rest) = cb.cycles(relaxing, starts, {"mu": 0.0}, settle=80)
+    assert cycle.starts == (starts[0], starts[2])
+    assert cycle.orbit.max["x"] == pytest.approx(1.0, abs=1e-9)
+    assert rest.starts == (starts[1], starts[3])
+    assert "there is an equilibrium at [0.0, 0.0]" in rest.said
+    with pytest.raises(BadInput, match="there is no start"):
+        cb.cycles(relaxing, [], {"mu": 0.0})
+
+
+def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
+    params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
+    with pytest.raises(cb.NotConverged, match="a state that is an angle is named with its turn"):
+        cb.cycle(lambda t, x, p: pendulum(0.0 * t, x, p), {"theta": 0.0, "v": 2.0}, params)
