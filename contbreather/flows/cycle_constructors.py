@@ -415,10 +415,11 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
     """Choose the first return that is nearly as close as the closest of all."""
     least = min((off for off, _ in returns), default=math.inf)
     if not returns:
+        begin, end = (brief(x.tolist()) for x in (ran.pieces[0].x[:, 0], ran.final))
         raise NotConverged(
-            f"the simulation does not return: its state goes from {brief(ran.pieces[0].x[:, 0].tolist())} to "
-            f"{brief(ran.final.tolist())} at t = {ran.pieces[-1].t[-1]:.4g}; a state that is an "
-            "angle is named with its turn, wraps={'theta': 2*np.pi}"
+            f"the simulation does not return: its state goes from {begin} to {end} at "
+            f"t = {ran.pieces[-1].t[-1]:.4g}; a state that is an angle is named with its turn, "
+            "wraps={'theta': 2*np.pi}"
         )
     if not least <= _BACK:
         raise NotConverged(
