@@ -94,32 +94,21 @@ def _locus(point: Point) -> DefiningSystem:
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     """Defining system of a site that touches a wall at a time."""
-    if _is_impact(orbit, site, t):
+    section, motion = orbit.section, orbit.motion
+    at_site = [hit.time for hit in orbit.hits if hit.site == site]
+    # a contact this close to an impact of its site is that impact
+    if any(abs(math.remainder(t - at, section.period)) < 1e-9 * section.period for at in at_site):
         return shallow_impact(orbit)
-    motion = orbit.motion
     displacement = motion.at(site, t)[0]
     place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
-    other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
+    # of an orbit that is its own mirror image the maximum comes again at the other wall
+    mirrored = False
+    if not section.symmetric and section.turns % 2:
+        later = motion.at(site, t + 0.5 * section.period)[0]
+        mirrored = abs(displacement + later) < IMAGE
+    other = _OtherContact(site, mirrored, followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
-
-
-def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
-    period = orbit.section.period
-    return site in orbit.section.hit and any(
-        # a contact this close to an impact of its site is that impact
-        hit.site == site and abs(math.remainder(t - hit.time, period)) < 1e-9 * period
-        for hit in orbit.hits
-    )
-
-
-def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Test if the maximum comes again at the other wall: the orbit is its own mirror image."""
-    section, motion = orbit.section, orbit.motion
-    if section.symmetric or section.turns % 2 == 0:
-        return False
-    displacements = [motion.at(site, time)[0] for time in (t, t + 0.5 * section.period)]
-    return abs(sum(displacements)) < IMAGE
 
 
 def _examine(point: Point) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, get_args
 
@@ -77,8 +78,14 @@ def read(path: str | Path) -> Study:
         faults.append((("chain", "threshold"), f"{paper} in a study of their own"))
     if faults:
         lines = dict(_lines(text))
-        mistakes = [(_line(lines, at), at, why) for at, why in faults]
-        raise BadInput(_listed(Path(path).name, mistakes))
+        places = sorted(((_line(lines, at), at, why) for at, why in faults), key=itemgetter(0))
+        said = [
+            visible(f"line {line}{', ' + '.'.join(at) if at else ''}: {why}")
+            for line, at, why in places
+        ]
+        name, count = Path(path).name, len(said)
+        several = "\n  ".join([f"{name} has {count} mistakes:", *said])
+        raise BadInput(f"{name}, {said[0]}" if count == 1 else several)
     return study
 
 
@@ -148,16 +155,6 @@ def _line(lines: Mapping[KeyPath, int], place: KeyPath) -> int:
         if inside:
             return min(inside)
     return 1
-
-
-def _listed(name: str, faults: Sequence[tuple[int, KeyPath, str]]) -> str:
-    mistakes = [
-        visible(f"line {line}{', ' + '.'.join(place) if place else ''}: {why}")
-        for line, place, why in sorted(faults, key=lambda fault: fault[0])
-    ]
-    if len(mistakes) == 1:
-        return f"{name}, {mistakes[0]}"
-    return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *mistakes])
 
 
 # --- how tables fit together ------------------------------------------------------------------
