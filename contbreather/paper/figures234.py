@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import row
-from contbreather.continuation.walk.trace import trace
 from contbreather.errors import partial_result
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_events import neimark_sacker as exact_event
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule
@@ -118,36 +116,6 @@ def figure2(
             gamma = branch["gamma"][branch["gamma"] > 0.0]
             lines.append(rule.pitchfork_line(k, gamma, **on))
     return Figure2(exact, tuple(lines))
-
-
-@partial_result()
-def chain_lengths(
-    a: float = 0.2,
-    k: float = 0.8,
-    sites: Sequence[int] = (200, 400, 800),
-    *,
-    threshold: float = THRESHOLD,
-) -> dict[str, float]:
-    """The Neimark-Sacker coupling by the paper's rule for several rings, and the exact one.
-
-    The rule's own limit is the point at which the isolated pair of the infinite chain passes the
-    threshold, not the point at which it comes out.
-
-    Examples
-    --------
-    >>> {name: round(gamma, 5) for name, gamma in chain_lengths(sites=(200, 400)).items()}
-    {'200': 0.08241, '400': 0.09155, 'rule, N to infinity': 0.09761, 'exact': 0.09697}
-    """
-    names: dict[str, int | None] = {str(n): n for n in sites} | {"rule, N to infinity": None}
-    gammas = {
-        name: rule.neimark_sacker_point(a, k, sites=n, threshold=threshold).gamma
-        for name, n in names.items()
-    }
-    branch = trace(
-        symmetric(a, 0.5 * min(gammas.values()), k), "gamma", within={"gamma": (0.0, 0.24)},
-        towards="up", events=[exact_event()], progress=False,
-    )  # fmt: skip
-    return {**gammas, "exact": branch.first("NS")["gamma"]}
 
 
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 
 from contbreather.orbits.zones import zones
-from contbreather.paper import FIGURES, chain_lengths, figure2, figure3, figure4
+from contbreather.paper import FIGURES, figure2, figure3, figure4
 from contbreather.paper.figures234 import TRANSITIONS, Figure2
 from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
 
@@ -114,15 +114,6 @@ def test_rows_of_figure_2_tell_the_rule_from_the_exact_lines(second: Figure2) ->
         )
     assert "exact for the infinite chain" in second.caption
     assert "400 sites" in second.caption
-
-
-def test_chain_lengths_at_the_spot_of_the_notes() -> None:
-    found = chain_lengths(0.2, 0.8, (200, 400, 800))
-    assert [found[n] for n in ("200", "400", "800")] == pytest.approx(
-        [0.0824090, 0.0915527, 0.0968769], abs=1e-7
-    )
-    assert found["exact"] == pytest.approx(0.0969710, abs=1e-7)
-    assert found["rule, N to infinity"] == pytest.approx(0.0976133, abs=1e-7)
 
 
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------
