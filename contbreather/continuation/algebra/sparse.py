@@ -120,7 +120,6 @@ def first_columns(matrix: Matrix, n: int) -> Matrix:
 
 
 def entry_columns(matrix: Matrix) -> NDArray[np.intp]:
-    """The column of each entry that is stored."""
     return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
 
