@@ -161,6 +161,13 @@ def quiet_steps(
     return quiet
 
 
+def regular_step(events: Sequence[Event], first: Point, last: Point) -> bool:
+    """Tell whether between two points no matrix of an event comes to be singular; of large ones
+    that is not known before it is looked for."""
+    ends = [(event.matrix(first), event.matrix(last)) for event in events if event.matrix]
+    return all(isinstance(a, np.ndarray) and bool(regular_between(a, b[None])) for a, b in ends)
+
+
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Tell whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
