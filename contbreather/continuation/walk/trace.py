@@ -297,6 +297,7 @@ class ContinuationIterator:
         continues: Branch | None = None,
     ) -> None:
         self.way, self.events, self.steps = way, events, steps
+        self.matrices = [event.matrix for event in events if event.matrix]
         self.curve, start = way.point.curve, way.point
         home = continues[0] if continues else start
         self.stepper = Stepper(way, steps, start if home.tangent is None else home)
@@ -415,8 +416,8 @@ class ContinuationIterator:
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not more
         if len(points) == 1:
-            clear[0] = clear[0] and regular_step(self.events, self.point, points[0])
-        n = int(np.append(clear, False).argmin())
+            clear[0] = clear[0] and regular_step(self.matrices, self.point, points[0])
+        n = len(clear) if clear.all() else int(clear.argmin())
         if n:
             self.earlier = places[n], [row[n] for row in tests]
             self.tests = tuple([row[n + 1] for row in tests])
