@@ -98,10 +98,10 @@ class SparseFlowEquations(FlowEquations):
 
     def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
         (flow,), (flight,), p = self.flows, self.flights(x, p), self._unfolded(x, p)
-        rows, count = super().__call__(x, p), flight.states.size
+        left, h = super().__call__(x, p), flight.lengths[:, None, None]
         f = values(flow.f, flight.inner, reached(flight, flight.slopes), p)
-        left = flight.slopes - f.T.reshape(flight.slopes.shape) * flight.lengths[:, None, None]
-        return np.concatenate([rows[:count], left.ravel(), rows[count:]])
+        left[self.layout.inside] = flight.slopes - f.T.reshape(flight.slopes.shape) * h
+        return left
 
     # --- derivatives ------------------------------------------------------------------------------
 
