@@ -45,16 +45,25 @@ class WallDistance:
 
 @dataclass(frozen=True, eq=False)
 class Bounce:
-    """The state after an impact of some sites."""
+    """The state after an impact of some sites: of the first one, and of others that are at their
+    walls at once, or, to first order, a little sooner or later."""
 
     chain: Oscillators
     sites: tuple[int, ...]
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        after, k = np.array(x + 0.0 * self.chain.k(0.0, p)), self.chain.k(0.0, p)
+        chain, k, n = self.chain, self.chain.k(0.0, p), self.chain.sites
+        after = np.array(x + 0.0 * k)
         for site in self.sites:
-            v = self.chain.sites + site
-            after[v] = -k * x[v]
+            after[n + site] = -k * x[n + site]
+        if others := self.sites[1:]:
+            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+            after = after + 0.0 * behind  # which may be complex
+            for site in others:
+                left = np.sign(np.real(x[site])) * wall - x[site]
+                after[site] = x[site] + (1 + k) * left
+                late = left / x[n + site]
+                after[n + site] -= late * (k * before[n + site] + behind[n + site])
         return after
 
 
