@@ -23,12 +23,10 @@ from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown,
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import (
-    RETURNS,
     UNRESOLVED,
     Cycle,
     CycleProblem,
     cycle_of,
-    once,
     problem_of,
 )
 from .equations import FlowEquations
@@ -37,6 +35,7 @@ from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 from .multipliers import around
 from .rotation import Angles
+from .rounds import RETURNS, once
 from .sparse_equations import has_many_states, sparse_where_large
 
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none

@@ -28,8 +28,9 @@ from ..continuation.systems.branch_points import bordered_matrix, crossing_event
 from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
-from .cycle_problem import SHORTEST, Cycle, equations_of
-from .equations import FlowEquations
+from .cycle_beyond import SHORTEST
+from .cycle_problem import Cycle
+from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting

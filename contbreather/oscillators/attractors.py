@@ -1,10 +1,11 @@
-"""Attractors of a single driven oscillator, and what a code makes of them without coupling."""
+"""Attractors of single driven oscillators, and what a code makes of them without coupling."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +14,12 @@ from ..checks import real
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
-from .anticontinuum import SingleOscillator, coded, together
-from .oscillator_lattice import Oscillators
+from .anticontinuum import SingleOscillator, coded
+from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
+_ESCAPED = 10.0  # relative to the same
 _MOST = 400  # periods after which it has settled, or never will
 
 
@@ -26,120 +28,147 @@ class Attractor(NamedTuple):
 
     state: Array
     amplitude: float
-    repels: bool = False
 
 
 def forcing_period(t: Any, x: Any, p: Params) -> Any:
     return 2 * math.pi / p["omega"]
 
 
-class DrivenOscillator:
-    """One site of a driven lattice without coupling."""
+@dataclass(frozen=True, eq=False)
+class UncoupledSites:
+    """All sites of a driven lattice without coupling, each by itself: states have the shape
+    (2, N, m), of m motions of each."""
 
-    def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
-        self.single, self.params = SingleOscillator(chain, site, p), p
-        mass, lattice = chain.masses[site], chain.lattice
-        assert lattice is not None
-        self.chain, self.period = chain, 2 * math.pi / p["omega"]
-        damping = 0.0 if chain.damping is None else float(chain.damping(0.0, p))
-        self.loss = float(lattice.dampings[site] / mass) * damping
-        self.force = float(lattice.drive[site] / mass)
+    chain: Oscillators
+    given: Params
 
-    def field(self, t: float, y: Array) -> Array:
-        """Positions and velocities of many, one after the other."""
-        u, v = y[: len(y) // 2], y[len(y) // 2 :]
-        drive = self.force * self.chain.drive(t, self.params)
-        return np.concatenate([v, drive - self.loss * v - self.single.pull(u)])
+    @cached_property
+    def params(self) -> Params:
+        return {**self.given, SHARE: 0.0}
 
-    def run(self, y: Array, periods: int, tolerance: float, **how: Any) -> Any:
+    @property
+    def period(self) -> float:
+        return 2 * math.pi / float(self.given["omega"])
+
+    def field(self, t: float, x: Array) -> Array:
+        flat = x.reshape(2 * self.chain.sites, -1)
+        return np.asarray(self.chain(t, flat, self.params)).reshape(x.shape)
+
+    def run(self, x: Array, times: Any, tolerance: float) -> Array:
+        """States at times, the last axis; what comes too far has escaped, and stays there."""
         from scipy.integrate import solve_ivp
 
-        return solve_ivp(
-            self.field, (0.0, periods * self.period), y, method="DOP853", rtol=tolerance,
-            atol=tolerance * (abs(y).max() or 1.0), **how,
-        )  # fmt: skip
+        far = _ESCAPED * self.sizes
 
-    def starts(self) -> Array:
-        """States to begin from, up to beyond where its free oscillation has the frequency of the
-        drive: phases and sizes."""
-        omega = self.params["omega"]
-        sizes = [self.single.amplitudes(omega, sign) for sign in (1.0, -1.0)]
-        drive = abs(self.force * self.chain.drive(np.linspace(0, self.period, 64), self.params))
-        largest = max((a for found in sizes for a in found), default=drive.max() / omega**2)
+        def rates(t: float, y: Array) -> Array:
+            state = y.reshape(x.shape)
+            return np.ravel(np.where(abs(state[0]) < far, self.field(t, state), 0.0))
+
+        ends: Array = solve_ivp(
+            rates, (0.0, times[-1]), x.ravel(), t_eval=times, method="DOP853", rtol=tolerance,
+            atol=tolerance * (abs(x).max() or 1.0),
+        ).y  # fmt: skip
+        return ends.reshape(*x.shape, -1)
+
+    def motion(self, x: Array) -> Callable[[Array], Array]:
+        """Positions and then velocities of all sites over a period."""
+        from scipy.integrate import solve_ivp
+
+        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "dense_output": True}
+        how["atol"] = 1e-12 * (abs(x).max() or 1.0)
+        end, params = self.period, self.params
+        motion: Any = solve_ivp(self.chain, (0.0, end), x.ravel(), args=(params,), **how).sol
+        return lambda t: motion(np.mod(t, end))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The largest amplitude at which each site by itself has the frequency of the drive; where
+        there is none, that of a free mass."""
+        chain, omega, known = self.chain, self.params["omega"], dict[Any, float]()
+        drive = abs(chain.drive(np.linspace(0, self.period, 64), self.params)).max()
+        sizes = []
+        for n in range(chain.sites):
+            alone = SingleOscillator(chain, n, self.params)
+            alike = chain.onsite[n], chain.masses[n], *alone.bonds
+            if alike not in known:
+                both = alone.amplitudes(omega, 1.0) + alone.amplitudes(omega, -1.0)
+                known[alike] = max(both, default=drive / chain.masses[n] / omega**2)
+            sizes.append(known[alike])
+        return np.array(sizes)[:, None]
+
+    def attractors(self) -> list[list[Attractor]]:
+        """Those of each site that are found from phases and sizes up to beyond where it resonates,
+        those that swing least first."""
         r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
-        return largest * np.concatenate([(r * np.cos(s)).ravel(), (-omega * r * np.sin(s)).ravel()])
+        ways = np.array([(r * np.cos(s)).ravel(), -self.params["omega"] * (r * np.sin(s)).ravel()])
+        chain, far = self.chain, _ESCAPED * self.sizes
+        loss = chain.lattice.dampings / chain.masses * float(chain.damping(0.0, self.params))
+        periods = math.ceil(min(_MOST, 12.0 / loss.min() / self.period))
+        end = self.run(self.sizes * ways[:, None], [periods * self.period], 1e-6)[..., 0]
+        inside = abs(end[0]) < far
+        closed, largest = self.closed(np.where(inside, end, 0.0))
+        times = np.linspace(0, self.period, 200)
+        swings = 0.5 * np.ptp(self.run(closed, times, 1e-6)[0], axis=2)
+        found: list[list[Attractor]] = [[] for _ in range(chain.sites)]
+        for n, k in np.argwhere(inside & (largest < 1 + 1e-6)):
+            state, others = closed[:, n, k], [orbit.state for orbit in found[n]]
+            if all(abs(state - other).max() > 1e-6 * self.sizes[n] for other in others):
+                found[n].append(Attractor(state, float(swings[n, k])))
+        return [sorted(of, key=lambda orbit: orbit.amplitude) for of in found]
 
-    def attractors(self) -> list[Attractor]:
-        """All that are found from these states, those that swing least first."""
-        periods = min(_MOST, math.ceil(12.0 / self.loss / self.period))
-        with np.errstate(all="ignore"):
-            end = self.run(self.starts(), periods, 1e-6).y[:, -1].reshape(2, -1).T
-        found: list[Attractor] = []
-        for state in end[np.isfinite(end).all(axis=1)]:
-            near = 0.02 * abs(state).max()  # as close as it has settled
-            if all(abs(orbit.state - state).max() > near for orbit in found):
-                orbit = self._closed(state)
-                if orbit and not orbit.repels:
-                    found.append(orbit)
-        return sorted(found, key=lambda orbit: orbit.amplitude)
-
-    def _closed(self, state: Array) -> Attractor | None:
-        """Newton's iteration for a state that comes back; None where it does not."""
+    def closed(self, x: Array) -> tuple[Array, Array]:
+        """Newton's iteration for states that come back, and the modulus of the largest multiplier
+        of each; NaN where none does."""
         # beside rest in that of what the drive makes of it
-        size = abs(state).max() or abs(self.force) * abs(self.chain.drive(0.0, self.params)) or 1.0
+        drive = abs(self.field(0.0, np.zeros_like(x))[1])
+        sizes = np.where(x.any(axis=0), abs(x).max(axis=0), np.where(drive, drive, 1.0))
+        lost = np.zeros(sizes.shape, dtype=bool)
         for _ in range(8):
-            step = 1e-5 * size
-            y = np.concatenate([state[0] + [0.0, step, 0.0], state[1] + [0.0, 0.0, step]])
-            ends = self.run(y, 1, 1e-12).y[:, -1].reshape(2, 3)
-            M = (ends[:, 1:] - ends[:, :1]) / step
+            step, (u, v) = 1e-5 * sizes, x
+            beside = np.array([np.hstack([u, u + step, u]), np.hstack([v, v, v + step])])
+            end, by_u, by_v = np.split(self.run(beside, [self.period], 1e-12)[..., 0], 3, axis=2)
+            M = np.stack([by_u - end, by_v - end], axis=1) / step  # (2, 2, N, m)
+            M, gap = M.transpose(2, 3, 0, 1), (x - end).transpose(1, 2, 0)
             # of a site that nothing holds the place is free: the shortest correction
-            move = np.linalg.lstsq(M - np.eye(2), state - ends[:, 0], rcond=1e-6)[0]
-            state = state + move
-            if abs(move).max() < 1e-9 * size:
+            move = np.linalg.pinv(M - np.eye(2), rcond=1e-6) @ gap[..., None]
+            off = abs(move[..., 0]).max(axis=2)
+            lost |= ~(off < 1e3 * sizes)
+            x = np.where(lost, x, x + move[..., 0].transpose(2, 0, 1))
+            if (lost | (off < 1e-9 * sizes)).all():
                 break
-            if not abs(move).max() < 1e3 * size:
-                return None
-        else:
-            return None
-        repels = bool(abs(np.linalg.eigvals(M)).max() > 1 + 1e-6)
-        swing = self.motion(state)(np.linspace(0, self.period, 200))[0]
-        return Attractor(state, float(np.ptp(swing) / 2), repels)
+        largest = abs(np.linalg.eigvals(M)).max(axis=2)
+        return x, np.where(lost | ~(off < 1e-9 * sizes), np.nan, largest)
 
-    def motion(self, state: Array) -> Callable[[Array], Array]:
-        motion: Callable[[Array], Array] = self.run(state, 1, 1e-12, dense_output=True).sol
-        return motion
+    def beside_rest(self) -> Callable[[Array], Array]:
+        """The motion of all sites beside rest, whether it attracts or not."""
+        n, (x, largest) = self.chain.sites, self.closed(np.zeros((2, self.chain.sites, 1)))
+        if np.isnan(largest).any():
+            site = int(np.isnan(largest[:, 0]).argmax())
+            raise NoSolution(f"site {site}: alone it has no periodic motion about rest")
+        mean = self.motion(x)(self.period * np.arange(64) / 64)[:n].mean(axis=1)
+        held = self.chain.gradient(np.ones(n), self.params) != 0
+        x[0, :, 0] -= np.where(held, 0.0, mean)  # where nothing holds it: about rest
+        return self.motion(x)
 
-    def periodic(self) -> Callable[[Array], Array]:
-        """The motion beside rest, whether it attracts or not."""
-        orbit = self._closed(np.array([0.0, 0.0]))
-        if orbit is None:
-            raise NoSolution(f"site {self.single.site}: alone it has no periodic motion about rest")
-        swing = self.motion(orbit.state)(self.period * np.arange(64) / 64)[0]
-        if not self.single.pull(np.append(swing, 1.0)).any():  # nothing says where: about rest
-            return self.motion(orbit.state - [swing.mean(), 0.0])
-        return self.motion(orbit.state)
 
-    def chosen(self, code: Any, found: list[Attractor]) -> Attractor:
-        """The attractor that a code stands for: "low" swings least, "high" most, and a number that
-        which swings about so far."""
-        site = self.single.site
-        if not found:
-            raise NoSolution(f"site {site}: alone it has no attractor of the period of the drive.")
-        if code == "low":
-            return found[0]
-        if code == "high":
-            if len(found) == 1:
-                raise NoSolution(
-                    f"site {site}: alone it has one attractor only, with the amplitude "
-                    f"{found[0].amplitude:.6g}; 'high' needs two."
-                )
-            return found[-1]
-        if not real(code) > 0:
-            raise BadInput(
-                f"site {site}: {code!r} was given; of a driven lattice 'low', 'high' or an "
-                "amplitude is expected."
-            )
-        return min(found, key=lambda orbit: abs(orbit.amplitude - real(code)))
+def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
+    """The attractor that a code stands for: "low" swings least, "high" most, and a number that
+    which swings about so far."""
+    if not found:
+        raise NoSolution(f"site {site}: alone it has no attractor of the period of the drive.")
+    if code == "high" and len(found) == 1:
+        raise NoSolution(
+            f"site {site}: alone it has one attractor only, with the amplitude "
+            f"{found[0].amplitude:.6g}; 'high' needs two."
+        )
+    if code in ("low", "high"):
+        return found[0 if code == "low" else -1].state
+    if not real(code) > 0:
+        raise BadInput(
+            f"site {site}: {code!r} was given; of a driven lattice 'low', 'high' or an "
+            "amplitude is expected."
+        )
+    return min(found, key=lambda orbit: abs(orbit.amplitude - real(code))).state
 
 
 def driven_without_coupling(
@@ -151,19 +180,7 @@ def driven_without_coupling(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    given = coded(chain, code)
-    motions: dict[int, Callable[[Array], Array]] = {}
-    kinds: dict[Any, list[Attractor]] = {}
-    for site in range(chain.sites):
-        driven = DrivenOscillator(chain, site, p)
-        alike = (
-            driven.loss,
-            driven.force,
-            chain.onsite[site],
-            chain.masses[site],
-            *driven.single.bonds,
-        )
-        if alike not in kinds:
-            kinds[alike] = driven.attractors()
-        motions[site] = driven.motion(driven.chosen(given.get(site, "low"), kinds[alike]).state)
-    return fitted(scheme, 0.0, 2 * math.pi / p["omega"], partial(together, chain.sites, motions))
+    given, alone = coded(chain, code), UncoupledSites(chain, p)
+    found = enumerate(alone.attractors())
+    states = [_chosen(site, given.get(site, "low"), of) for site, of in found]
+    return fitted(scheme, 0.0, alone.period, alone.motion(np.array(states).T))

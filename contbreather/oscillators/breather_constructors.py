@@ -15,16 +15,20 @@ from ..continuation.curve.branch import Branch
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
-from ..flows.collocation import Collocation, sizes_of
+from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
-from .anticontinuum import half_without_coupling, resonance
+from .anticontinuum import coded, half_without_coupling, resonance
 from .attractors import driven_without_coupling, forcing_period
 from .breather_events import events_of_breather
 from .breather_problem import Breather, BreatherProblem, breather_problem
 from .half_orbit import HalfOrbit
-from .impacting import between_walls_without_coupling
+from .impacting import (
+    between_walls_without_coupling,
+    in_another_order,
+    refuse_impacts_apart,
+)
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
@@ -163,12 +167,33 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     """Walk from no coupling to all of it."""
     omega = params["omega"]
     flows: tuple[Flow, ...] = (Flow(chain),)
+    share = 0.0
     if chain.walls is not None:
-        flows, flights = between_walls_without_coupling(chain, code, params, scheme)
+        flows, flights, share = between_walls_without_coupling(chain, code, params, scheme)
     elif chain.dissipative:
         flights = (driven_without_coupling(chain, code, params, scheme),)
     else:
         flights = (half_without_coupling(chain, code, omega, params, scheme),)
+    branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
+    while branch[-1][SHARE] < 1.0:
+        orbit, sites = branch[-1].solution, tuple(coded(chain, code))
+        other = in_another_order(orbit, chain, sites, scheme) if chain.walls is not None else None
+        if other is None:
+            reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
+            raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
+        flows, flights, share = other
+        branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
+    problem: Any = branch[-1].problem
+    if chain.walls is not None:
+        refuse_impacts_apart(branch[-1].solution)
+    return problem
+
+
+def _with_more_coupling(
+    chain: Oscillators, code: Any, flows: tuple[Flow, ...],
+    flights: tuple[TrajectorySegment, ...], params: Params,
+) -> Branch:  # fmt: skip
+    """Walk from a share of the coupling, as far as this orbit goes."""
     sizes = sizes_of(flights)
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
@@ -178,21 +203,15 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
     else:
         equations = HalfOrbit.of(chain, "omega", **more)
-    alone = breather_problem(equations, {**params, SHARE: chain.least_share}, (), "")
     try:
-        begin = alone.solve(tolerance=1e-11)[0]
+        begin = breather_problem(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:
         raise NoSolution(
             f"{code}: without coupling it cannot be continued; "
-            f"{resonance(chain, omega, alone.params)[0]}"
+            f"{resonance(chain, params['omega'], params)[0]}"
         ) from error
     ends = (replace(fold(), ends="branch"),)
-    branch = trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
-    if branch[-1][SHARE] < 1.0:
-        reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
-        raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
-    problem: Any = branch[-1].problem
-    return problem
+    return trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
 
 
 def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:

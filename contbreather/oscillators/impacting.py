@@ -1,15 +1,15 @@
-"""Walls at the sites: a breather of which one site impacts, as a cycle of two flows.
+"""Walls at the sites: a breather of which some sites impact, as a cycle of flows.
 
-The flows end where the site comes to its walls, first the upper and then the lower one, and its
-velocity v becomes -k v. All other walls are watched, but not met.
+A flow ends where one of them comes to a wall, and its velocity v becomes -k v; by symmetry several
+may come there at once. In which order they do is that of a simulation with a little coupling.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,13 +19,16 @@ from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
-from .anticontinuum import coded, together
-from .attractors import DrivenOscillator
-from .oscillator_lattice import Oscillators
+from .anticontinuum import coded
+from .attractors import UncoupledSites
+from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
 _SETTLES = 60  # periods
+_LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
+_SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
+_AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,70 +45,157 @@ class WallDistance:
 
 @dataclass(frozen=True, eq=False)
 class Bounce:
-    """The state after an impact of a site."""
+    """The state after an impact of some sites: of the first one, and of others that are at their
+    walls at once, or, to first order, a little sooner or later."""
 
     chain: Oscillators
-    site: int
+    sites: tuple[int, ...]
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        after, v = np.array(x + 0.0 * self.chain.k(0.0, p)), self.chain.sites + self.site
-        after[v] = -self.chain.k(0.0, p) * x[v]
+        chain, k, n = self.chain, self.chain.k(0.0, p), self.chain.sites
+        after = np.array(x + 0.0 * k)
+        for site in self.sites:
+            after[n + site] = -k * x[n + site]
+        if others := self.sites[1:]:
+            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+            after = after + 0.0 * behind  # which may be complex
+            for site in others:
+                left = np.sign(np.real(x[site])) * wall - x[site]
+                after[site] = x[site] + (1 + k) * left
+                late = left / x[n + site]
+                after[n + site] -= late * (k * before[n + site] + behind[n + site])
         return after
 
 
-def flows_between_walls(chain: Oscillators, site: int) -> tuple[Flow, Flow]:
-    """The flows of a lattice of which one site impacts, up to its upper wall and to its lower."""
-    ends = [WallDistance(chain, n, side) for n in range(chain.sites) for side in (1, -1)]
-    mine, others = ends[2 * site : 2 * site + 2], ends[: 2 * site] + ends[2 * site + 2 :]
-    upper, lower = (
-        Flow(chain, until=end, reset=Bounce(chain, site), walls=tuple(others)) for end in mine
-    )
-    return upper, lower
+class Flight(NamedTuple):
+    """A motion from one impact to the next, and the walls that are met there."""
+
+    motion: Callable[[Array], Array]
+    start: float
+    end: float
+    met: tuple[WallDistance, ...]
+
+    @property
+    def sites(self) -> tuple[int, ...]:
+        return tuple(wall.site for wall in self.met)
 
 
 def between_walls_without_coupling(
-    chain: Oscillators, code: Any, p: Params, scheme: Collocation
-) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:
-    """The flows, and the orbit of them, of a single impacting site."""
-    sites = [*coded(chain, code)]
-    if len(sites) > 1 or chain.drive is None:
+    chain: Oscillators, code: Any, given: Params, scheme: Collocation
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]:
+    """The flows, and an orbit of them at a share of the coupling, of impacting sites."""
+    values = coded(chain, code)
+    if chain.drive is None or any(value != 1 for value in values.values()):
         raise BadInput(
-            f"code = {code!r}: with walls a driven lattice is needed, and one site that impacts; "
-            "several impact at once without coupling, and their order is not known"
+            f"code = {code!r}: with walls a driven lattice is needed, and 1 for each site that "
+            "impacts; all follow one drive, and one that does half a period later has -1 in the "
+            "row drive= of the lattice"
         )
-    (site,) = sites
-    orbit = _single(chain, site, p)
-    resting = {n: DrivenOscillator(chain, n, p).periodic() for n in range(chain.sites) if n != site}
-    flights = []
-    for flight in orbit.flights:
-        motions = {n: partial(_taken_back, motion, 2 * math.pi / p["omega"])
-                   for n, motion in resting.items()}  # fmt: skip
-        motions[site] = partial(_along, flight)
-        states = partial(together, chain.sites, motions)
-        flights.append(fitted(scheme, flight.start, flight.duration, states, flight.knots))
-    upper, lower = flows_between_walls(chain, site)
-    rises = orbit.flights[0].end[0] > 0
-    return (upper, lower) if rises else (lower, upper), tuple(flights)
+    alone = UncoupledSites(chain, given)
+    orbits = {n: _single(alone, n) for n in values}
+    (first, *_) = [orbit.flights[0] for orbit in orbits.values()]
+    begin = first.start + 0.5 * first.duration
+    x = alone.beside_rest()(np.array([begin]))[:, 0]
+    for n, orbit in orbits.items():
+        x[[n, chain.sites + n]] = orbit.states(begin)
+    share = _LITTLE if len(values) > 1 else 0.0
+    p = {**given, SHARE: share}
+    pieces = _from_impact_to_impact(chain, tuple(values), p, begin, x, scheme)
+    return *pieces, max(share, chain.least_share)
 
 
-def _along(flight: TrajectorySegment, t: Array) -> Array:
-    return flight.at((t - flight.start) / flight.duration)
+def in_another_order(
+    orbit: Cycle, chain: Oscillators, sites: tuple[int, ...], scheme: Collocation
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float] | None:
+    """Go on beyond where two sites come to their walls at once: flows, an orbit of them and its
+    share of the coupling. None where no flow has shrunk to nothing."""
+    if len(sites) == 1 or orbit.durations.min() > _SHRUNK * orbit.period:
+        return None
+    longest = orbit.flights[int(orbit.durations.argmax())]
+    begin = longest.start + 0.5 * longest.duration
+    share = min(1.0, orbit.params[SHARE] + _BEYOND)
+    p = {**orbit.params, SHARE: share}
+    pieces = _from_impact_to_impact(chain, sites, p, begin, orbit.states(begin), scheme)
+    return *pieces, share
 
 
-def _taken_back(motion: Any, period: float, t: Array) -> Any:
-    return motion(np.mod(t, period))
+def _from_impact_to_impact(
+    chain: Oscillators, sites: tuple[int, ...], p: Params, begin: float, x: Array,
+    scheme: Collocation,
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:  # fmt: skip
+    """Simulate for a period: the flows of what returns from a state, or next to it."""
+    ends = {(n, side): WallDistance(chain, n, side) for n in range(chain.sites) for side in (1, -1)}
+    walls, period = [end for (n, _), end in ends.items() if n in sites], 2 * math.pi / p["omega"]
+    if len(sites) > 1:
+        x = _returning(chain, walls, p, begin, x, period)
+    (before, *_) = _flown(chain, walls, p, begin, x, period)
+    start = before.end, Bounce(chain, before.sites)(0.0, before.motion(before.end), p)
+    flights = [*_flown(chain, walls, p, *start, period * (1 + _AT_ONCE))]
+    also = [flight.met[1:] for flight in (flights[-1], *flights)]  # that impact with another
+    flows = tuple(
+        Flow(
+            chain, until=flight.met[0], reset=Bounce(chain, flight.sites),
+            walls=tuple(
+                Flow(chain, until=end, reset=Bounce(chain, (n,))) for (n, _), end in ends.items()
+                if end not in (*flight.met, *also[i])
+            ),
+        ) for i, flight in enumerate(flights)
+    )  # fmt: skip
+    return flows, tuple(fitted(scheme, f.start, f.end - f.start, f.motion) for f in flights)
 
 
-def _single(chain: Oscillators, site: int, p: Params) -> Cycle:
+def _flown(
+    chain: Oscillators, walls: list[WallDistance], p: Params, t: float, x: Array, time: float
+) -> Iterator[Flight]:
+    """Simulate from impact to impact; the last flight may meet none."""
+    from scipy.integrate import solve_ivp
+
+    n, near = chain.sites, _AT_ONCE * float(chain.walls(0.0, p))
+    end, events = t + time, [lambda t, x, p, wall=wall: wall(t, x, p) for wall in walls]
+    for event in events:
+        event.terminal, event.direction = True, -1.0
+    how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, "dense_output": True}
+    while t < end:
+        run: Any = solve_ivp(chain, (t, end), x, events=events, args=(p,), **how)
+        begins, t, x = t, float(run.t[-1]), run.y[:, -1]
+        outwards = (w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0)
+        met = tuple(outwards) if run.status == 1 else ()
+        yield Flight(run.sol, begins, t, met)
+        x = Bounce(chain, tuple(wall.site for wall in met))(t, x, p)
+        end = t if run.status == 1 and end - t < 2 * _AT_ONCE * time else end
+
+
+def _returning(
+    chain: Oscillators, walls: list[WallDistance], p: Params, t: float, x: Array, period: float
+) -> Array:
+    """Improve a state that all but comes back after a period, by Newton's iteration."""
+
+    def off(x: Array) -> Array:
+        (*_, last) = _flown(chain, walls, p, t, x, period)
+        return last.motion(last.end) - x
+
+    for _ in range(6):
+        step, gap = 1e-6 * abs(x).max(), off(x)
+        columns = [(off(x + step * way) - gap) / step for way in np.eye(x.size)]
+        move = np.linalg.solve(np.transpose(columns), gap)
+        x = x - move
+        if abs(move).max() < 1e-2 * _AT_ONCE * abs(x).max():
+            break
+    return x
+
+
+def _single(alone: UncoupledSites, site: int) -> Cycle:
     """The impacting orbit of one site without coupling, by simulation."""
-    alone, wall = DrivenOscillator(chain, site, p), float(chain.walls(0.0, p))
-    k, period = float(chain.k(0.0, p)), alone.period
+    chain, p, n = alone.chain, alone.params, alone.chain.sites
+    wall, k, period = float(chain.walls(0.0, p)), float(chain.k(0.0, p)), alone.period
+
+    def field(t: Any, x: Any, _: Params) -> Any:
+        whole = np.zeros((2 * n, *x.shape[1:]), dtype=x.dtype)
+        whole[[site, n + site]] = x
+        return chain(t, whole, p)[[site, n + site]]
 
     def bounce(t: Any, x: Any, p: Params) -> Any:
         return [x[0], -k * x[1]]
-
-    def field(t: Any, x: Any, p: Params) -> Any:
-        return alone.field(t, x)
 
     flows = [
         Flow(field, until=lambda t, x, p: wall - x[0], reset=bounce),
@@ -125,3 +215,16 @@ def _single(chain: Oscillators, site: int, p: Params) -> Cycle:
     raise NoSolution(
         f"site {site}: alone it has no attractor that impacts once on each wall in a period"
     )
+
+
+def refuse_impacts_apart(orbit: Cycle) -> None:
+    """Refuse an orbit in which sites that impacted at once with a little coupling no longer do."""
+    for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
+        bounce: Any = flow.reset
+        (first, *others), far = bounce.sites, abs(flight.end)
+        for site in others:
+            if abs(far[site] - far[first]) > 1e-9 * far[first]:
+                raise NoSolution(
+                    f"sites {first} and {site} impact at once with a little coupling, and one "
+                    "after the other with all of it: which order follows is not known"
+                )

@@ -213,6 +213,8 @@ class Oscillators:
         """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
         be left at 0, the rest holds each of both ends as if the other one were at rest."""
         share = p.get(SHARE, 1.0)
+        if isinstance(share, float) and share == 0.0 and not self.bare:
+            return []
         if not self.bare or self.walls or (isinstance(share, float) and share == 1.0):
             return [(self._ends[0], share * self.couplings)]
         two = np.diff(self.bonds.ends.indptr) == 2  # those to the ground stay

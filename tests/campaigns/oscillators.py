@@ -111,6 +111,17 @@ def returns(both, d, m, x, period):
     return end[: 2 * n], end[2 * n :].reshape(2 * n, -1)
 
 
+def free_amplitude(site, b, omega):
+    """About the amplitude of one oscillator at a frequency, by its crossings of 0."""
+    right = lambda t, y: [y[1], -site[1](y[0], b)]  # noqa: E731
+    through = lambda t, y: y[0]  # noqa: E731
+    for a in np.geomspace(0.1, 3.0, 60):
+        times = solve_ivp(right, (0, 20), [a, 0], events=through, rtol=1e-6).t_events[0]
+        if (2 * np.pi / (times[2] - times[0]) > omega) == (omega > 1):
+            return a
+    raise ValueError("no amplitude has this frequency")
+
+
 def case(rng, driven):
     lattice, bonds, ground = drawn_lattice(rng)
     N = lattice.sites
@@ -122,9 +133,10 @@ def case(rng, driven):
     sites = rng.choice(N, min(N, int(rng.integers(1, 4))), replace=False).tolist()
     omega = float(rng.uniform(*RANGES[kind]))
     if driven:
-        d, a = float(rng.uniform(0.03, 0.08)), float(rng.uniform(0.03, 0.1))
-        low, high = (1.1, 1.4) if kind in ("hard", "cubic") else (0.75, 0.95)
-        omega = float(rng.uniform(low, high))
+        low, high = (1.15, 1.4) if kind in ("hard", "cubic") else (0.75, 0.9)
+        omega, d = float(rng.uniform(low, high)), float(rng.uniform(0.03, 0.08))
+        # a force that feeds the losses where the free oscillation has this frequency, and a bit
+        a = float(rng.uniform(1.2, 1.6)) * d * omega * free_amplitude(site, b, omega)
         params |= {"d": d, "a": a}
         how |= {"damping": "d", "drive": "a*cos(omega*t)"}
         force = lambda t: a * np.cos(omega * t)  # noqa: E731

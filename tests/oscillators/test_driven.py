@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
 import contbreather as cb
@@ -87,3 +88,56 @@ def test_nonlinear_sites_impact_and_return_under_an_integration_with_impacts() -
     np.testing.assert_allclose(run.final, begin, atol=1e-8)
     branch = cb.trace(hit, "a", within={"a": (0.1, 0.6)}, towards="down")
     assert branch.special[-1].kind in ("GR", "VI", "LP", "EP")
+
+
+def _impacts(bonds, params, x, times, codes):
+    """Integrate from impact to impact, each wall an event of its own."""
+    n, (a, c) = len(x) // 2, params
+
+    def right(t, y):
+        u, v = y[:n], y[n:]
+        force = -u / 10 - u**3 / 10 - 0.05 * v - a * np.cos(t)
+        for i, j in bonds:
+            force[[i, j]] += c * (u[j] - u[i]), c * (u[i] - u[j])
+        return np.concatenate([v, force])
+
+    walls = [(i, side) for i in codes for side in (1, -1)]
+    events = [lambda t, y, i=i, side=side: 1.0 - side * y[i] for i, side in walls]
+    for event in events:
+        event.terminal, event.direction = True, -1
+    t, end = times
+    while t < end:
+        run = solve_ivp(right, (t, end), x, "DOP853", events=events, rtol=1e-12, atol=1e-13)
+        t, x = run.t[-1], run.y[:, -1].copy()
+        for i in codes:
+            if run.status and abs(abs(x[i]) - 1) < 1e-10 and x[i] * x[n + i] > 0:
+                x[n + i] *= -0.8
+    return x
+
+
+@pytest.mark.parametrize(
+    ("lattice", "bonds", "code"),
+    [
+        (cb.Ring(6), [(i, (i + 1) % 6) for i in range(6)], {1: 1, 2: 1}),  # at once, by symmetry
+        (cb.OpenChain(5), [(i, i + 1) for i in range(4)], {0: 1, 1: 1}),
+        (cb.OpenChain(5), [(i, i + 1) for i in range(4)], {0: 1, 3: 1}),  # their order changes
+    ],
+)
+def test_several_sites_impact_in_the_order_they_come(lattice, bonds, code) -> None:
+    chain = cb.Oscillators(
+        V="u**2/20 + u**4/40", W="c*r**2/2", lattice=lattice, damping=0.05,
+        drive="-a*cos(omega*t)", walls=1.0, k=0.8,
+    )  # fmt: skip
+    orbit = cb.breather(chain, code, omega=1.0, params={"a": 0.5, "c": 0.05}).solution
+    flight = max(orbit.flights, key=lambda flight: flight.duration)
+    x, times = flight.states[3], flight.begins[3] + np.array([0.0, 2 * np.pi])
+
+    def over(x):
+        return _impacts(bonds, (0.5, 0.05), x, times, code)
+
+    assert abs(over(x) - x).max() < 1e-9
+    step = 1e-5 * np.eye(x.size)
+    M = np.transpose([(over(x + e) - over(x - e)) / 2e-5 for e in step])
+    apart = abs(orbit.multipliers[:, None] - np.linalg.eigvals(M))
+    assert apart[linear_sum_assignment(apart)].max() < 1e-5
+    assert orbit.unstable == 0
