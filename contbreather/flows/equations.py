@@ -235,7 +235,7 @@ class FlowEquations:
             t = float(x[-1]) if self.phased else self.start[0].start
             for i, flow in enumerate(self.flows):
                 plain = self._flight(i, x, t)
-                if plain.duration < flow.ignored(p):
+                if max(plain.duration, 0.0) < flow.ignored(p):
                     raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
                 guess = near and self._guess(i, plain, p, *near)
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
