@@ -32,7 +32,7 @@ def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not merged
         merged = _merged(factors)
     mu = np.linalg.eigvals(merged[0]) if len(merged) == 1 else _separated(merged)
-    return np.asarray(mu[np.argsort(-abs(mu), kind="stable")], dtype=complex)
+    return np.asarray(mu[(-abs(mu)).argsort(kind="stable")], dtype=complex)
 
 
 def without_direction(

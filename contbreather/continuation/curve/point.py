@@ -402,9 +402,7 @@ class Event:
             return math.nan
         return value if type(value) is float else self.number(value)
 
-    def values(
-        self, points: Sequence[Point], each: Sequence[Point]
-    ) -> tuple[list[Value], Any]:
+    def values(self, points: Sequence[Point], each: Sequence[Point]) -> tuple[list[Value], Any]:
         """Values at several points of a walk, which are listed, too; and the array of counts where
         it comes with them."""
         answer = None
