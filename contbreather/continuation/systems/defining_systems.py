@@ -222,7 +222,7 @@ def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Ar
     of a section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = 1e-7 / max(size, 1e-300)  # one of two null vectors may vanish
+    step = 1e-6 / max(size, 1e-300)  # one of two null vectors may vanish
     change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z)
     return np.asarray(change / step)
 
