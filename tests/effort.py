@@ -32,3 +32,19 @@ def effort(work: Callable[[], object]) -> Effort:
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     return Effort(calls, peak)
+
+
+def functions_called(work: Callable[[], object]) -> int:
+    """Count the functions of Python that were called."""
+    calls = 0
+
+    def count(_: FrameType, event: str, __: Any) -> None:
+        nonlocal calls
+        calls += event == "call"
+
+    sys.setprofile(count)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return calls

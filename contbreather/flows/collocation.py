@@ -20,7 +20,7 @@ from ..checks import whole
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow
-from .functions import Params, slopes, values
+from .functions import Params, calling, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
@@ -349,13 +349,14 @@ def _newton(
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
     # where all is at rest slopes count as a tenth of what moves
     moves = max(abs(k).max(), 0.1 * max(unit, abs(flight.states).max()))
-    first_order = inverse is not None
+    first_order, t = inverse is not None, flight.inner
     for _ in range(12):
         if fresh := inverse is None:
             linear = derivatives(flow, flight, k, p)
             h_f, inverse, good = linear.field, linear.inverse, True
         else:
-            h_f = values(flow.f, flight.inner, reached(flight, k), p).T.reshape(k.shape) * lengths
+            x = reached(flight, k)
+            h_f = calling(flow.f, t, x, p)(t, x, p).T.reshape(k.shape) * lengths
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
         step = (inverse @ (k - h_f).reshape(len(k), -1, 1)).reshape(k.shape)
         k = k - step
@@ -434,7 +435,7 @@ def _inverted(matrix: Array) -> Array:
     """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
     size = matrix.shape[1] * matrix.shape[2]
     matrix = matrix.reshape(-1, size, size)
-    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
+    matrix[:, range(size), range(size)] += 1.0
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:

@@ -55,7 +55,7 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
     first, states = equations.start[0].states, x[equations.layout.nodes[0]]
     way = first - first.mean(axis=0)
     swing = (states - states.mean(axis=0)) * way
-    return float(swing.sum() / (np.linalg.norm(way) * np.linalg.norm(first)))
+    return float(swing.sum() / math.sqrt((way * way).sum() * (first * first).sum()))
 
 
 def _swing(least: float, point: Point) -> float:

@@ -287,8 +287,9 @@ class CycleProblem(Problem):
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
         mu, count = point.solution.others, self.residual.start[0].dimension - 1
         # those that are not known are next to 0: of these four at once change no sign of a test
-        unknown = (count - mu.size) % 4 if isinstance(self.residual, SparseFlowEquations) else 0
-        return np.append(mu, np.zeros(unknown)), 0.0  # small ones are as exact as large ones
+        if isinstance(self.residual, SparseFlowEquations):
+            mu = np.append(mu, np.zeros((count - mu.size) % 4))
+        return mu, 0.0  # small ones are as exact as large ones
 
     @property
     def perturbed(self) -> NDArray[np.intp]:

@@ -168,7 +168,7 @@ class FlowEquations:
         """Tell whether the time at which the first flow begins is unknown."""
         return self.period is not None and all(flow.until for flow in self.flows)
 
-    @property
+    @cached_property
     def autonomous(self) -> bool:
         return self.period is None
 

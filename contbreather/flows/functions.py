@@ -85,13 +85,13 @@ class _Calling:
         return getattr(self.function, "__qualname__", brief(self.function))
 
     def __call__(self, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
-        with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
-            if self.at_once:
-                try:
-                    return self.together(t, x, p)
-                except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
-                    _LOG.debug("%s raised at one of %d states", self.name, t.size)
-            columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
+        """Evaluate at all states. Callers ignore warnings: they see NaN and infinity."""
+        if self.at_once:
+            try:
+                return self.together(t, x, p)
+            except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
+                _LOG.debug("%s raised at one of %d states", self.name, t.size)
+        columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
         return np.stack(columns, axis=-1)
 
     def together(self, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -115,7 +115,8 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
     """
     if getattr(t, "shape", None) != x.shape[1:]:
         t = np.broadcast_to(t, x.shape[1:])
-    return _calling(function, t, x, p)(t, x, p)
+    with np.errstate(all="ignore"):
+        return calling(function, t, x, p)(t, x, p)
 
 
 def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
@@ -147,7 +148,8 @@ def undecorated(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+def calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    """Say how a function is evaluated at many states, decided at the first of them."""
     try:
         return _CALLING[function][len(x)]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
@@ -215,15 +217,17 @@ def slopes_along(
     """
     (n, width), count = ways.shape, x.shape[1]
     t = t if getattr(t, "shape", None) == (count,) else np.full(count, t, dtype=float)
-    how, doubtful = _calling(function, t, x, p), np.arange(count)
+    how, doubtful = calling(function, t, x, p), np.arange(count)
     if how.schemes.get(names, how) is None:
-        value, slope, doubtful = _complex_steps(how, t, x, p, names, ways)
+        with np.errstate(all="ignore"):
+            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways)
         if not doubtful.size:
             return value, slope
 
     def joined(z: NDArray[Any]) -> NDArray[Any]:  # rows of states, times, parameters (all alike)
         moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
-        return how(z[n], z[:n], {**p, **moved})
+        with np.errstate(all="ignore"):
+            return how(z[n], z[:n], {**p, **moved})
 
     named = np.array([p[name] for name in names]).reshape(-1, 1)
     z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
@@ -243,7 +247,8 @@ def slopes_along(
         by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", how.name, by)
     if (finer := how.schemes[names]) is None:
-        return _complex_steps(how, t, x, p, names, ways)[:2]
+        with np.errstate(all="ignore"):
+            return _complex_steps(how, t, x, p, names, ways)[:2]
     return joined(z), _differences(joined, z, scales, finer, whole)
 
 
@@ -275,7 +280,7 @@ def _complex_steps(
     size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
     # beside a domain there is nothing to compare with
     doubtful = (off > size[:, None]).any(axis=0)
-    return value, slope, np.flatnonzero(doubtful)[:_PROBED]
+    return value, slope, doubtful.nonzero()[0][:_PROBED]
 
 
 def _parts(ways: Array, vectors: Array) -> Array:

@@ -32,7 +32,7 @@ def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not merged
         merged = _merged(factors)
     mu = np.linalg.eigvals(merged[0]) if len(merged) == 1 else _separated(merged)
-    return np.asarray(mu[np.argsort(-abs(mu), kind="stable")], dtype=complex)
+    return np.asarray(mu[(-abs(mu)).argsort(kind="stable")], dtype=complex)
 
 
 def without_direction(
@@ -133,8 +133,10 @@ def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:
     """Tell which of them are; what acts on nothing is, as across an orbit of one state."""
     if not matrices.size:
         return np.ones(len(matrices), dtype=bool)
-    finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
-    sizes = np.linalg.svd(np.where(finite, matrices, 0.0), compute_uv=False)
+    if not np.isfinite(matrices.sum()):
+        finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
+        matrices = np.where(finite, matrices, 0.0)
+    sizes = np.linalg.svd(matrices, compute_uv=False)
     # beyond a condition of 1e6 less than ten digits of the smallest singular value are left
     return np.asarray(sizes[:, 0] < 1e6 * sizes[:, -1])
 

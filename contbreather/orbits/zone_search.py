@@ -369,7 +369,7 @@ def row_pieces(
             continue
         z = _at(curve, phi)
         points = Points(curve, z, np.zeros_like(z), *np.zeros((2, len(z))))
-        answers = [event.values(points, points) for event in events]
+        answers = [event.values(points) for event in events]
         tests = np.array([test for test, _ in answers])
         # of upper breathers the test of the fold is positive, too
         ends = [bool(event.ends) for event in events]

@@ -54,14 +54,14 @@ class Points(Sequence[Point]):
         points = tuple(points)
         curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
         z, tangents, arclength, residual = zip(*map(_ROW, points), strict=True)
-        tangent = np.stack([none if row is None else row for row in tangents])
+        tangent = np.array([none if row is None else row for row in tangents])
         marked = {}
         for i, p in enumerate(points):
             more = p.kind or p.label or p.detail or p.event or p.parent or p.bracket
             if more or not p.located or p.tangent is None or p.curve is not curve:
                 marked[i] = p
         numbers = np.array(arclength), np.array(residual)
-        piece = Points(curve, np.stack(z), tangent, *numbers, marked)
+        piece = Points(curve, np.array(z), tangent, *numbers, marked)
         piece._points.update(enumerate(points))
         return piece
 

@@ -217,14 +217,14 @@ def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Arr
 
 
 def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
-    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
-    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
-    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    """``left @ curve.along(z, right)`` by one difference to the derivative at hand: six digits, and
+    a row of Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that
+    of a section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
-    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
-    return np.asarray(change / (2 * step))
+    step = 1e-6 / max(size, 1e-300)  # one of two null vectors may vanish
+    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z)
+    return np.asarray(change / step)
 
 
 # --- problem and defining system as one longer problem ------------------------------------------

@@ -58,7 +58,7 @@ def least_with_sign(factors: Values, rounding: Array | float) -> Any:
     """
     sizes = abs(factors)
     clear = sizes > rounding
-    zeros = np.count_nonzero(~clear, axis=-1)
+    zeros = (~clear).sum(axis=-1)
     least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, 1e-100))
     signs = np.divide(factors, sizes, out=np.ones_like(factors), where=clear)
     return np.copysign(least, signs.prod(axis=-1).real)

@@ -19,7 +19,7 @@ from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN
 from ..curve.branch import Points, Stop
 from ..curve.curve import LEVEL, Curve
 from ..curve.derivative_checks import reconsider
-from ..curve.point import Event, Point, Value
+from ..curve.point import MANY, Event, Point, Value
 from ..curve.settings import Steps
 from ..events.step_interpolant import StepInterpolant
 from ..systems.branch_points import GAP, crossing
@@ -54,8 +54,9 @@ class BranchPiece:
     counts: Sequence[Any] = ()  # beside these, or None
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
-        each = [*self.points]
-        asked = [event.values(self.points, each) for event in events]
+        # of few each is made once, not once for each event
+        points = self.points if len(self.points) >= MANY else [*self.points]
+        asked = [event.values(points) for event in events]
         tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
         return replace(self, tests=tests, counts=counts)
 

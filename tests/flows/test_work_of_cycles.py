@@ -1,0 +1,74 @@
+"""How much work a point of a branch of cycles is: functions of Python, and calls of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import contbreather as cb
+from contbreather.flows import Collocation
+
+from ..effort import functions_called
+
+TEN_BY_EIGHT = Collocation(intervals=10, points=8)
+
+
+class Lorenz:
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def __call__(self, t: Any, x: Any, p: Any) -> Any:
+        self.asked += 1
+        return [p["s"] * (x[1] - x[0]), x[0] * (p["r"] - x[2]) - x[1], x[0] * x[1] - p["b"] * x[2]]
+
+
+@pytest.fixture(scope="module")
+def field() -> Lorenz:
+    return Lorenz()
+
+
+@pytest.fixture(scope="module")
+def ring(field) -> cb.Problem:
+    start, params = {"x": 0.0, "y": 10.0, "z": 280.0}, {"r": 280.0, "s": 10.0, "b": 8 / 3}
+    return cb.cycle(field, start, params, settle=60.0, collocation=TEN_BY_EIGHT)
+
+
+def a_point(field: Lorenz, walk: Callable[[], cb.Branch]) -> tuple[float, float]:
+    """Functions of Python and calls of the field for each point of a branch."""
+    branches: list[cb.Branch] = []
+    before = field.asked
+    functions = functions_called(lambda: branches.append(walk()))
+    count = len(branches[0])
+    return functions / count, (field.asked - before) / count
+
+
+def test_a_point_of_a_branch_takes_few_calls(field, ring) -> None:
+    """All of them: of the start, of five events, and of locating and judging a period doubling."""
+    walk = lambda: cb.trace(ring, "r", within={"r": (200.0, 281.0)}, towards="down")  # noqa: E731
+    assert [point.kind for point in walk().special] == ["EP", "PD", "EP"]
+    functions, asked = a_point(field, walk)
+    assert functions < 1100
+    assert asked < 14
+
+
+def test_short_steps_take_fewer(field, ring) -> None:
+    """Where nothing happens: two residuals, one of them exact, the check between, and a derivative
+    by three calls of the field."""
+    short = cb.Steps(largest=0.01)
+    functions, asked = a_point(
+        field,
+        lambda: cb.trace(ring, "r", within={"r": (270.0, 281.0)}, towards="down", steps=short),
+    )
+    assert functions < 800
+    assert asked < 7
+
+
+def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> None:
+    doubling = cb.trace(ring, "r", within={"r": (225.0, 281.0)}, towards="down").first("PD")
+    functions, asked = a_point(
+        field, lambda: cb.boundary(doubling, ("r", "s"), within={"s": (9.0, 11.0)})
+    )
+    assert functions < 3600
+    assert asked < 85
