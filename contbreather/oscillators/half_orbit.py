@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import Matrix
 from ..flows.collocation import TrajectorySegment
+from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
@@ -82,6 +83,11 @@ class HalfOrbit(FlowEquations):
         return np.repeat(
             [0.0, 1.0], self.chain.sites
         )  # v_0 = 0 in rows of v, v_end = 0 in those of u
+
+    def holding(self, name: str) -> HalfOrbit:
+        """The equations where this is given."""
+        more = {what: getattr(self, what) for what in ("start", "states", "sizes")}
+        return HalfOrbit.of(self.chain, name, **more)
 
     def unknowns(
         self, flights: Sequence[TrajectorySegment], p: Params | None = None
@@ -154,6 +160,51 @@ class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
     def closing(self) -> tuple[Any, Any]:
         sites = np.arange(self.chain.sites)
         return sites, sites + sites.size  # `at_rest`
+
+
+@dataclass(frozen=True, eq=False)
+class WholeOrbit(FlowEquations):
+    """An orbit of a lattice that need not be time-reversible, at a given frequency or energy: one
+    of a family in which the energy is conserved."""
+
+    @classmethod
+    def of(cls, half: HalfOrbit, whole: tuple[TrajectorySegment, ...]) -> WholeOrbit:
+        chain, energies = half.chain, quantities_of(half.chain.energy)
+        (states,) = (flight.states.T for flight in whole)
+        flow = Flow(Unfolded.near(chain, {"lambda": energies["energy"]}, states))
+        held = "period" if half.held == "omega" else "energy"
+        kept = Conservation(energies, held, np.empty((0, len(states))))
+        kind = SparseWholeOrbit if isinstance(half, SparseHalfOrbit) else cls
+        return kind((flow,), whole, None, 1, half.states, half.sizes, kept)
+
+    @property
+    def held(self) -> str:
+        assert self.conservation is not None
+        return "omega" if self.conservation.held == "period" else "energy"
+
+    def holding(self, name: str) -> WholeOrbit:
+        assert self.conservation is not None
+        held = "period" if name == "omega" else name
+        return replace(self, conservation=replace(self.conservation, held=held))
+
+    def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
+        return super()._given(
+            kept, x, {**p, "period": 2 * half_period(0.0, x, {"omega": 1.0, **p})}
+        )
+
+    def _given_slopes(
+        self, kept: Conservation, x: Array, p: Params, names: tuple[str, ...]
+    ) -> Array:
+        rows = super()._given_slopes(kept, x, p, names)
+        if kept.held == "period" and "omega" in names:  # T - 2 pi / omega
+            column = names.index("omega") - len(names)
+            rows[len(kept.quantities), column] = 2 * math.pi / p["omega"] ** 2
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class SparseWholeOrbit(WholeOrbit, SparseFlowEquations):
+    """The same of many sites."""
 
 
 def unfolded_half(flight: TrajectorySegment, reversor: Array) -> TrajectorySegment:
