@@ -22,13 +22,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.newton import Array
+from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
-from ..flows.functions import Params
+from ..flows.functions import Params, slopes
 from ..flows.multipliers import of_family
 from ..flows.sparse_equations import SparseFlowEquations
 from .oscillator_lattice import Oscillators
@@ -124,32 +124,42 @@ class HalfOrbit(FlowEquations):
     # --- where a multiplier is 1 or -1 ----------------------------------------------------------
 
     def closed_by(
-        self, matrix: Matrix, x: Array, p: Params, starts: str, ends: str
+        self, matrix: Matrix, x: Array, p: Params, names: tuple[str, ...], starts: str, ends: str
     ) -> NDArray[np.float64]:
-        """Close the derivative in the unknowns for perturbations with other parts, "u" or "v", at
-        rest at both ends: (v, v) are as the orbit; (u, u) are turned around, and have the
-        multiplier 1, too; (v, u) and (u, v) have -1."""
+        """Close the derivative, in unknowns and named parameters, for perturbations with other
+        parts, "u" or "v", at rest at both ends: (v, v) are as the orbit, of a given energy;
+        (u, u) are turned around, and have the multiplier 1, too; (v, u) and (u, v) have -1."""
+        if isinstance(self, SparseFlowEquations):
+            raise Undefined("of so many sites places are located, and not followed as curves")
         layout, n, sites = self.layout, self.start[0].dimension, self.chain.sites
-        square = matrix[:, : layout.size]
-        square = np.array(square.toarray() if hasattr(square, "toarray") else square)
-        (piece,), first = self.linearised(x, p).linear, layout.nodes[0][0]
+        square = np.array(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+        (piece,), first = self.linearised(x, p, names).linear, layout.nodes[0][0]
         of = {"u": slice(0, sites), "v": slice(sites, n)}
-        columns = layout.columns(0, 0)[-1]
+        columns = layout.columns(0, len(names))[-1]
         known = columns >= 0
-        arrival = piece.arrival[of[ends], : columns.size][:, known]
         square[first] = 0.0
         rows, last = first[of[starts]], layout.lengths[0]
         square[rows, rows] = 1.0
         left = first[of["u" if starts == "v" else "v"]]
-        square[np.ix_(left, columns[known])] -= arrival
+        square[np.ix_(left, columns[known])] -= piece.arrival[of[ends]][:, known]
         square[last] = 0.0
-        square[last, last] = 1.0
-        if starts == ends == "u":  # along the orbit itself it is moved: across that alone
-            way = self.chain(0.0, x[first], p)[sites:]
-            square[last] = 0.0
-            square[last, first[sites:]] = way
-            square[left, last] = self.chain(0.0, self.flights(x, p)[0].end, p)[sites:]
+        if starts == ends == "v":
+            energy = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
+            square[last, first], square[last, layout.size :] = energy[:n], energy[n + 1 :]
+        elif starts == ends:  # along the orbit itself it is moved: across that alone
+            square[last, first[sites:]] = self.chain(0.0, x[first], p)[sites:]
+        else:
+            square[last, last] = 1.0
         return square
+
+    def border(self, x: Array, p: Params) -> tuple[Array, int, Array]:
+        """Rows, the column and values that make (u, u) regular: what ends along the orbit."""
+        first, end = self.layout.nodes[0][0], self.flights(x, p)[0].end
+        sites = self.chain.sites
+        return first[sites:], self.layout.lengths[0], self.chain(0.0, end, p)[sites:]
+
+    def _energy(self, t: Any, x: Any, p: Params) -> Any:
+        return self.chain.energy(x, p)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Arms at PF and curves in two parameters: beside half of a period's map that is integrated here."""
+"""Arms at PF and curves in two parameters: beside an integrated half of the period."""
 
 from __future__ import annotations
 
@@ -29,6 +29,11 @@ def half_map(pull, K, c, u, time):
     return end[: 2 * n], {"uu": M[0, 0], "uv": M[0, 1], "vu": M[1, 0], "vv": M[1, 1]}
 
 
+def stiffness(lattice):
+    K = lattice.stiffness
+    return np.asarray(K.toarray() if hasattr(K, "toarray") else K)
+
+
 def triangle(w: float) -> cb.Lattice:
     graph = nx.Graph()
     graph.add_weighted_edges_from([(0, 1, 1.0), (1, 2, 1.0), (0, 2, w)])
@@ -48,9 +53,7 @@ def test_orbits_that_are_not_time_reversible_branch_off_at_pf() -> None:
     point = branch.first("PF")
     arms = cb.switch(point, within={"omega": (0.7, 0.9), "energy": (0, 10)}, steps=cb.Steps(most=6))
     assert [arm[0]["omega"] for arm in arms] == pytest.approx([point["omega"]] * 2, abs=1e-9)
-    K = triangle(0.45).stiffness.toarray() if hasattr(triangle(0.45).stiffness, "toarray") else (
-        np.asarray(triangle(0.45).stiffness)
-    )  # fmt: skip
+    K = stiffness(triangle(0.45))
     for arm in arms:
         orbit = arm[-1].solution
         x = orbit.states(0.0)
@@ -95,10 +98,12 @@ def test_boundaries_are_where_blocks_of_the_half_map_lose_rank(kind: str) -> Non
     make, free, window, other, around, pull, n = CASES[kind]
     start = make()
     branch = cb.trace(start, free, within={free: window})
-    line = cb.boundary(branch.first(kind), (other, free), within={other: around})
-    assert len(line) >= 5 and np.ptp(line[other]) > 0.9 * (around[1] - around[0])
-    K = start.solution.chain.lattice.stiffness
-    K = np.asarray(K.toarray() if hasattr(K, "toarray") else K)
+    # in the parameter, and not in the energy of the family
+    points = (p for p in branch.special if p.kind == kind and "energy" not in str(p.detail))
+    line = cb.boundary(next(points), (other, free), within={other: around})
+    assert len(line) >= 5
+    assert np.ptp(line[other]) > 0.9 * (around[1] - around[0])
+    K = stiffness(start.solution.lattice)
     for point in (line[0], line[len(line) // 2], line[-1]):
         u, v = point.base_point.solution.state()
         assert abs(v).max() < 1e-12
