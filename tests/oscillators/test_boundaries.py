@@ -116,3 +116,23 @@ def test_boundaries_are_where_blocks_of_the_half_map_lose_rank(kind: str) -> Non
             "BP": sizes["vu"][-1], "LP": sizes["vu"][-1],
         }[kind]  # fmt: skip
         assert least < 1e-8
+
+
+def test_collisions_beside_pd_are_all_located() -> None:
+    """Where two pairs of opposite signature meet both of their indices are one: by the traces of
+    an integrated half, M = R M_half^-1 R M_half."""
+    start = CASES["PD"][0]()
+    branch = cb.trace(start, "omega", within={"omega": (1.9, 2.3)})
+    assert not branch.doubtful
+    meetings = [point for point in branch.special if point.kind == "KC"]
+    assert len(meetings) == 2
+    R, K = np.repeat([1.0, -1.0], 3), stiffness(start.solution.lattice)
+    for point in meetings:
+        u = point.solution.state()[0]
+        blocks = half_map(CUBIC, K, point["c"], u, np.pi / point["omega"])[1]
+        half = np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
+        M = R[:, None] * np.linalg.inv(half) * R @ half
+        first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1  # sums of cos and of cos 2
+        squares = (second + 2) / 2
+        assert abs(2 * squares - first**2) < 1e-8  # (I1 - I2)^2
+        assert point.detail["signatures"] == "+ -"
