@@ -32,7 +32,7 @@ __all__ = front(
         "continuation.bifurcations.maps": "FixedPoint",
         "continuation.branches.switching": "switch",
         "errors": "BadInput NoSolution NotConverged",
-        "flows": "Collocation Filippov Flow cycle equilibrium integrate",
+        "flows": "Collocation Filippov Flow cycle cycles equilibrium integrate",
         "lattice": "Fourier Harmonic InfiniteChain Ring Samples Symbolic",
         "lattice.finite": "Grid Lattice OpenChain",
         "lattice.units": "Units",

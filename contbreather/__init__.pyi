@@ -34,6 +34,7 @@ from .flows import Collocation as Collocation
 from .flows import Filippov as Filippov
 from .flows import Flow as Flow
 from .flows import cycle as cycle
+from .flows import cycles as cycles
 from .flows import equilibrium as equilibrium
 from .flows import integrate as integrate
 from .lattice import Fourier as Fourier

@@ -18,13 +18,7 @@ MANY = 100_000  # values of a parameter, and combinations of values: with zones 
 
 
 def brief(value: object) -> str:
-    """A value as a sentence shows it, however long it is.
-
-    Examples
-    --------
-    >>> brief("x"), brief([1.0]), len(brief(10**5000)) < 250
-    ("'x'", '[1.0]', True)
-    """
+    """A value as a sentence shows it, however long it is."""
     try:
         text = repr(value)
     except ValueError:  # Python does not write out integers of more than 4300 digits
@@ -37,11 +31,6 @@ def real(value: object) -> float:
     """The value as a float; NaN for what is no real number.
 
     Text, truth values, None, complex numbers and arrays are none, though `float` would take some.
-
-    Examples
-    --------
-    >>> [real(given) for given in (2, "2", True, None, [2.0], 2j)]
-    [2.0, nan, nan, nan, nan, nan]
     """
     if type(value) is float:  # by far the most frequent
         return value
@@ -121,11 +110,6 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
 def spread(name: str, low: object, high: object, count: object) -> list[float]:
     """So many numbers from one to another, as one would write them, or a sentence before any is
     made.
-
-    Examples
-    --------
-    >>> spread("k", 0.3, 0.4, 3)
-    [0.3, 0.35, 0.4]
     """
     ends = [number(name, end, -1e300, 1e300, "a value") for end in (low, high)]
     integer = isinstance(count, int | np.integer) and not isinstance(count, bool)

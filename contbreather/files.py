@@ -31,14 +31,6 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     ------
     BadInput
         If `path` is no name, a directory or a disk, or cannot be written, with the system's reason.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     made = write_whole(f"{folder}/note.txt", lambda file: file.write(b"all of it"))
-    ...     made.name, made.read_text()
-    ('note.txt', 'all of it')
     """
     target = writable(path)
     try:

@@ -151,13 +151,7 @@ OPTIONAL = tuple(name for name in NAMES if name not in NEEDED)
 
 
 def parameter(name: str, value: object, **range_: Any) -> float:
-    """A parameter as a float in its range, or its sentence; some functions have another range.
-
-    Examples
-    --------
-    >>> parameter("k", 1), parameter("damping", 0.5, high=1e4)
-    (1.0, 0.5)
-    """
+    """A parameter as a float in its range, or its sentence; some functions have another range."""
     declared = NUMBERS[name] if name in NUMBERS else SMOOTH[name]
     if range_:
         declared = replace(declared, **range_)
@@ -172,13 +166,7 @@ def parameter(name: str, value: object, **range_: Any) -> float:
 
 
 def window_of(name: str) -> tuple[float, float]:
-    """Default window of a parameter; any value of one of the forcing.
-
-    Examples
-    --------
-    >>> window_of("gamma"), window_of("c3")
-    ((0.0, 0.2499), (-inf, inf))
-    """
+    """Default window of a parameter; any value of one of the forcing."""
     if name not in NUMBERS:
         return -math.inf, math.inf
     return NUMBERS[name].window or NUMBERS[name].domain

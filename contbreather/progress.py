@@ -131,15 +131,11 @@ class _Progress:
             if not self.due:
                 return
             if self.line is None:
-                self.line = self._begun()
+                plain = _Terminal(self.total, self.unit) if sys.stderr.isatty() else _Log()
+                self.line = _Page(self.total) if self.page else plain
             pause = SELDOM if isinstance(self.line, _Log) else INTERVAL
             self.after = time.monotonic() + pause
             self.line.show(*self.latest)
-
-    def _begun(self) -> _Page | _Terminal | _Log:
-        if self.page:
-            return _Page(self.total)
-        return _Terminal(self.total, self.unit) if sys.stderr.isatty() else _Log()
 
 
 class Bar(_Progress):

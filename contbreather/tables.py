@@ -75,17 +75,7 @@ class Column:
 
 @dataclass(frozen=True, repr=False)
 class Sheet:
-    """Columns with a title: a rich table no wider than its console, as far as that can be.
-
-    Examples
-    --------
-    >>> names, spare = Column("label", ["LP1"]), Column("b", [2.0], spare=True)
-    >>> wide = Sheet([names, Column("a", [1 / 3]), spare])
-    >>> [column.header for column in wide.table().columns]
-    ['label', 'a', 'b']
-    >>> [list(column.cells) for column in wide.table(width=20).columns]
-    [['LP1'], ['0.333333']]
-    """
+    """Columns with a title: a rich table no wider than its console, as far as that can be."""
 
     columns: Sequence[Column]
     title: str = ""
@@ -93,7 +83,6 @@ class Sheet:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, Cell]], title: str = "", digits: int = DIGITS) -> Sheet:
-        """Names and their values, without headings."""
         names, cells = zip(*rows, strict=True)
         return cls([Column("", names), Column("", cells, digits, right=True)], title)
 
@@ -176,13 +165,7 @@ class Sheet:
 
 
 def visible(text: str) -> str:
-    """Text in which what a terminal would obey, rather than show, is written out.
-
-    Examples
-    --------
-    >>> print(visible("red\x1b[31m"))
-    red\\x1b[31m
-    """
+    """Text in which what a terminal would obey, rather than show, is written out."""
     return "".join(
         letter
         if letter == "\n" or category(letter)[0] != "C"

@@ -45,7 +45,6 @@ class ProvenMotion:
         return max(m for m, _, _ in self.harmonics)
 
     def at(self, y: Ball, order: int) -> Ball:
-        """Displacement, velocity or acceleration."""
         total = self.polynomials[order](y) + self.errors[order]
         for m, cosine, sine in self.harmonics:
             total += turned(cosine, sine, m * y, order) * m**order

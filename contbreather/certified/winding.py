@@ -71,13 +71,10 @@ class ProvenCount(NamedTuple):
 
 
 class Rectangle(NamedTuple):
-    """Enclosures of real and imaginary part."""
-
     real: Ball
     imag: Ball
 
     def common_point(self, other: Rectangle) -> complex:
-        """A point of both."""
         real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
         return complex(nearest_float(real), nearest_float(imag))
 

@@ -220,7 +220,6 @@ def boundary(
 
 
 def of_branch(branch: cb.Branch, axes: Axes = Axes()) -> Result:
-    """Present one branch or boundary."""
     about: dict[str, Any] = {"free": branch.free}
     if branch.problem.beneath is not None:
         kind = branch.problem.label.partition(" ")[0]
@@ -274,7 +273,6 @@ def switch(
 
 
 def of_arms(arms: Sequence[cb.Branch], axes: Axes = Axes()) -> Result:
-    """Present branches that leave one point."""
     numbered = enumerate(arms, start=1)
     return Result(
         partial(arms_entry, arms),
@@ -431,7 +429,6 @@ def diagram(
 
 
 def of_diagram(tree: Any) -> Result:
-    """Present a diagram."""
     return Result(
         partial(diagram_entry, tree),
         lambda: [tree],

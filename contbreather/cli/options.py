@@ -47,12 +47,10 @@ PerSite = Annotated[float, Parameter(converter=number_or_numbers)]
 
 
 def parameter_help(name: str) -> Parameter:
-    """Help of a parameter of the model."""
     return Parameter(help={**NUMBERS, **CHOICES}[name].help)
 
 
 def window_help(name: str) -> Parameter:
-    """Help of a window of a parameter."""
     number = NUMBERS[name]
     words = f"Lowest and highest {number.meaning} to look at, {_usual(name)} unless given"
     return Parameter(help=f"{words}{number.window_reason}.")
@@ -309,5 +307,4 @@ class Axes:
                 raise BadInput(f"--{option} {name}: nothing is drawn; name a figure, -o branch.png")
 
     def plot(self, *branches: cb.Branch) -> Any:
-        """Draw branches."""
         return cb.plotting.plot(*branches, x=self.x, y=self.y)

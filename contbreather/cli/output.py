@@ -108,7 +108,6 @@ class Output:
 
     @property
     def library_file(self) -> str | None:
-        """File that the library writes."""
         return getattr(self, "save", None)
 
     def check(self, read: Mapping[str, str | None] | None = None, **more: str | None) -> None:
@@ -203,7 +202,6 @@ def stacked_table(tables: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]])
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
-    """A special point for JSON."""
     numbers = {n: value for n, value in point.values.items() if not getattr(value, "ndim", 0)}
     return {
         "kind": point.kind,

@@ -32,7 +32,7 @@ from contbreather.files import identity
 def show(
     run: str, name: str | None = None, /, *, axes: Axes = Axes(), into: Output = Output()
 ) -> None:
-    """What is in a file that --save has kept, or in a folder of such files.
+    """Print a file that --save has kept, or a folder of such files.
 
     Parameters
     ----------

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     Ran = cb.simulation.SimulationRun | SmoothRun
 
 SITES = 20  # the paper's ring
-WINDOW = 6  # periods drawn densely
-CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
 WANTED = "JSON with u, v and t, or two columns u and v were expected"
@@ -99,7 +97,6 @@ class RunOptions:
 
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
-        """Run it."""
         from contbreather.progress import Bar
         from contbreather.simulation.simulate import length_of
 
@@ -190,7 +187,8 @@ def _breather(where: ModelOptions, on: dict[str, Any], lattice: Any) -> tuple[An
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
     # a period should not begin at an impact: it might be counted there or not
     near = min(abs(math.remainder(time, math.pi)) for time in breather.times)
-    t0 = 0.0 if near > CLOSE else 0.5 * math.pi
+    # a breather that hits closer to t = 0 sets out a quarter of a period later
+    t0 = 0.0 if near > 0.05 else 0.5 * math.pi
     return breather.state(t=t0), t0
 
 
@@ -432,7 +430,7 @@ def _window(run: Any, site: int) -> Any:
     """Simulate the last periods again, with some sites recorded densely."""
     from contbreather.simulation.simulate import completed, let_go
 
-    count = min(WINDOW, run.periods)
+    count = min(6, run.periods)  # periods drawn densely
     state = cb.simulation.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
     shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
     window: dict[str, Any] = {"periods": max(1, count), "sample": cb.simulation.Sample(shown, 100)}

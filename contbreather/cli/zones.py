@@ -74,7 +74,6 @@ def zones(
 
 
 def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
-    """Present zone diagrams."""
     there = [diagram for diagram in diagrams if any(diagram)]
     _, curve = next(iter(there[0]))
     return Result(

@@ -112,7 +112,6 @@ def button(label: str, do: Callable[[], object], **look: Any) -> Any:
 
 
 def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
-    """Do it, and say why not, or nothing."""
     try:
         do()
     except ContbreatherError as error:

@@ -31,7 +31,6 @@ from contbreather.progress import in_notebook
 PLANES = {f"{views.letter(x)}, {views.letter(y)}": name for name, (x, y) in PAIRS.items()}
 TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point
-PAUSE = 400  # milliseconds without a move, until the browser is told again where all is
 
 
 class Page:
@@ -148,7 +147,8 @@ class Page:
                 forms.tried(lambda: do(event.new), self._tell)
                 self._moves += 1
                 if self._served and self.explorer.shared:
-                    self.document.add_timeout_callback(partial(self._again, self._moves), PAUSE)
+                    # milliseconds without a move
+                    self.document.add_timeout_callback(partial(self._again, self._moves), 400)
 
         widget.param.watch(changed, "value")
 

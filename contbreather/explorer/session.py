@@ -152,7 +152,6 @@ class Session:
             self.change(plane=plane)
 
     def choose(self, chosen: Chosen) -> None:
-        """Look at an orbit or a point."""
         self.message = ""
         self.change(chosen=chosen, listed=chosen.curve or self.state.listed)
 

@@ -13,5 +13,6 @@ __all__ = front(
         "flow": "Filippov Flow",
         "flow_equilibria": "equilibrium",
         "integrate": "GuardCrossing Piece Trajectory integrate",
+        "several_starts": "FoundCycle cycles",
     },
 )

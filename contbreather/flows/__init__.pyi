@@ -9,3 +9,5 @@ from .integrate import GuardCrossing as GuardCrossing
 from .integrate import Piece as Piece
 from .integrate import Trajectory as Trajectory
 from .integrate import integrate as integrate
+from .several_starts import FoundCycle as FoundCycle
+from .several_starts import cycles as cycles

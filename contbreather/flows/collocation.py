@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -147,6 +146,14 @@ class TrajectorySegment:
     def last(self) -> float:
         return self.start + self.duration
 
+    def with_slopes(self, slopes: Array) -> TrajectorySegment:
+        """The flight from the same states with other slopes inside, and what is known of its mesh;
+        `replace` would find that out again."""
+        other = object.__new__(TrajectorySegment)
+        vars(other).update(vars(self), slopes=slopes)
+        vars(other).pop("ends", None)
+        return other
+
     def at(self, s: Array) -> Array:
         """States at times from 0 to 1, shape (n, len(s))."""
         j, place = self.places(s)
@@ -186,7 +193,7 @@ class TrajectorySegment:
         inside = self.knots[:-1, None] + self.steps[:, None] * (np.arange(per) / per)
         states = self.states[:, None] + self.scheme.looks(per) @ self.slopes
         states = states.reshape(-1, self.dimension)
-        return np.append(inside, 1.0), np.vstack([states, self.end]).T
+        return np.concatenate([inside.ravel(), [1.0]]), np.concatenate([states, self.end[None]]).T
 
     # --- the mesh ---------------------------------------------------------------------------------
 
@@ -196,7 +203,8 @@ class TrajectorySegment:
         Meshes make all shares equal, 1 here; so they are close where much happens and nowhere too
         wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
-        return np.sqrt(sum(self._squares(sizes, length)[1:])) @ self._unit
+        _, path, still, time = self._squares(sizes, length)
+        return np.asarray(np.sqrt(path + still + time) @ self._unit)
 
     def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
@@ -213,7 +221,7 @@ class TrajectorySegment:
         moved, time = self.slopes / (sizes * length), (self.steps**2)[:, None]
         # a tenth of its size: what sets out from rest keeps a mesh, doubled it has that twice
         least = 0.1 * self.rounds / length
-        return moved, np.einsum("jcn,jcn->jc", moved, moved), time * least**2, time
+        return moved, np.vecdot(moved, moved), time * least**2, time
 
     @property
     def _unit(self) -> Array:
@@ -249,6 +257,16 @@ class TrajectorySegment:
         return float(left.max()), float(self.knots[j])
 
 
+def states_along(flights: Sequence[TrajectorySegment], t: Array) -> Array:
+    """Evaluate flights that follow each other, where they do, as the later one."""
+    begins, states = [f.start for f in flights], np.empty((flights[0].dimension, t.size))
+    number = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
+    for i, flight in enumerate(flights):
+        mine = number == i
+        states[:, mine] = flight.at((t[mine] - flight.start) / flight.duration)
+    return states
+
+
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     """Measure the motion of each state of each flow, or its size.
 
@@ -256,12 +274,11 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     one flow as in another has such meshes, too, wherever its branch began.
     """
     sizes = []
-    for n in (flight.dimension for flight in flights):
-        alike = [flight for flight in flights if flight.dimension == n]
-        sampled = [flight.sampled(2)[1] for flight in alike]
+    for n in [flight.dimension for flight in flights]:
+        sampled = [flight.sampled(2)[1] for flight in flights if flight.dimension == n]
         # what hardly moves is measured by its value: its motion may be rounding
-        moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
-        size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
+        moves = [np.maximum(np.ptp(x, axis=1), 0.1 * abs(x).max(axis=1)) for x in sampled]
+        size = reduce(np.maximum, moves)
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
         least = AT_REST * size.max()
         sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
@@ -297,7 +314,6 @@ class Slopes:
         return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
 
 
-@np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
     flow: Flow,
     flight: TrajectorySegment,
@@ -313,12 +329,15 @@ def flown(
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
-    if near:
-        with suppress(Undefined):
-            return replace(flight, slopes=_newton(flow, flight, p, *near, unit, error))
-    f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
-    k = np.repeat(f[:, None], flight.scheme.points, axis=1)
-    return replace(flight, slopes=_newton(flow, flight, p, k, None, unit, error))
+    with np.errstate(all="ignore"):  # what grows without bound is seen where it is solved for
+        if near:
+            try:
+                return flight.with_slopes(_newton(flow, flight, p, *near, unit, error))
+            except Undefined:
+                pass
+        f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
+        k = np.repeat(f[:, None], flight.scheme.points, axis=1)
+        return flight.with_slopes(_newton(flow, flight, p, k, None, unit, error))
 
 
 def _newton(
@@ -330,6 +349,7 @@ def _newton(
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
     # where all is at rest slopes count as a tenth of what moves
     moves = max(abs(k).max(), 0.1 * max(unit, abs(flight.states).max()))
+    first_order = inverse is not None
     for _ in range(12):
         if fresh := inverse is None:
             linear = derivatives(flow, flight, k, p)
@@ -340,10 +360,11 @@ def _newton(
         step = (inverse @ (k - h_f).reshape(len(k), -1, 1)).reshape(k.shape)
         k = k - step
         size = float(abs(step).max() / moves)
-        # a correction shrinks by as much as the one before
-        ahead = size if before == np.inf else size * size / before
+        # a correction shrinks by as much as the one before; a guess to first order was off by the
+        # square of a distance, in proportion to which the inverse is off
+        rate = size / before if before < np.inf else math.sqrt(size) if first_order else 1.0
         # and nearly at its size it may stop shrinking
-        if min(size, ahead) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
+        if min(size, size * rate) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
             return k
         # one from elsewhere is good once it has made a correction shrink, to a twentieth at least
         shrunk = size <= 0.05 * before

@@ -29,7 +29,8 @@ from ..continuation.bifurcations.multiplier_events import (
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
 from ..continuation.systems.defining_systems import rank_locus
-from .cycle_problem import Cycle, equations_of
+from .cycle_problem import Cycle
+from .equations import equations_of
 
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _OFF, _BY_SIDE = 1e-6, 1e-2  # of the angle of a meeting: where both multipliers are, and neither

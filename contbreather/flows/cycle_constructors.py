@@ -23,12 +23,10 @@ from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown,
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import (
-    RETURNS,
     UNRESOLVED,
     Cycle,
     CycleProblem,
     cycle_of,
-    once,
     problem_of,
 )
 from .equations import FlowEquations
@@ -36,9 +34,12 @@ from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, va
 from .functions import Function, Params, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
 from .multipliers import around
+from .rotation import Angles
+from .rounds import RETURNS, once
 from .sparse_equations import has_many_states, sparse_where_large
 
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
+_ALIKE = 1e-3  # within this of its size all returns are as good
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
@@ -56,6 +57,7 @@ def cycle(
     conserves: Any = None,
     fixed: str = "period",
     jacobian: Any = None,
+    wraps: Mapping[str, float] | None = None,
     t0: float = 0.0,
     settle: float = 0.0,
     collocation: Collocation | None = None,
@@ -91,6 +93,9 @@ def cycle(
         Which of both is given, where the free parameter is another one.
     jacobian : callable or pattern, optional
         The derivative of f in x where `flows` is a function, as `Flow` takes it.
+    wraps : dict, optional
+        A state that is an angle, and its turn, ``{"theta": 2 * np.pi}``: the orbit closes up to as
+        many turns as the simulation makes.
     t0 : float
         The time of the start.
     settle : float
@@ -144,7 +149,8 @@ def cycle(
     flows = flows_of(with_jacobian(flows, jacobian), period)
     alone = _alone(flows)
     if isinstance(start, tuple):
-        parts, pieces, names = _sampled(alone, start, params)
+        pieces, names = _sampled(alone, start, params)
+        angles = Angles.of(wraps, names)
         arrays = dict[str, tuple[str, ...]]()
         _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
         size = shift = 0.0
@@ -152,17 +158,28 @@ def cycle(
         (state, params), arrays = named_state(start, params, *conserved), state_names(start)
         names = tuple(chain.from_iterable(arrays.values()))
         size = float(abs(state).max())
+        angles = Angles.of(wraps, names)
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
         _check_start(flows, t0, state, params, forcing)
-        begin = _settled(run, state, length, t0, settle)
+        angles.check(flows, t0, state, params)
+        t, state, first = _settled(run, state, length, t0, settle)
+        begin = t, state - angles.turns(state), first
         if alone is None:
-            parts, pieces = _hybrid(run, begin, length)
+            parts, pieces = _hybrid(run, begin, length, angles)
         else:
-            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
+            pieces = [_smooth(alone, run, params, begin, length, settle, size, angles)]
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length
+    turns = 1
+    if forcing is not None:
+        whole = sum(b - a for _, a, b in pieces)
+        turns = max(1, round(whole / period_at(forcing, params)))
+    if alone is not None:  # each period as exact as a single one
+        motion, *ends = pieces[0]
+        parts = (angles.taken_from(alone, np.diff(motion(np.array(ends)))[:, 0]),)
+        scheme = replace(scheme, intervals=turns * scheme.intervals)
     flights = [
         replace(flight, start=flight.start - shift)
         for flight in _resolved(scheme, parts, params, pieces)
@@ -170,10 +187,6 @@ def cycle(
     parts = tuple(
         flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
     )
-    turns = 1
-    if forcing is not None:
-        whole = sum(flight.duration for flight in flights)
-        turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(
         parts, tuple(flights), forcing, turns, names, sizes_of(flights), arrays=arrays
@@ -369,7 +382,9 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     return middle, last(middle), last.number
 
 
-def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Motion]]:
+def _hybrid(
+    run: Run, begin: Begin, length: float | None, angles: Angles
+) -> tuple[tuple[Flow, ...], list[Motion]]:
     """Return the last pieces of a simulation after which it repeats itself."""
     t, state, first = begin
     ran = run(x0=state, events=2 * RETURNS, t0=t, first=first)
@@ -381,7 +396,8 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
         # the same flow ended there, in a state of the same kind
         if (event.number, event.after.shape) != (last.number, last.after.shape):
             continue
-        off = float(abs(last.after - event.after).max()) / size
+        moved = last.after - event.after
+        off = float(abs(moved - angles.turns(moved)).max()) / size
         if length is not None:
             # of a forced system only whole numbers of periods are returns
             turned = (last.time - event.time) / length
@@ -389,12 +405,21 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
         returns.append((off, back))
     back = _first_close(returns, ran)
     pieces = ran.pieces[-back:]
-    return tuple(p.flow for p in pieces), [(p, float(p.t[0]), float(p.t[-1])) for p in pieces]
+    *others, ending = (piece.flow for piece in pieces)
+    ending = angles.taken_from(ending, last.after - ran.events[-1 - back].after)
+    return (*others, ending), [(p, float(p.t[0]), float(p.t[-1])) for p in pieces]
 
 
 def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
     """Choose the first return that is nearly as close as the closest of all."""
     least = min((off for off, _ in returns), default=math.inf)
+    if not returns:
+        begin, end = (brief(x.tolist()) for x in (ran.pieces[0].x[:, 0], ran.final))
+        raise NotConverged(
+            f"the simulation does not return: its state goes from {begin} to {end} at "
+            f"t = {ran.pieces[-1].t[-1]:.4g}; a state that is an angle is named with its turn, "
+            "wraps={'theta': 2*np.pi}"
+        )
     if not least <= _BACK:
         raise NotConverged(
             f"the simulation does not return: within {len(returns)} times around it comes back to "
@@ -402,37 +427,61 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
             "(settle=), or start closer to the orbit",
             residual=least,
         )
-    # within 1e-3 of the size all are as good
-    return next(what for off, what in returns if off <= max(3 * least, 1e-3))
+    return next(what for off, what in returns if off <= max(3 * least, _ALIKE))
 
 
 def _smooth(
-    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
+    flow: Flow,
+    run: Run,
+    params: Params,
+    begin: Begin,
+    length: Any,
+    settle: float,
+    size: float,
+    angles: Angles,
 ) -> Motion:
-    """Simulate one period: of the forcing, or from a plane across the flow back to it."""
+    """Simulate one period: of the forcing, as many as it takes where it has settled, or from a
+    plane across the flow back to it."""
     t0, state, _ = begin
     if length is not None:
-        return run(x0=state, time=length, t0=t0), t0, t0 + length
+        most = RETURNS if settle else 1
+        ran = run(x0=state, time=most * length, t0=t0)
+        times = t0 + length * np.arange(1, most + 1)
+        return ran, t0, t0 + length * _forced_return(flow, ran, times, angles)
     for wait in np.multiply(settle or _WAIT, (1, 3, 9, 27)):
         ran = run(x0=state, time=float(wait), t0=t0)
         t0, state = t0 + float(wait), ran.final  # if it was not settled yet
         # what is slow has time to settle that is as long
         moved = values(flow.f, t0, state[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
         _refuse_rest(moved, state, size)
-        returns = _returns(flow, ran, params)
+        returns = _returns(flow, ran, params, angles)
         if min((off for off, _ in returns), default=math.inf) <= _BACK:
             break
     return ran, float(ran.t[0]), float(_first_close(returns, ran))
 
 
-def _returns(flow: Flow, ran: Trajectory, params: Params) -> list[tuple[float, float]]:
+def _forced_return(flow: Flow, ran: Trajectory, times: Array, angles: Angles) -> int:
+    """Count the periods after which a simulation comes back; one where it has not settled, as in
+    chaos: which orbit is near is Newton's to find."""
+    if flow.reset is not None:
+        return 1  # half of a symmetric orbit, or a rotation
+    first = ran.x[:, :1]
+    moved, swing = (x - angles.turns(x - first) for x in (ran(times), ran.x))
+    off = abs(moved - first).max(axis=0) / (np.ptp(swing, axis=1).max() or 1.0)
+    return 1 + int((off <= max(3 * off.min(), _ALIKE)).argmax()) if off.min() <= _ALIKE else 1
+
+
+def _returns(
+    flow: Flow, ran: Trajectory, params: Params, angles: Angles
+) -> list[tuple[float, float]]:
     """Find the returns to the plane through the start across its velocity: how far off the start
     they are, in the size of the orbit, and when."""
     begin, state = ran.t[0], ran.x[:, :1]
     speed = values(flow.f, begin, state, params)[:, 0]
 
     def image(t: Array) -> Array:
-        return ran(t) if flow.reset is None else values(flow.reset, t, ran(t), params)
+        x = ran(t) if flow.reset is None else values(flow.reset, t, ran(t), params)
+        return np.asarray(x - angles.turns(x - state))
 
     def behind(t: Array) -> Array:
         return np.asarray(speed @ (state - image(t)))
@@ -468,7 +517,7 @@ def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, .
 
 def _sampled(
     flow: Flow | None, samples: tuple[Any, Any], params: Params
-) -> tuple[tuple[Flow, ...], list[Motion], tuple[str, ...]]:
+) -> tuple[list[Motion], tuple[str, ...]]:
     """Interpolate samples of one period."""
     from scipy.interpolate import CubicSpline
 
@@ -484,7 +533,7 @@ def _sampled(
         )
     flow.check(float(t[0]), x[:, 0], params)
     whole = CubicSpline(t, x, axis=1), float(t[0]), float(t[-1])
-    return (flow,), [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
+    return [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
 def _closed(

@@ -28,8 +28,9 @@ from ..continuation.systems.branch_points import bordered_matrix, crossing_event
 from ..continuation.systems.defining_systems import Singular, signed_smallest
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
-from .cycle_problem import SHORTEST, Cycle, equations_of
-from .equations import FlowEquations
+from .cycle_beyond import SHORTEST
+from .cycle_problem import Cycle
+from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
@@ -195,25 +196,36 @@ class _Reached:
     wall: Function
     place: float | None  # 1 the end of the flow
     rows: slice  # which of both vanish there
+    since: Function | None = None  # in place of `place` a time after the beginning
 
     def system(self, **extra: float) -> DefiningSystem:
         return DefiningSystem(extra, self.conditions, self.derivative)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        x, p, s = z[: curve.size], curve.params(z), self._place(extra)
+        x, p = z[: curve.size], curve.params(z)
+        s = self._place(extra, x, p)
         t, state = self.equations.place(self.flow, s, x, p)
         return self._both(t, state, p, ())[0][self.rows]
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        x, p, names, s = z[: curve.size], curve.params(z), curve.free, self._place(extra)
+        x, p, names = z[: curve.size], curve.params(z), curve.free
+        s = self._place(extra, x, p)
         t, state = self.equations.place(self.flow, s, x, p)
         local = self._both(t, state, p, names)[1]
         n = state.size + 1  # of the state and the time
         total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
         total[:, curve.size : -1] += local[:, n:]
+        if self.since is not None:  # s = since / T
+            long = self.equations.layout.lengths[self.flow]
+            total[:, long] -= total[:, -1] * s / x[long]
+            slope = slopes(self.since, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+            total[:, curve.size : -1] += np.outer(total[:, -1], slope / x[long])
         return total[self.rows] if self.place is None else total[self.rows, :-1]
 
-    def _place(self, extra: Array) -> float:
+    def _place(self, extra: Array, x: Array, p: Params) -> float:
+        if self.since is not None:
+            ignored = values(self.since, 0.0, np.zeros((1, 1)), p)[0, 0]
+            return float(ignored / x[self.equations.layout.lengths[self.flow]])
         return float(extra[0]) if self.place is None else self.place
 
     def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
@@ -250,17 +262,22 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
     to the condition that ends one before it does."""
     flows, short = orbit.equations.flows, SHORTEST * orbit.period
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
-        s, states = flight.sampled(8)  # into each interval for a wall that is touched
+        sampled = flight.sampled(8)  # into each interval for a wall that is touched
         for name, wall in flow.guards.items():
             if isinstance(wall, Clock):
                 continue
-            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
             ends = name == "until"
+            ignored = flow.ignored(orbit.params) / flight.duration if ends else 0.0
+            s, states = sampled[0], sampled[1]
+            if ignored:
+                s = np.append(ignored, s[s > ignored])
+                states = flight.at(s)
+            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
             height = partial(_height, wall, flight, orbit.params)
             # without a reset it begins where another ended: the walls of sliding are zero there
             before = flows[i - 1]
             walled = flow.until is None or (before.reset is not None and wall != before.until)
-            begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
+            begins = ignored > 0.0 or _apart(orbit, i, wall, abs(v).max()) if ends else walled
             # where no place is low this one is far from it, but in sliding that vanishes
             vanishes = ends and slid_along(flow)
             places = [] if vanishes else [s[v.argmax()]]
@@ -316,10 +333,12 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
 def _clearances(orbit: Cycle) -> Iterator[Margin]:
     """Measure how far the orbit is off touching a wall."""
     for touch in touches(orbit):
-        flow = orbit.equations.flows[touch.flow]
+        flow, duration = orbit.equations.flows[touch.flow], orbit.flights[touch.flow].duration
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
         system = partial(reached(None, slice(2)).system, touch=touch.place)
-        if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
+        if touch.guard == "until" and touch.place == flow.ignored(orbit.params) / duration > 0.0:
+            system = partial(reached(touch.place, slice(1), since=flow.ignored_at).system)
+        elif touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
             system = partial(reached(touch.place, slice(1)).system)
         said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
         yield Margin(touch.clearance, system, said, touch.flow, touch.guard)

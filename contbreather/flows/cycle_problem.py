@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
-from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.derivatives import directional
 from ..continuation.algebra.newton import Array, Undefined, newton
 from ..continuation.algebra.sparse import Matrix
-from ..continuation.branches.switching import Seed, SwitchingProblem
+from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
@@ -25,22 +23,19 @@ from ..continuation.systems.branch_points import crossing
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
-from .collocation import TrajectorySegment, fitted, sizes_of
+from .collocation import TrajectorySegment, states_along
 from .conservation import drift, indices_of, refuse_drift
-from .equations import FlowEquations
-from .flow import Flow, Wall, flow_between, refuse_false_period, slid_along, system_of
-from .functions import Function, Params, values
+from .cycle_beyond import beyond
+from .equations import FlowEquations, equations_of
+from .flow import refuse_false_period
+from .functions import Params
 from .integrate import bottom
-from .jacobian import at_other_time
-from .multipliers import around, closing_matrix, of_cycle, paces
+from .multipliers import around, closing_matrix, of_cycle
+from .rounds import once, twice
 from .sparse_equations import SparseFlowEquations
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
-RETURNS = 24  # so many flows back is looked for a return
-_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
-_LOOKS = 4  # into each interval for that
-SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +107,7 @@ class Cycle(HtmlRepr):
         inside = start + np.mod(np.atleast_1d(t) - start, self.period)
         if len({flight.dimension for flight in self.flights}) > 1:
             raise BadInput("the flows have different states: look at them one by one in `flights`")
-        states = _states(self.flights, inside)
+        states = states_along(self.flights, inside)
         return states[:, 0] if t.ndim == 0 else states
 
     @property
@@ -221,16 +216,6 @@ class Cycle(HtmlRepr):
         return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
 
 
-def _states(flights: Sequence[TrajectorySegment], t: Array) -> Array:
-    """Evaluate flights that follow each other, where they do, as the later one."""
-    begins, states = [f.start for f in flights], np.empty((flights[0].dimension, t.size))
-    number = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
-    for i, flight in enumerate(flights):
-        mine = number == i
-        states[:, mine] = flight.at((t[mine] - flight.start) / flight.duration)
-    return states
-
-
 def _top(flight: TrajectorySegment, part: slice, sign: float) -> float:
     """The largest value of some states on a flight, beside the largest of many: at the other end
     of a closed one, too."""
@@ -248,11 +233,6 @@ def cycle_of(problem: Problem) -> Cycle:
     curve = Curve(problem, ())
     cycle: Cycle = Point(curve, curve.start).solution
     return cycle
-
-
-def equations_of(point: Point) -> FlowEquations:
-    equations: FlowEquations = point.curve.problem.residual
-    return equations
 
 
 def _trivial(point: Point) -> float:
@@ -327,7 +307,7 @@ class CycleProblem(Problem):
         single = once(orbit.equations, orbit.flights, point.params)
         if single.turns == orbit.equations.turns:
             return None
-        return problem_of(single, point.params, self.events, self.label)
+        return self.of_flows(single, point.params)
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
@@ -414,8 +394,12 @@ class CycleProblem(Problem):
         return replace(problem, start=start)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        beyond = dict.fromkeys(("GR", "VI", "SL"), _beyond)
-        return {"PD": _doubled, **beyond}.get(kind)
+        met = dict.fromkeys(("GR", "VI", "SL"), beyond)
+        return {"PD": _doubled, **met}.get(kind)
+
+    def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
+        """The cycle at which other equations begin, with the same events."""
+        return problem_of(equations, params, self.events, label or self.label)
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -425,310 +409,14 @@ def _doubled(point: Point) -> SwitchingProblem:
     multipliers does not: curves cross off PD by as much as the mesh does not resolve.
     """
     problem, (free,) = point.curve.problem, point.curve.free
-    twice, params = _twice(equations_of(point), np.array(point.x), point.params), point.params
-    if twice.conservation and "period" in params:
+    both, params = twice(equations_of(point), np.array(point.x), point.params), point.params
+    if both.conservation and "period" in params:
         params = {**params, "period": 2 * params["period"]}
-    arm: Problem = problem_of(twice, params, problem.events, problem.label)
+    arm: Problem = problem.of_flows(both, params)
     curve = Curve(arm, (free,))
     with suppress(Undefined):
         arm = Point(curve, crossing(curve, curve.start).solution.z).problem
     return SwitchingProblem(arm, free, both=False)
-
-
-def _twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
-    """Run through the same orbit twice, as one of twice the period."""
-    flights, flows, turns = equations.flights(x, p), equations.flows, 2 * equations.turns
-    if equations.smooth and flows[0].reset is None:
-        (flight,) = flights
-        knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
-        # slopes are per interval: twice the duration and half the steps leave them as they are
-        states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
-        whole = replace(
-            flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
-            rounds=2 * flight.rounds,
-        )  # fmt: skip
-        return replace(equations, start=(whole,), turns=turns)
-    period = sum(flight.duration for flight in flights)
-    again = [replace(flight, start=flight.start + period) for flight in flights]
-    after = [flow.struck(f.last, p) for flow, f in zip(flows, again, strict=True)]
-    if equations.smooth and equations.period:
-        # after half of a symmetric orbit the forcing is the mirror image of what it was: the
-        # mirror that ends the half takes it back to its beginning
-        back = partial(_earlier, equations.period, equations.turns)
-        (flow,) = flows
-        walls = tuple(partial(back, wall) for wall in flow.guards.values())
-        reset = flow.reset and partial(back, flow.reset)
-        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
-    return replace(
-        equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
-        sizes=equations.sizes * 2,
-    )  # fmt: skip
-
-
-def once(
-    equations: FlowEquations, flights: Sequence[TrajectorySegment], p: Params
-) -> FlowEquations:
-    """Begin at this orbit, a single time around where it goes around several times."""
-    repeats = (m for m in range(RETURNS, 1, -1) if _repeats(equations, m, flights, p))
-    rounds = next(repeats, 1)
-    if not equations.smooth:
-        flights = flights[: len(flights) // rounds]
-    elif rounds > 1:
-        knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
-        part = whole.on(knots / rounds)
-        flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
-    return replace(
-        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
-        turns=equations.turns // rounds, sizes=sizes_of(flights),
-    )  # fmt: skip
-
-
-def _repeats(
-    equations: FlowEquations, rounds: int, flights: Sequence[TrajectorySegment], p: Params
-) -> bool:
-    """Compare the orbit at all times and a part of its period later."""
-    flows, (part, rest) = equations.flows, divmod(len(flights), rounds)
-    if equations.turns % rounds and not equations.autonomous:
-        return False
-    if equations.smooth:
-        (flight,), reset = flights, flows[0].reset
-        s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
-        later = flight.at(s + 1 / rounds)
-        if reset is not None:
-            later = values(reset, flight.start + flight.duration * s, later, p)
-        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
-    pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
-    return not rest and all(
-        (flow.f, flow.reset) == (successor.f, successor.reset)
-        and now.dimension == then.dimension
-        and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
-        <= _REPEATS * size.max()
-        for flow, successor, now, then, size in pairs
-    )
-
-
-def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:
-    """Evaluate a function of (t, x, p) so many periods before."""
-    return function(t - turns * period(t, x, p), x, p)
-
-
-# --- beyond grazing ----------------------------------------------------------------------------
-
-Margin = Callable[[Curve, Array], Array]  # zero at GR, positive where orbits have these flows
-
-
-@dataclass(frozen=True)
-class _Beyond(SwitchingProblem):
-    """A cycle at GR as one of other flows, and margins of both branches, here and there."""
-
-    point: Point = field(kw_only=True)
-    here: Margin = field(kw_only=True)
-    there: Margin = field(kw_only=True)
-    along: Array = field(kw_only=True)
-
-    def seeds(self) -> tuple[Seed, ...]:
-        """Start where orbits of the other flows are: the orbit "persists" as one of these, or both
-        kinds are on one side, a nonsmooth "fold"."""
-        curve, point = Curve(self.problem, (self.free,)), self.point
-        # one curve passes it, though while a flow is that short its end hardly has an equation
-        z, tangent = curve.start, curve.tangent_at(curve.start, self.along)[0]
-        growth = _growth(self.there, curve, z, tangent)
-        z = z - self.there(curve, z) / growth * tangent  # to GR as this branch has it
-        z = newton(curve, z, curve.metric * tangent).z
-        tangent *= math.copysign(1.0, growth)
-        inside = _growth(self.here, point.curve, point.z, point.direction) * point.direction[-1]
-        what = "fold" if inside * tangent[-1] > 0.0 else "persists"
-        return (Seed(self.problem, z, tangent, detail={"beyond": what}),)
-
-
-def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
-    """Differentiate a margin along a way."""
-    return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
-
-
-def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
-    """Measure a contact beyond none: its duration, or the velocity of an impact."""
-    equations, x = curve.problem.residual, z[: curve.size]
-    if short is None:
-        return np.array([paces(equations, x, curve.params(z))[i][0]])
-    return z[equations.layout.lengths[[i]]] - short
-
-
-def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float = 1.0) -> Array:
-    """Evaluate a wall at a part of a flow."""
-    p = curve.params(z)
-    t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
-    return sign * values(wall, t, state[:, None], p)[:, 0]
-
-
-def _beyond(point: Point) -> SwitchingProblem:
-    """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
-    touched, one less where it has shrunk to nothing or an impact has lost its velocity.
-
-    The parameter moves by the square of how long a contact lasts, so that one which counts as none
-    is there to begin with; it moves in proportion to the velocity of an impact, which may be 0.
-    """
-    equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
-    more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
-    before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
-    guard = detail.get("guard", "sliding" if flow_between(before, after) == met else "")
-    if point.kind == "SL" and guard == "sliding":
-        return _at_edge(point)
-    begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
-    order = [(begins + i) % count for i in range(count)]
-    flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
-    start = flights[0].start
-    flights = [replace(f, start=start + (f.start - start) % orbit.period) for f in flights]
-    hit, walls = _hit(point, flows, flights[0])
-    short = SHORTEST * orbit.period if hit[1:] else 0.0
-    if more:
-        touch = start + detail["touch"] * flights[0].duration
-        parts, pieces = _added(hit, walls, flows, flights, touch, short)
-    else:
-        touch = flights[0].last + (flights[1].duration / 2 if short else 0.0)
-        parts, pieces = _removed(hit, flows, flights)
-    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
-    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
-    made = made if more else once(made, pieces, p)
-    height = partial(_height, hit[0].until, flow if more else 0)
-    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
-    margins = partial(height, part), contacts
-    row = made.layout.lengths[1] if more and short else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
-
-
-def _switching(
-    point: Point, made: FlowEquations, row: int, margins: Sequence[Margin]
-) -> SwitchingProblem:
-    """Solve for the cycle beyond with one of its unknowns, or the parameter, as it is there."""
-    problem: Problem = problem_of(made, point.params, point.curve.problem.events, "cycle")
-    curve = Curve(problem, point.curve.free)
-    along = np.eye(curve.start.size)[row]
-    solution = newton(curve, curve.start, along)
-    if not solution.converged:
-        raise Undefined(
-            f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
-        )
-    start, (free,), (here, there) = Point(curve, solution.z).problem, curve.free, margins
-    return _Beyond(start, free, point=point, here=here, there=there, along=along)
-
-
-def _at_edge(point: Point) -> SwitchingProblem:
-    """Make the cycle with the flow that comes to be at the edge of sliding, or without it; with all
-    of them where an orbit is symmetric.
-
-    Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
-    """
-    equations, orbit, i, p = (
-        equations_of(point), point.solution, point.detail["flow"], point.params
-    )  # fmt: skip
-    more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
-    short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
-    arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
-    system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
-    assert system
-    least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
-    parts: list[Flow] = []
-    pieces: list[TrajectorySegment] = []
-    for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
-        if j == i:
-            place = len(parts) + 1 if more else len(parts) - 1  # of what comes, or else arrives
-        if not more and flight.duration < 2 * short and flow_between(flows[j - 1], after) == flow:
-            continue
-        parts.append(flow)
-        pieces.append(flight)
-        if more and (new := flow_between(flow, after)):
-            edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
-            if abs(edge) < 1e-6 * rates[j][0]:
-                parts.append(new)
-                pieces += _refitted([flight], [flight.last, flight.last + least])
-    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
-    lasts = partial(_contacts, place if more else i, least)
-    margins = (
-        partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign),
-        lasts,
-    )
-    row = made.layout.lengths[place] if more and least else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
-
-
-def _hit(
-    point: Point, flows: Sequence[Flow], flight: TrajectorySegment
-) -> tuple[tuple[Flow, ...], list[Wall]]:
-    """Return the flows of a contact, the first of which ends at the wall, and all walls there.
-
-    Raises `Undefined` where an orbit beyond is not made of them.
-    """
-    first, detail = flows[0], point.detail
-    contact, system, slides = (*flows, first)[1], system_of(first), slid_along(first)
-    if system and not slides:
-        contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
-    own = (first,) if first.reset else (first, contact)
-    walls = [*([own] if first.until else []), *first.walls]
-    hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
-    part, reason = detail.get("touch", 1.0), ""
-    joins = hit is own and not (system and "touch" in detail)
-    following = (list(flows) * 3)[len(hit)] if joins else first
-    if "guard" in detail and "touch" not in detail:
-        reason = "it is touched where a flow begins or ends: there these follow in another order"
-    elif slides and "touch" in detail:
-        reason = "it leaves the surface for so short a time at first that nothing tells how long"
-    elif "at once" in detail:
-        reason = (
-            f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
-            "begin there, and those that hit all; move a wall a little to follow one contact"
-        )
-    elif callable(hit):
-        reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
-    elif first.until is None and first.reset:
-        reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
-    elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
-        reason = "a flow with the same f has to lead on, after a reset or one flow in between"
-    elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
-        reason = "a reset moves the state even where nothing is hit: orbits do not go over"
-    if reason:
-        raise Undefined(f"which flows follow there is not known; {reason}")
-    return hit, walls
-
-
-def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
-    """Tell whether the resets of a contact that only just takes place leave the state."""
-    after = x
-    for reset in filter(None, (flow.reset for flow in hit)):
-        after = values(reset, t, after, point.params)
-    return after.shape == x.shape and bool(abs(after - x).max() <= 1e-6 * abs(x).max())
-
-
-def _added(
-    hit: Sequence[Flow], walls: Sequence[Wall], flows: Sequence[Flow],
-    flights: Sequence[TrajectorySegment], touch: float, short: float,
-) -> tuple[list[Flow], list[TrajectorySegment]]:  # fmt: skip
-    """Cut the first flow in two at a contact."""
-    (whole, *rest), parts = flights, [hit[0].walled(walls), *hit[1:]]
-    joints = [touch - short / 2, touch + short / 2] if short else [touch]
-    if flows[0].until is None:  # what comes after the contact goes on into what is before it
-        before = replace(whole, start=whole.start - whole.duration)
-        return parts, _refitted([before, whole], [joints[-1] - whole.duration, *joints])
-    return [*parts, *flows], [*_refitted([whole], [whole.start, *joints, whole.last]), *rest]
-
-
-def _removed(
-    hit: tuple[Flow, ...], flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
-) -> tuple[list[Flow], list[TrajectorySegment]]:
-    """Join the flows before and after a contact, which may be one."""
-    first, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
-    passed = flights[: len(hit) + 1]
-    joined = _refitted(passed, [passed[0].start, passed[-1].last])
-    return [first.walled([hit]), *rest], [*joined, *flights[len(hit) + 1 :]]
-
-
-def _refitted(
-    flights: Sequence[TrajectorySegment], cuts: Sequence[float]
-) -> list[TrajectorySegment]:
-    """Fit flights that follow each other anew, between these times."""
-    scheme, states, size = flights[0].scheme, partial(_states, flights), sizes_of(flights)[0]
-    return [fitted(scheme, a, b - a, states).adapted(size) for a, b in pairwise(cuts)]
 
 
 def problem_of(

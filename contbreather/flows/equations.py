@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
+from ..continuation.curve.point import Point
 from ..errors import BadInput
 from .collocation import (
     ROUNDING,
@@ -234,7 +235,9 @@ class FlowEquations:
             t = float(x[-1]) if self.phased else self.start[0].start
             for i, flow in enumerate(self.flows):
                 plain = self._flight(i, x, t)
-                guess = self._guess(i, plain, p, near) if near else None
+                if max(plain.duration, 0.0) < flow.ignored(p):
+                    raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
+                guess = near and self._guess(i, plain, p, *near)
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
                 t += plain.duration
             place = SolvedPlace(x.copy(), dict(p), tuple(flights), error)
@@ -245,22 +248,26 @@ class FlowEquations:
 
     def _unfolded(self, x: Array, p: Params) -> Params:
         """Add lambdas, which are unknowns here, and parameters to the flow."""
-        lambdas = self.conservation.lambdas if self.conservation else ()
-        return {**p, **dict(zip(lambdas, x[self.layout.lambdas].tolist(), strict=True))}
+        if self.conservation is None:
+            return p
+        unfolded = x[self.layout.lambdas].tolist()
+        return {**p, **dict(zip(self.conservation.lambdas, unfolded, strict=True))}
 
-    def _near(self, x: Array) -> list[SolvedPlace]:
-        """Sort the places that are solved for, and near: the nearest first."""
+    def _near(self, x: Array) -> tuple[SolvedPlace, SolvedPlace | None] | None:
+        """The nearest place that is solved for, and the nearest that is linearised, of those near;
+        None where there is none."""
         places = [*self._latest.values()] or [self._begin]
         x = x[: self.layout.lengths[-1] + 1]
         off = abs(np.array([place.x[: x.size] for place in places]) - x).max(axis=1)
         most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
-        return [places[j] for j in off.argsort().tolist() if off[j] <= most]
+        near = [places[j] for j in off.argsort().tolist() if off[j] <= most]
+        return (near[0], next((place for place in near if place.linear), None)) if near else None
 
     def _guess(
-        self, i: int, flight: TrajectorySegment, p: Params, near: Sequence[SolvedPlace]
-    ) -> tuple[Array, Array | None]:
+        self, i: int, flight: TrajectorySegment, p: Params,
+        nearest: SolvedPlace, place: SolvedPlace | None,
+    ) -> tuple[Array, Array | None]:  # fmt: skip
         """Estimate the slopes inside of a flow to first order, and the inverse that finds them."""
-        nearest, place = near[0], next((place for place in near if place.linear), None)
         if place is None:
             return nearest.flights[i].slopes, None
         moved = np.array([p[name] - nearest.params[name] for name in place.names])
@@ -277,38 +284,38 @@ class FlowEquations:
         return SolvedPlace(np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
-        knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
-        duration = float(x[self.layout.lengths[i]])
+        layout, start = self.layout, self.start[i]
+        knots = np.concatenate([[0.0], x[layout.knots[i][:-1]], [1.0]])
+        duration = float(x[layout.lengths[i]])
         # sliding that begins at its edge has none: a little beyond it goes backwards
-        if not duration > (-1e-6 * self._whole if slid_along(self.flows[i]) else 0.0):
+        if not (duration > 0.0 or (duration > -1e-6 * self._whole and slid_along(self.flows[i]))):
             raise Undefined("a flow ends where it began: its duration goes to zero")
-        states = x[self.layout.nodes[i]]
-        flight = replace(self.start[i], knots=knots, start=t, duration=duration, states=states)
+        states, rounds = x[layout.nodes[i]], start.rounds
+        flight = TrajectorySegment(start.scheme, knots, t, duration, states, start.slopes, rounds)
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
 
     def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
-        flights = self._solved(x, p, error).flights
-        arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
-        rows: list[Array] = []
-        for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
+        flights, layout = self._solved(x, p, error).flights, self.layout
+        left = np.empty(layout.size)
+        for i, flight in enumerate(flights):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
-            gaps = flight.states.copy()
-            gaps[0] = (self.standing if not rows else 1.0) * gaps[0] - before
-            gaps[1:] -= flight.ends[:-1]
-            rows.append(gaps.ravel())
-        rows += [
+            gaps = np.empty_like(flight.states)
+            before = self._after(i - 1, flights[i - 1], p)
+            gaps[0] = (1.0 if i else self.standing) * flight.states[0] - before
+            gaps[1:] = flight.states[1:] - flight.ends[:-1]
+            left[layout.nodes[i]] = gaps
             # m equal shares for the m - 1 inner knots and the unit of the path
-            flight.shares(self.sizes[i], math.exp(x[self.layout.knots[i][-1]])) - 1.0
-            for i, flight in enumerate(flights)
-        ]
-        rows.append(np.array([self._condition(i, x, f, p) for i, f in enumerate(flights)]))
+            knots = layout.knots[i]
+            left[knots] = flight.shares(self.sizes[i], math.exp(x[knots[-1]])) - 1.0
+            left[layout.lengths[i]] = self._condition(i, x, flight, p)
         if self.phased:
-            rows.append(np.array([self._over(None, x, p)]))
+            left[layout.phase] = self._over(None, x, p)
         if self.conservation:
-            rows.append(self._given(self.conservation, x, p))
-        return np.concatenate(rows)
+            rows = np.concatenate([layout.levels, layout.lambdas])
+            left[rows] = self._given(self.conservation, x, p)
+        return left
 
     def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
         """Values of what is conserved less these, what is held less that, and how far the orbit is
@@ -341,6 +348,7 @@ class FlowEquations:
         if reset is None:
             return flight.end
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
+        i %= len(self.flows)
         n = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
         if after.shape != (n,):
             raise BadInput(
@@ -461,7 +469,7 @@ class FlowEquations:
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
         """Differentiate in all unknowns and named parameters: (size, size + names) and sparse, or
         dense where there are few."""
-        blocks = [np.ravel(block) for block in self._blocks(x, p, names)]
+        blocks = [block.ravel() for block in self._blocks(x, p, names)]
         return self.layout.matrix(np.concatenate(blocks), len(names))
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
@@ -514,3 +522,8 @@ class FlowEquations:
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
         taken = self._taken(i)  # of the sum of durations - turns T(p)
         return np.append(taken, -self.turns * taken.mean() * slope)
+
+
+def equations_of(point: Point) -> FlowEquations:
+    equations: FlowEquations = point.curve.problem.residual
+    return equations

@@ -88,6 +88,9 @@ class Flow:
     at : float or callable, optional
         A part of the period of the forcing, or ``at(p)``, in place of `until`: the flow ends
         whenever a clock that strikes once a period does so. 0 is the time 0, and each period later.
+    ignore : float or callable, optional
+        How long after the beginning of the flow, or ``ignore(p)``, `until` does not count: a foot
+        that scuffs the ground in the middle of its step.
     walls : tuple of callable or Flow, optional
         Further functions that must stay positive inside, as `until` does. In place of one the flow
         that ends at it, by `until` with a `reset`, or a list of two, there and back as at a
@@ -119,6 +122,7 @@ class Flow:
     mass: Any = None
     at: float | Callable[[Params], Any] | None = None
     jacobian: Any = None
+    ignore: float | Callable[[Params], Any] = 0.0
 
     def __post_init__(self) -> None:
         keep = partial(object.__setattr__, self)
@@ -154,6 +158,14 @@ class Flow:
     def functions(self) -> dict[str, Function]:
         """Field, guards and reset, by name."""
         return {"f": self.f, **self.guards} | ({"reset": self.reset} if self.reset else {})
+
+    def ignored(self, p: Params) -> Any:
+        """Evaluate how long `until` does not count."""
+        return value_at(self.ignore, p)
+
+    def ignored_at(self, t: Any, x: Any, p: Params) -> Any:
+        """The same as a function that is differentiated."""
+        return self.ignored(p) + 0.0 * t
 
     def walled(self, walls: Iterable[Wall]) -> Flow:
         """Add walls, but for those it has."""

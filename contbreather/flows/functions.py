@@ -113,7 +113,7 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
     Raises `Undefined` where the function raises `ValueError` or `ArithmeticError`. Other errors are
     bugs: they pass, with a note that says for which t, x and p.
     """
-    if np.shape(t) != x.shape[1:]:
+    if getattr(t, "shape", None) != x.shape[1:]:
         t = np.broadcast_to(t, x.shape[1:])
     return _calling(function, t, x, p)(t, x, p)
 
@@ -214,11 +214,10 @@ def slopes_along(
     not borne out: a force of contact is nowhere to be seen until there is one.
     """
     (n, width), count = ways.shape, x.shape[1]
-    t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
+    t = t if getattr(t, "shape", None) == (count,) else np.full(count, t, dtype=float)
     how, doubtful = _calling(function, t, x, p), np.arange(count)
     if how.schemes.get(names, how) is None:
-        value, slope = _complex_steps(how, t, x, p, names, ways)
-        doubtful = _doubtful(how, t, x, p, value, slope, ways)
+        value, slope, doubtful = _complex_steps(how, t, x, p, names, ways)
         if not doubtful.size:
             return value, slope
 
@@ -244,45 +243,39 @@ def slopes_along(
         by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", how.name, by)
     if (finer := how.schemes[names]) is None:
-        return _complex_steps(how, t, x, p, names, ways)
+        return _complex_steps(how, t, x, p, names, ways)[:2]
     return joined(z), _differences(joined, z, scales, finer, whole)
 
 
 def _complex_steps(
     how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], ways: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Differentiate by one call for all ways, and for the time; and find states at which slopes,
+    along one way, are not what a central difference of the same call gives."""
     (n, count), width = x.shape, ways.shape[1]
-    directions = width + 1  # those of the parameters apart: what asks for one may expect a number
-    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    aside = 1j * IMAGINARY * np.eye(n + 1, directions, width - n)[:, :, None]
-    aside[:n, :width, 0] = 1j * IMAGINARY * ways
-    at, times = x[:, None] + aside[:n], t + aside[n]
-    value = how(times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
-    slope = np.empty((how.rows, directions + len(names), count))
-    slope[:, :directions] = value.imag / IMAGINARY
-    for j, name in enumerate(names, directions):
-        shifted = {**p, name: p[name] + 1j * IMAGINARY}
-        slope[:, j] = how(t, x, shifted).imag / IMAGINARY
-    return np.ascontiguousarray(value[:, 0].real), slope
-
-
-def _doubtful(
-    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array, ways: Array
-) -> NDArray[np.intp]:
-    """Find states at which slopes, along one way, are not what a central difference gives."""
-    count, width = x.shape[1], ways.shape[1]
-    low, high = x.min(axis=1), x.max(axis=1)
+    low, high, later = x.min(axis=1), x.max(axis=1), _CENTRAL * (t[-1] - t[0])
     step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
     parts = _parts(ways, step)
-    step, later = ways @ parts, _CENTRAL * (t[-1] - t[0])
-    at = np.concatenate([x + step[:, None], x - step[:, None]], axis=1)
-    beside = how(np.concatenate([t + later, t - later]), at, p)
+    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
+    aside = np.zeros((n + 1, width + 3), complex)
+    aside[:n, :width], aside[n, width] = 1j * IMAGINARY * ways, 1j * IMAGINARY
+    aside[:n, -2], aside[n, -2] = ways @ parts, later
+    aside[:, -1] = -aside[:, -2]
+    at, times = x[:, None] + aside[:n, :, None], t + aside[n, :, None]
+    value = how(times.ravel(), at.reshape(n, -1), p).reshape(how.rows, -1, count)
+    slope = np.empty((how.rows, width + 1 + len(names), count))
+    slope[:, : width + 1] = value[:, :-2].imag / IMAGINARY
+    # those of the parameters apart: what asks for one may expect a number
+    for j, name in enumerate(names, width + 1):
+        slope[:, j] = how(t, x, {**p, name: p[name] + 1j * IMAGINARY}).imag / IMAGINARY
     along = 2 * (parts @ slope[:, :width] + later * slope[:, width])
-    off = abs(beside[:, :count] - beside[:, count:] - along)
+    off = abs(value[:, -2].real - value[:, -1].real - along)
+    value = np.ascontiguousarray(value[:, 0].real)
     unseen = 1e-5  # of the largest: what differs by less may be rounding
     size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
     # beside a domain there is nothing to compare with
-    return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
+    doubtful = (off > size[:, None]).any(axis=0)
+    return value, slope, np.flatnonzero(doubtful)[:_PROBED]
 
 
 def _parts(ways: Array, vectors: Array) -> Array:

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
-from .cycle_problem import Cycle, equations_of
-from .equations import Places
+from .cycle_problem import Cycle
+from .equations import Places, equations_of
 from .flow import slid_along
 from .functions import Function, slopes, values
 
@@ -138,18 +138,20 @@ class _Saddle:
 
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
-    sizes, places, speeds = sizes_of(orbit.flights), [], []
+    sizes = sizes_of(orbit.flights)
     velocities = orbit.equations.velocities(orbit.x, orbit.params)
-    for i, (flight, moved, size) in enumerate(zip(orbit.flights, velocities, sizes, strict=True)):
-        speeds += np.linalg.norm(moved / size, axis=1).tolist()
-        places += [(i, state, size) for state in flight.states]
-    first = int(np.argmax(speeds))  # from there on around
-    pace = np.roll(speeds, -first) / speeds[first]
-    cuts = np.flatnonzero((pace > _FAST) & (pace.min() < _SLOW))  # where none is slow one will do
-    pieces = np.split(np.arange(pace.size), cuts)
-    least = sorted((min(s, key=pace.item) for s in pieces if s.size), key=pace.item)
-    slow = [j for j in least if pace[j] < _SLOW] or least[:1]
-    return [_Passage(float(pace[j]), orbit, *places[(j + first) % pace.size]) for j in slow]
+    moved = zip(velocities, sizes, strict=True)
+    speeds = np.concatenate([np.sqrt(np.vecdot(v := way / size, v)) for way, size in moved])
+    first = int(speeds.argmax())  # from there on around
+    pace = speeds / speeds[first]
+    slow = [int(pace.argmin())]  # where none is slow one will do
+    if pace[slow[0]] < _SLOW:
+        around = np.roll(np.arange(pace.size), -first)
+        pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
+        least = sorted((min(s, key=pace.item) for s in pieces if s.size), key=pace.item)
+        slow = [j for j in least if pace[j] < _SLOW]
+    places = [(i, state, sizes[i]) for i, f in enumerate(orbit.flights) for state in f.states]
+    return [_Passage(float(pace[j]), orbit, *places[j]) for j in slow]
 
 
 def _pace(point: Point) -> float:

@@ -343,10 +343,13 @@ class _Integration:
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         guarded = [
-            GuardOnPiece(name, guard, flow.f, self.params, rough=not self.taken)
+            GuardOnPiece(
+                name, guard, flow.f, self.params, rough=not self.taken,
+                since=t0 + flow.ignored(self.params) if name == "until" else t0,
+            )
             for name, guard in guards.items()
             if guard not in clocks
-        ]
+        ]  # fmt: skip
         t, x, hit = [t0], [x0], None
         steps: list[Any] = []
         most = 10_000 if guards and math.isinf(end) else self.steps + 1  # some hundred oscillations
@@ -413,6 +416,7 @@ class GuardOnPiece:
     field: Function
     params: Params
     rough: bool  # a start may lie a little behind it, if it is on its way inside
+    since: float  # from when on it counts
     armed: bool = False  # it was seen to be positive
 
     def fall(self, step: Callable[[Any], Array], a: float, b: float) -> float:
@@ -425,6 +429,9 @@ class GuardOnPiece:
                 raise Undefined(f"{self.name} is NaN {place(at, step(at))}")
             return value
 
+        a = max(a, self.since)
+        if a >= b:
+            return math.inf
         if not self.armed:
             a = self._arm(guard, a, b, self._size(step(a), b, step(b)))
         return _first_fall(guard, a, b) if self.armed else math.inf

@@ -122,9 +122,11 @@ def _halved(stack: Array) -> Array:
         pairs, even = halves[-1], len(halves[-1]) // 2 * 2
         halves.append(np.concatenate([pairs[1:even:2] @ pairs[:even:2], pairs[even:]]))
     # all of them are looked at in one call; what is left over was a product before, or is a factor
-    lost = np.flatnonzero(~_well_conditioned(np.concatenate(halves[1:] or halves)))
+    good = _well_conditioned(np.concatenate(halves[1:] or halves))
+    if good.all():
+        return halves[-1]
     ends = np.cumsum([len(half) for half in halves[1:]])
-    return halves[int(np.searchsorted(ends, lost[0], side="right"))] if lost.size else halves[-1]
+    return halves[int(np.searchsorted(ends, good.argmin(), side="right"))]
 
 
 def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:

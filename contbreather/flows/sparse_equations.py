@@ -28,7 +28,9 @@ from .functions import Params, values
 
 FEW = 40  # states, from which on what is eliminated costs more than what is sparse
 MANY = 250  # states up to which all multipliers are had
-_LEADING, _ARNOLDI = 8, 1e-10  # multipliers that are looked for at first, and their error
+_ARNOLDI = 1e-10  # error of multipliers
+_KNOWN = 0.5  # smaller ones do not get to the unit circle within a step
+_FEWEST, _TURNS = 16, 400  # turns of Arnoldi's iteration
 
 
 class SparseLayout(Layout):
@@ -96,10 +98,10 @@ class SparseFlowEquations(FlowEquations):
 
     def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
         (flow,), (flight,), p = self.flows, self.flights(x, p), self._unfolded(x, p)
-        rows, count = super().__call__(x, p), flight.states.size
+        left, h = super().__call__(x, p), flight.lengths[:, None, None]
         f = values(flow.f, flight.inner, reached(flight, flight.slopes), p)
-        left = flight.slopes - f.T.reshape(flight.slopes.shape) * flight.lengths[:, None, None]
-        return np.concatenate([rows[:count], left.ravel(), rows[count:]])
+        left[self.layout.inside] = flight.slopes - f.T.reshape(flight.slopes.shape) * h
+        return left
 
     # --- derivatives ------------------------------------------------------------------------------
 
@@ -242,10 +244,8 @@ class SparseFlowEquations(FlowEquations):
         return place
 
     def leading(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], Array]:
-        """The largest multipliers, by Arnoldi's iteration, and the trivial one of an autonomous
-        cycle: all outside of the unit circle, and some inside."""
-        from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
-
+        """The multipliers of a modulus above 1/2, by Arnoldi's iteration, and the trivial one of an
+        autonomous cycle."""
         n, maps = self.start[0].dimension, self.maps(x, p)
         way, trivial = np.zeros(n), np.empty(0)
 
@@ -259,26 +259,63 @@ class SparseFlowEquations(FlowEquations):
             way = way / np.linalg.norm(way)
             trivial = np.array([way @ around(way)])
         # M v = v along the flow: the others are those of the complement of v
-        whole = LinearOperator(
-            (n, n), lambda start: _across(way, around(_across(way, start))), dtype=float
-        )
-        for wanted in range(_LEADING, n // 4, _LEADING):
-            try:
-                mu = eigs(
-                    whole, wanted, ncv=4 * wanted, v0=any_vector(n), tol=_ARNOLDI,
-                    return_eigenvectors=False,
-                )  # fmt: skip
-            except ArpackNoConvergence as error:
-                raise Undefined(f"leading multipliers: {error}") from error
-            if abs(mu).min() < 1:  # so are all that are not known
-                return mu[np.argsort(-abs(mu), kind="stable")], trivial
-        raise Undefined(
-            "too many multipliers are outside of the unit circle to look for all of them"
-        )
+        return _largest(around, way[:, None]), trivial
 
 
-def _across(way: Array, vector: Array) -> Array:
-    return np.asarray(vector - way * (way @ vector))
+def _largest(turn: Callable[[Array], Array], apart: Array) -> NDArray[np.complex128]:
+    """Find the eigenvalues of a map of a modulus above `_KNOWN`, or the largest, but for those of
+    an invariant subspace, shape (n, m).
+
+    Those that are found are set apart as well: of one that is double, as by a symmetry, a single
+    start finds one alone.
+    """
+    found, apart = _arnoldi(turn, apart, 1)
+    more = found
+    while more.size and abs(more[0]) > _KNOWN:
+        more, apart = _arnoldi(turn, apart, 0)
+        found = np.append(found, more)
+    return found[np.argsort(-abs(found), kind="stable")]
+
+
+def _arnoldi(
+    turn: Callable[[Array], Array], apart: Array, least: int
+) -> tuple[NDArray[np.complex128], Array]:
+    """Find eigenvalues of a map in a complement, those above `_KNOWN` but at least so many of the
+    largest, and add their space to what is apart.
+
+    Without restarts: a turn costs much more than to make it orthogonal to those before, and of the
+    many eigenvalues next to 0 none has to converge.
+    """
+    from scipy.linalg import schur
+
+    n, most = len(apart), min(_TURNS, len(apart))
+    basis, small = np.empty((n, most + 1)), np.zeros((most + 1, most))
+    vector = any_vector(n)
+    vector = vector - apart @ (apart.T @ vector)
+    for k in range(1, most + 1):
+        basis[:, k - 1] = vector / np.linalg.norm(vector)
+        vector, known = turn(basis[:, k - 1]), basis[:, :k]
+        for _ in range(2):  # once more for what rounding leaves
+            vector = vector - apart @ (apart.T @ vector)
+            along = known.T @ vector
+            vector = vector - known @ along
+            small[:k, k - 1] += along
+        small[k, k - 1] = np.linalg.norm(vector)
+        mu, vectors = np.linalg.eig(small[:k, :k])
+        order = np.argsort(-abs(mu), kind="stable")
+        off, mu = small[k, k - 1] * abs(vectors[-1, order]), mu[order]  # residuals
+        wanted = max(least, int(np.count_nonzero(abs(mu) + off > _KNOWN)))
+        if k >= min(_FEWEST, n) and (off[:wanted] <= _ARNOLDI).all():
+            moduli = np.sort(abs(mu[: wanted + 1]))[::-1]
+            border = float(moduli[wanted - 1 :].mean())
+            space = schur(small[:k, :k], sort=partial(_beyond, border))[1][:, :wanted]
+            return mu[:wanted], np.linalg.qr(np.column_stack([apart, known @ space]))[0]
+    raise Undefined(f"too many multipliers are above {_KNOWN} to look for all of them")
+
+
+def _beyond(border: float, *parts: float) -> bool:
+    """Tell whether an eigenvalue, given by one number or by two, is beyond a circle."""
+    return abs(complex(*parts)) > border
 
 
 def _joined(blocks: Any) -> tuple[Array, ...]:

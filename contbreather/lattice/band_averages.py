@@ -107,7 +107,6 @@ def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
 
 @inlined
 def average_slope(series: BandAverage, x: Any, excess_slope: Callable[[Any], Any]) -> Any:
-    """Its derivative with respect to gamma."""
     _, total = polynomial(series.powers, x)
     for i in range(len(series.weights)):
         width = series.widths[i]
@@ -122,7 +121,6 @@ def excess(z: float) -> float:
 
 
 def excess_slope(z: float) -> float:
-    """Its derivative."""
     rr = 1.0 - z
     return 0.5 / (rr * math.sqrt(rr))
 

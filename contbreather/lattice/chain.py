@@ -51,7 +51,6 @@ class InfiniteChain(UniformLattice):
         object.__setattr__(self, "_expansions", band_averages(None, spring))
 
     def with_spring(self, spring: float) -> InfiniteChain:
-        """Add springs to the ground."""
         return self if spring == self.spring else _with_spring(spring)
 
     def __repr__(self) -> str:
@@ -83,7 +82,6 @@ class InfiniteChain(UniformLattice):
         return abs(n)
 
     def beside(self, n: int) -> tuple[int, ...]:
-        """The sites coupled to site n."""
         return (n - 1, n + 1)
 
     def first_by_spring(self, gamma: float, n: ArrayLike) -> FloatArray:
@@ -184,7 +182,6 @@ class Ring(UniformLattice):
         return plane_waves(self.sites, hit)
 
     def beside(self, n: int) -> tuple[int, ...]:
-        """The sites coupled to site n."""
         return tuple(sorted({(n + d) % self.sites for d in (-1, 1)} - {n}))
 
     def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:

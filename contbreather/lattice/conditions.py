@@ -219,7 +219,6 @@ class Conditions:
 
     @property
     def law(self) -> ImpactLaw:
-        """The law of its impacts."""
         return ImpactLaw(self.k, self.restitution)
 
     def at(self, params: Mapping[str, float]) -> Conditions:

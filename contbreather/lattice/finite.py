@@ -266,7 +266,6 @@ class Lattice:
         return np.asarray((self.stiffness != 0.0) & ~np.eye(self.sites, dtype=bool))
 
     def beside(self, n: int) -> tuple[int, ...]:
-        """The sites coupled to site n."""
         return tuple(np.flatnonzero(self._bonds[n]).tolist())
 
     @cached_property

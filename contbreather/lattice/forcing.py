@@ -213,11 +213,6 @@ class Periodic:
 def even_harmonics(forcing: Forcing) -> tuple[int, ...]:
     """Harmonics of F that break F(t + pi) = -F(t), 0 for a mean; those of a parameter that is 0
     just now are among them.
-
-    Examples
-    --------
-    >>> even_harmonics(Harmonic()), even_harmonics(Fourier(cos={0: 0.1, 1: -1.0, 2: 0.0}))
-    ((), (0, 2))
     """
     slopes = (row for name in forcing.params for row in forcing.slope_harmonics(name))
     return tuple(sorted({m for m, A, B in (*forcing.harmonics, *slopes) if not m % 2 and (A or B)}))

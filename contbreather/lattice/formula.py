@@ -353,14 +353,7 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
 
 
 def sampled(force: Callable[[float], float]) -> Samples:
-    """Samples of anybody's function F(t), as many as tell all its harmonics.
-
-    Examples
-    --------
-    >>> import math
-    >>> sampled(lambda t: -math.cos(t) - 2.7 * math.cos(3.0 * t))
-    Samples(<12 values>)
-    """
+    """Samples of anybody's function F(t), as many as tell all its harmonics."""
 
     def value(at: Mapping[str, Any]) -> FloatArray:
         return np.array([real(force(t)) for t in at["t"].tolist()])

@@ -24,14 +24,6 @@ class ImpactLaw:
     k : float
     by_speed : callable, optional
         ``by_speed(speed)`` in place of k, from 0 to 1, as smooth as slopes are to be exact.
-
-    Examples
-    --------
-    >>> ImpactLaw(0.8).after(0.5), round(ImpactLaw(0.8).slope(0.5), 12)
-    (-0.4, -0.8)
-    >>> soft = ImpactLaw(float("nan"), lambda speed: 1.0 - 0.1 * speed)
-    >>> round(soft.after(0.5), 12), round(soft.slope(0.5), 9)  # of -v + v^2/10
-    (-0.475, -0.9)
     """
 
     k: float
@@ -45,11 +37,9 @@ class ImpactLaw:
         return number(name, self.by_speed(speed), 0.0, 1.0, "a number from 0 to 1")
 
     def after(self, v: float) -> float:
-        """The velocity after an impact."""
         return -self.at(abs(v)) * v
 
     def slope(self, v: float) -> float:
-        """The derivative of `after`."""
         if self.by_speed is None:
             return -self.k
         h = 1e-4 * abs(v)  # differences of order 4 over so much are right to 1e-12

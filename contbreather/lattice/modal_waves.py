@@ -85,7 +85,7 @@ def section_length(on: Recurring) -> float:
 
 @inlined
 def harmonic_gap(z: float, swing: float, damping: float, on: Recurring) -> float:
-    """How far z is from the harmonics of the orbit; that of 0 is taken out, and so is a swing."""
+    """Distance of z from the harmonics of the orbit; that of 0 is taken out, and so is a swing."""
     first = 1.0 / on.turns
     step = 2.0 * first if on.half else first
     near, apart = max(0.0, math.floor((math.sqrt(abs(z)) - first) / step + 0.5)), math.inf
@@ -103,7 +103,7 @@ def add_waves(
     out: ModeWaves, k: int, z: complex, damping: float, on: Recurring, times: float, share: complex,
     by_share: complex,
 ) -> None:  # fmt: skip
-    """Both waves of a mode, or, with 2 times the one, its real half; or their shares of a mean."""
+    """Waves of a mode, two or, with 2 times the one, its real half; or their shares of a mean."""
     T = section_length(on)
     root = complex_root(z - 0.25 * damping * damping)
     D = 2j * root
@@ -138,7 +138,6 @@ def add(
 
 @inlined
 def exponential(x: complex) -> complex:
-    """exp(x)."""
     size = math.exp(x.real)
     return complex(size * math.cos(x.imag), size * math.sin(x.imag))
 

@@ -101,12 +101,10 @@ class Response:
 
     @cached_property
     def hit(self) -> Sites:
-        """The sites that are hit."""
         return tuple(sorted({*self.hits}))
 
     @cached_property
     def length(self) -> float:
-        """Length of a section."""
         return math.pi * self.turns * (2 if self.sign > 0 else 1)
 
     # ------------------------------------------------------------------------ to impulses
@@ -149,7 +147,6 @@ class Response:
         return np.array([[f(name, t, order) for t in times.tolist()] for order in range(3)])
 
     def harmonics(self, site: int) -> Harmonics:
-        """The forced motion of a site as a series."""
         return self.drive.harmonics
 
     # ------------------------------------------------------------------------ at rest
@@ -160,7 +157,6 @@ class Response:
         raise NotImplementedError
 
     def profile_slope(self, name: str, site: int) -> FloatArray:
-        """Derivative of the profile in a parameter."""
         return np.zeros(len(self.hit))
 
     def links(self, by: str = "") -> FloatArray:
@@ -260,7 +256,7 @@ class ModalResponse(Response):
 
     @cached_property
     def _waves(self) -> ModeWaves:
-        """All of their waves with slopes, for kernels."""
+        """Waves of the modes with their slopes, for kernels."""
         K, swings = self.z.size, np.zeros(self.z.size)
         for i, w in self.resonant:
             swings[i] = w

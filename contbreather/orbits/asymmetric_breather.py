@@ -59,13 +59,6 @@ class AsymmetricEquations:
     The third holds for every symmetric breather. We divide it by delta, exactly at delta = 0 too:
     what is left has asymmetric breathers for solutions and no others, and their pitchfork is an
     ordinary point of their branch, where the branch turns back in its parameter and both arms meet.
-
-    Examples
-    --------
-    >>> x = np.array([1.093139, -3.284360, 0.453958, 0.037354])
-    >>> off = AsymmetricEquations().residual(x, {"a": 0.82, "gamma": 0.04, "k": 0.8})
-    >>> bool(abs(off).max() < 1e-5)
-    True
     """
 
     forcing: Forcing = field(default_factory=Harmonic)
@@ -210,7 +203,8 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         equations=equations,
         events=(
             pitchfork_of_arms(),
-            fold_of_arms(),
+            # where flights become equal the branch turns back as well, but that is its pitchfork
+            replace(_off_pitchfork(fold()), locus=_fold_locus),
             *events_of(orbit.section, on, threshold),
         ),
         record={"asymmetry": _unequal, "unstable": unstable_by(threshold)},
@@ -251,16 +245,8 @@ def symmetric_again(point: Point) -> SwitchingProblem:
     return SwitchingProblem(breather.problem, point.curve.free[-1])
 
 
-def fold_of_arms() -> Event:
-    """LP of an orbit with two impacts and unequal flights.
-
-    Where its flights become equal the branch turns back as well, but that is its pitchfork. There
-    the test of a fold and the asymmetry vanish together, and their ratio does not.
-    """
-    return replace(_off_pitchfork(fold()), locus=_fold_locus)
-
-
 def _off_pitchfork(event: Event) -> Event:
+    """At a pitchfork the test of a fold and the asymmetry vanish together: their ratio does not."""
     return replace(event, test=partial(_per_asymmetry, event))
 
 

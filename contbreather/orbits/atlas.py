@@ -115,7 +115,6 @@ class Slice:
 
 
 def drawn_in_plane(where: Slice, **shared: Any) -> Zones:
-    """The diagram in one plane."""
     fixed: dict[str, Any] = {where.name: where.value}
     diagram: Zones = zones(**fixed, forcing=where.forcing, **shared, progress=False)
     return diagram

@@ -36,7 +36,6 @@ _SIMULATED = {
     "persists": "the orbit goes on beyond so, unstable as long as the impulse is small: a "
     "simulation leaves it",
 }
-_STEP = 1e-6  # along a branch, of differences whose sign says on which side sites are inside
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,8 @@ class GrazingSwitch(SwitchingProblem):
             displacement: FloatArray = Point(curve, z).solution.displacement(sites, times)
             return displacement
 
-        return -walls * directional(reached, z, _STEP * way)
+        # a difference whose sign says on which side sites are inside
+        return -walls * directional(reached, z, 1e-6 * way)
 
 
 def past_grazing(point: Point) -> GrazingSwitch:

@@ -27,7 +27,6 @@ from contbreather.orbits.section import AT_ONCE
 FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
-_STEP = 1e-3  # along a branch, of differences of places on it
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def tangent_in(curve: Curve, point: Point, longer: Callable[[Orbit], Problem]) -
     def place(z: FloatArray) -> FloatArray:
         return Curve(longer(Point(point.curve, z).solution).having(*curve.free), curve.free).start
 
-    step = _STEP / np.linalg.norm(point.direction)
+    step = 1e-3 / np.linalg.norm(point.direction)  # of a difference of places on it
     return directional(place, point.z, step * point.direction) / step
 
 

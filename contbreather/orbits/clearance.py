@@ -150,7 +150,7 @@ def measured_margins(
 
 
 def single(motion: Motion) -> Along:
-    """Of one motion what many may differ in."""
+    """Take apart what many motions may differ in, for one."""
     of, drive, (times, impulses) = motion.responses, motion.forced, motion.impacts[:SITE]
     parts = np.array([motion.a]), times[None], impulses[None], of.table[None], of.largest[None]
     return Along(*parts, drive.cosines[None], drive.sines[None], np.array([drive.peak]))
@@ -224,15 +224,7 @@ def smallest_margins(of: Sequence[Clearance]) -> Clearance:
 
 
 def least_margin(orbit: SiteMotion) -> float:
-    """The least of all margins, without a word on whose it is.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
-    True
-    """
+    """The least of all margins, without a word on whose it is."""
     measured = measured_margins(orbit, orbit.idle, only_closest=True)
     # impacts of one site at one wall may come in the wrong order, which no flight tells
     lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []

@@ -43,7 +43,7 @@ class ClosureTerms(NamedTuple):
 
 
 def closure_equations(t: ClosureTerms) -> tuple[Any, Any]:
-    """Both equations (11)."""
+    """Evaluate both equations (11)."""
     return t.p * t.mean + t.u - 1.0, t.v - t.p * ((1.0 - t.k) / (1.0 + t.k))
 
 

@@ -199,7 +199,6 @@ def terms(z: Any, on: ClosureData, mean: BandAverage, f: Four) -> ClosureTerms:
 
 @inlined
 def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int) -> ClosureTerms:
-    """Their derivatives in one entry of z."""
     i, a, by_mean, u, v, w = column - 2 - on.extra, on.params[A], 0.0, 0.0, 0.0, 0.0
     place = on.freed[i] if i >= 0 else -1
     if column == 1:
@@ -219,7 +218,7 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
 
 
 def closure_system(z: Any, on: ClosureData, out: Any) -> int:
-    """Both equations (11)."""
+    """Evaluate both equations (11)."""
     if unpack(z, on) != 0:
         return 1
     out[0], out[1] = closure_equations(terms(z, on, on.chi, series_motion(on.harmonics, z[1])))
@@ -227,7 +226,6 @@ def closure_system(z: Any, on: ClosureData, out: Any) -> int:
 
 
 def closure_slopes(z: Any, on: ClosureData, out: Any) -> int:
-    """Their derivatives, row by row."""
     if unpack(z, on) != 0:
         return 1
     f, width = series_motion(on.harmonics, z[1]), 2 + on.extra + on.freed.size
@@ -246,7 +244,6 @@ def fold_system(z: Any, on: ClosureData, out: Any) -> int:
 
 
 def fold_slopes(z: Any, on: ClosureData, out: Any) -> int:
-    """Their derivatives, row by row."""
     if closure_slopes(z, on, out) != 0:
         return 1
     f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
@@ -265,7 +262,6 @@ def pitchfork_system(z: Any, on: ClosureData, out: Any) -> int:
 
 
 def pitchfork_slopes(z: Any, on: ClosureData, out: Any) -> int:
-    """Their derivatives, row by row."""
     if closure_slopes(z, on, out) != 0:
         return 1
     f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
@@ -300,7 +296,6 @@ def find_F(z: Any, on: PairData, b: float) -> int:
 
 
 def pair_slopes(z: Any, on: PairData, out: Any) -> int:
-    """Their derivatives, row by row."""
     if closure_slopes(z, on.closure, out) != 0:
         return 1
     f = series_motion(on.closure.harmonics, z[1])
@@ -354,7 +349,6 @@ def contact(z: Any, on: ContactData, out: Any) -> int:
 
 
 def contact_slopes(z: Any, on: ContactData, out: Any) -> int:
-    """Their derivatives, row by row."""
     if closure_slopes(z, on.closure, out) != 0:
         return 1
     find_responses(on)

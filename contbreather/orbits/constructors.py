@@ -36,7 +36,6 @@ from contbreather.orbits.section import Section, checked_impacts
 from contbreather.parameters import NAMES, NEEDED, parameter
 from contbreather.stability.verdict import THRESHOLD
 
-OFF = 2e-3  # asymmetry of a start beside a pitchfork
 LONGEST = 10_000  # periods of the forcing that a seed is followed over
 
 
@@ -103,7 +102,7 @@ def asymmetric(
             continue
         window = {"a": (point["a"], a) if up else (a, point["a"])}
         lifted = lift(point)
-        seed = started_on_arm(lifted, arm * OFF)
+        seed = started_on_arm(lifted, arm * 2e-3)  # asymmetry of a start beside a pitchfork
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
             # between the pitchfork and the usual start: set out on the parabola, at this a
             seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * coefficient))

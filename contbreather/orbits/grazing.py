@@ -38,11 +38,6 @@ from contbreather.orbits.site_motion import IMAGE, SiteMotion, Terms
 
 Array = NDArray[np.float64]
 
-TELLING = 1e-12  # motions that differ by less touch their walls together but for rounding
-MIRRORED = 1e-13  # the margin of a maximum that by symmetry touches the other wall, too
-ONE = 1e-4  # impacts of a site at a wall less apart than this are one
-AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
-
 
 @dataclass(frozen=True)
 class GrazingSite:
@@ -99,31 +94,21 @@ def _locus(point: Point) -> DefiningSystem:
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     """Defining system of a site that touches a wall at a time."""
-    if _is_impact(orbit, site, t):
+    section, motion = orbit.section, orbit.motion
+    at_site = [hit.time for hit in orbit.hits if hit.site == site]
+    # a contact this close to an impact of its site is that impact
+    if any(abs(math.remainder(t - at, section.period)) < 1e-9 * section.period for at in at_site):
         return shallow_impact(orbit)
-    motion = orbit.motion
     displacement = motion.at(site, t)[0]
     place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
-    other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
+    # of an orbit that is its own mirror image the maximum comes again at the other wall
+    mirrored = False
+    if not section.symmetric and section.turns % 2:
+        later = motion.at(site, t + 0.5 * section.period)[0]
+        mirrored = abs(displacement + later) < IMAGE
+    other = _OtherContact(site, mirrored, followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
-
-
-def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
-    period = orbit.section.period
-    return site in orbit.section.hit and any(
-        hit.site == site and abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period
-        for hit in orbit.hits
-    )
-
-
-def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Test if the maximum comes again at the other wall: the orbit is its own mirror image."""
-    section, motion = orbit.section, orbit.motion
-    if section.symmetric or section.turns % 2 == 0:
-        return False
-    displacements = [motion.at(site, time)[0] for time in (t, t + 0.5 * section.period)]
-    return abs(sum(displacements)) < IMAGE
 
 
 def _examine(point: Point) -> dict[str, Any]:
@@ -140,8 +125,8 @@ GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, exami
 
 @dataclass(frozen=True)
 class _OtherContact:
-    """All else must still keep off the walls where one local maximum grazes: other sites, and other
-    maxima of the same one. Where it does not, the limit of existence goes on with that."""
+    """Clearance of all else where one local maximum grazes: of other sites, and of other maxima of
+    the same one. Where it ends, the limit of existence goes on with that."""
 
     site: int
     mirrored: bool
@@ -204,14 +189,16 @@ def other_contacts(
     if site not in orbit.hit:
         crests = measured.rows[-2:, : WHEN + 1].tolist()  # at its own wall, and at the other one
         opposite = crests[1][MARGIN]
-        if opposite == math.inf or (mirrored and abs(opposite) < MIRRORED):
+        # by symmetry it touches the other wall, too
+        if opposite == math.inf or (mirrored and abs(opposite) < 1e-13):
             crests.pop()
         period = orbit.period
         own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
         gaps = own + gaps
     apart = orbit.differences([gap.site for gap in gaps], site)
     return [
-        gap._replace(margin=1.0 if d < TELLING else gap.margin / (abs(gap.margin) + d))
+        # motions that differ by less touch together but for rounding
+        gap._replace(margin=1.0 if d < 1e-12 else gap.margin / (abs(gap.margin) + d))
         for gap, d in zip(gaps, apart.tolist(), strict=True)
     ]
 
@@ -258,7 +245,8 @@ def _others_last(j: int, point: Point) -> float:
 def _apart(point: Point) -> float:
     """The time between the closest impacts of one site at one wall, over the least that is told."""
     orbit = point.solution
-    return min(float(orbit.times[j] - orbit.times[i]) for i, j in orbit.section.repeats) - ONE
+    # impacts of a site at a wall less apart than this are one
+    return min(float(orbit.times[j] - orbit.times[i]) for i, j in orbit.section.repeats) - 1e-4
 
 
 # VI where two impacts of one site at one wall become one, whether walls are lifted or not: with

@@ -22,7 +22,6 @@ from contbreather.orbits.section import Impact, Section
 FloatArray = NDArray[np.float64]
 
 VANISHED = 1e-8  # an impact at a smaller velocity is none
-SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
@@ -69,7 +68,6 @@ class ImpactSequence:
 
     @cached_property
     def times(self) -> FloatArray:
-        """Times of the impacts of a section."""
         return np.array([impact.time for impact in self.impacts])
 
     @cached_property
@@ -124,7 +122,8 @@ class ImpactSequence:
     def p(self) -> float:
         """Half the momentum of each impact, where all are the same."""
         sizes = 0.5 * np.abs(self.impulses)  # |J| = 2p, eq. (4)
-        if np.ptp(sizes) > SAME * sizes.max():
+        # momenta that differ by less are equal
+        if np.ptp(sizes) > 1e-9 * sizes.max():
             raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
         return float(sizes[0])
 

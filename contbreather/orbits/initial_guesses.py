@@ -33,7 +33,6 @@ FloatArray = NDArray[np.float64]
 
 MOST = 200  # impacts in one section
 TOGETHER = 8  # digits to which the times of impacts are compared
-OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
 
 
 def from_state(
@@ -55,7 +54,7 @@ def from_state(
     low, high = wall_rows(on.walls, u.size)
     beyond = np.maximum(u - high, low - u)
     n = int(beyond.argmax())
-    if beyond[n] > OUTSIDE:
+    if beyond[n] > 1e-6:  # a seed may be beyond a wall by this much
         raise BadInput(
             f"u[{n}] = {u[n]:.9g} of the seed is outside the walls at {low[n]:g} and {high[n]:g}."
         )

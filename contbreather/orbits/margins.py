@@ -230,7 +230,7 @@ def idle_margin(
 
 
 def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row: int) -> None:
-    """Where one maximum of a site touches a wall: the least of all others there, the contact
+    """Margins beside a maximum of a site that touches a wall: the least there, the contact
     divided out, and of those at the other wall."""
     period, low, high = period_of(motion), motion.places[site, LOW], motion.places[site, HIGH]
     u = state(motion, site, motion.start + contact)[0]
@@ -246,7 +246,6 @@ def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row
 
 
 def is_image(motion: Motion, site: int, other: int) -> bool:
-    """Whether two sites move alike."""
     points = points_of(motion.fine, motion.length)
     for p in range(points):
         t = motion.start + motion.length / points * p
@@ -321,7 +320,7 @@ def margins(
 
 
 class Along(NamedTuple):
-    """What differs in several motions; where they have it in common, once."""
+    """Gather what differs in several motions; where they have it in common, once."""
 
     a: Vector
     times: Matrix

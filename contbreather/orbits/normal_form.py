@@ -50,9 +50,6 @@ _AGREED = 3e-5  # of that by three places: by five it is then good to 1e-9
 # of first order by five
 _SECOND = np.array([[16.0, -1.0], [12.0, 0.0]]) / 12.0
 _FIRST = np.array([8.0, -1.0]) / 12.0
-_STEEP = 1e9  # a curvature beyond it is rounding over rounding
-_ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
-_PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
 
 
 @dataclass(frozen=True)
@@ -176,7 +173,7 @@ def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
     right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
     curvature = float(solve(whole, right)[-1])  # h and, last, the parameter per s^2
-    if abs(curvature) > _STEEP:
+    if abs(curvature) > 1e9:  # a curvature beyond it is rounding over rounding
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return curvature
 
@@ -208,7 +205,8 @@ def _loss(point: Point) -> int:
     """1 where the symmetric orbit loses its stability with a growing parameter, -1 where it gains
     it: on which side there is one real multiplier more outside."""
     along = point.direction
-    step = math.copysign(_ASIDE, along[-1]) / np.linalg.norm(along) * along
+    # a little off the pitchfork, to both sides
+    step = math.copysign(1e-3, along[-1]) / np.linalg.norm(along) * along
     counts = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
     # where there is no orbit, as at the end of a domain, there is one more or one less
     others = [1 if not n else n - 1 for n in reversed(counts)]
@@ -220,6 +218,7 @@ def _loss(point: Point) -> int:
 
 def _outside(curve: Curve, z: FloatArray) -> int | None:
     try:
-        return int(Point(curve, z).solution.map.beyond(1.0 + _PASSED))
+        # multipliers of a free mean are at 1 to rounding
+        return int(Point(curve, z).solution.map.beyond(1.0 + 1e-6))
     except OUT_OF_DOMAIN:
         return None

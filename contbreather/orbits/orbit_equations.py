@@ -58,15 +58,6 @@ class OrbitEquations:
     at : Walls
     resonant : sequence of (mode, frequency)
         Modes whose amplitudes, cosine and sine, are unknowns.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
-    >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
-    >>> bool(abs(same.residual(x, {"a": 0.5, "gamma": 0.12, "k": 0.4})).max() < 1e-14)
-    True
     """
 
     section: Section
@@ -94,7 +85,6 @@ class OrbitEquations:
 
     @cached_property
     def size(self) -> int:
-        """Number of unknowns."""
         return 2 * self.section.count + self.offsets + 2 * len(self.resonant)
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -103,7 +93,6 @@ class OrbitEquations:
         return x[:m], x[m : 2 * m], x[2 * m : end], x[end:]
 
     def named(self, x: FloatArray) -> dict[str, Any]:
-        """The unknowns by name."""
         times, impulses, offsets, amplitudes = self.split(x)
         values: dict[str, Any] = {f"t{i}": t for i, t in enumerate(times.tolist(), 1)}
         values |= {f"J{i}": J for i, J in enumerate(impulses.tolist(), 1)}
@@ -155,7 +144,6 @@ class OrbitEquations:
         return np.concatenate(parts)
 
     def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
-        """Derivatives with respect to x."""
         at = self.terms(x, params)
         h, f, impulses, response = at.h, at.f, at.impulses, at.response
         m, r, i = self.section.count, self.offsets, np.arange(self.section.count)

@@ -50,8 +50,6 @@ from contbreather.stability.one_impact import RingHalfMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
-EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
-ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
 
 
@@ -160,7 +158,8 @@ def _examine_crossing(event: Event, point: Point) -> Examined:
         return why
     # unknowns begin with the times; along symmetric orbits those of both halves move alike
     first, second = point.tangent[: orbit.section.count].reshape(2, -1)
-    leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
+    # flights that are equal there, and change along the arm: along symmetric orbits they do not
+    leaves = abs(second - first).max() > 1e-3 and abs(orbit.asymmetry) < 1e-5
     return {"kind": "PF"} if leaves else ""
 
 

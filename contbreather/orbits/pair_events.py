@@ -24,10 +24,6 @@ from contbreather.stability.one_impact import RingHalfMap
 from contbreather.stability.zeros import REAL, nearest_pair, passing, upper
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
-BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
-_ON = 1e-8  # of a circle: what is closer is on it, as both pairs are where they meet
-_ALL_BUT = 1.0 - 1e-15
-_NEARLY = 1.0 - 1e-9  # what is on the circle at 1 is inside by more than rounding
 
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, on an
 # arm to its pitchfork like sqrt(1 - k): within rounding of that the curve cannot be followed.
@@ -38,7 +34,8 @@ def is_blurred(orbit: Any) -> bool:
     """Test whether multipliers mean nothing: they have a pole where an impact vanishes."""
     if orbit.vanishing is not None:
         return True
-    return isinstance(orbit.map, ModalMap) and orbit.map.rounding > BLURRED
+    # of a multiplier with such rounding neither a sign nor a count is to be had
+    return isinstance(orbit.map, ModalMap) and orbit.map.rounding > 1e-4
 
 
 def pair_leaves(lattice: Any, threshold: float, *, every: bool = False) -> Event:
@@ -109,9 +106,10 @@ class _Pair:
         # along a curve in k elastic impacts are the limit of those before: what is neutral only
         # there is no event
         if map.k == 1.0 and map.sign > 0:
-            map = replace(map, k=_NEARLY)  # on the circle itself a side is rounding
+            # what is on the circle at k = 1 is inside by more than rounding
+            map = replace(map, k=1.0 - 1e-9)
         elif "k" in point.curve.varied and _is_elastic(map):
-            map = replace(map, k=_ALL_BUT)
+            map = replace(map, k=1.0 - 1e-15)
         answer: tuple[float, int] = map.pairs()
         return answer
 
@@ -135,7 +133,8 @@ class _Pair:
         if not isinstance(map, RingHalfMap):
             ends = tuple(_turns_real(circle.radius, point))
         else:
-            others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + _ON)
+            # what is closer is on the circle, as both pairs are where they meet
+            others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + 1e-8)
             outside = passing(others, beyond)[1] + _real_pairs(others, beyond)
             ends = (_Next(self, circle.radius, outside).event(),)
         return representation.locus(circle, point, angle, events=ends)

@@ -21,10 +21,6 @@ Beyond = Callable[[float, float], str]
 
 # In units of the box, each of whose sides counts as 1:
 NEAR = 3e-3  # the end of a curve that comes so close to another one lies on it
-SMALL = 1e-3  # area of a sliver between two curves, which nothing is said of
-GRID = 1e-10  # places that are no farther apart are one
-CENTRED = 2e-3  # how well the place farthest from the edge is known
-EDGE = 7e-3  # how far from the edge a region is asked what breathers are there
 PROBES = 5  # places where it is asked
 CANDIDATES = 40  # of them along each side
 
@@ -136,9 +132,10 @@ def _pieces(lines: Sequence[Array]) -> Iterator[Any]:
 
     frame = shapely.box(0, 0, 1, 1).exterior
     paths = [frame, *(shapely.LineString(line) for line in lines if len(line) > 1)]
-    joined = shapely.union_all([*paths, *_bridges(paths)], grid_size=GRID)
+    # places no farther apart are one
+    joined = shapely.union_all([*paths, *_bridges(paths)], grid_size=1e-10)
     for piece in shapely.polygonize(shapely.get_parts(joined)).geoms:
-        if piece.area > SMALL:
+        if piece.area > 1e-3:  # area of a sliver between two curves, which nothing is said of
             yield piece
 
 
@@ -159,7 +156,8 @@ def _region(
 ) -> Region:
     import shapely
 
-    radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
+    # the place farthest from the edge, as well as it needs to be known
+    radius = shapely.maximum_inscribed_circle(piece, tolerance=2e-3)
     places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
     counts = tuple(count(x, y) for x, y in places.tolist())
     at = [*zip(*places.T.tolist(), counts, strict=True)]
@@ -181,7 +179,8 @@ def _spread(piece: Any, centre: Array, room: float) -> Array:
     nodes = np.column_stack([coordinate.ravel() for coordinate in grid])
     nodes = nodes[shapely.contains_xy(piece, nodes)]
     off = shapely.distance(shapely.points(nodes), piece.boundary)
-    nodes = np.vstack([centre, nodes[off > min(EDGE, 0.5 * room)]])
+    # not at the edge, where counts are of multipliers on the circle
+    nodes = np.vstack([centre, nodes[off > min(7e-3, 0.5 * room)]])
     places, far = [centre], np.full(len(nodes), np.inf)
     for _ in range(PROBES - 1):  # each as far as can be from all before it
         far = np.minimum(far, np.sum((nodes - places[-1]) ** 2, axis=1))

@@ -97,7 +97,6 @@ class Section:
 
     @cached_property
     def count(self) -> int:
-        """Impacts in a section."""
         return len(self.impacts)
 
     @cached_property
@@ -110,7 +109,6 @@ class Section:
 
     @cached_property
     def hit(self) -> tuple[int, ...]:
-        """The sites that hit a wall."""
         return tuple(sorted({n for n, _ in self.impacts}))
 
     @property

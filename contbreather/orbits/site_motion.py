@@ -106,7 +106,6 @@ STATES = Kernel(states)
 
 
 def points_of(fine: int, length: float) -> int:
-    """Number of points of a grid over a time."""
     return math.ceil(fine * max(1.0, length / math.pi) - 1e-9)
 
 
@@ -145,7 +144,6 @@ class SiteMotion:
 
     @property
     def beside(self) -> Collection[int]:
-        """Sites coupled to one that hits a wall."""
         return {n for site in self.hit for n in self.lattice.beside(site)}
 
     def walls(self, site: int) -> Wall:
@@ -221,7 +219,6 @@ class SiteMotion:
         return u, v, w
 
     def offset(self, n: ArrayLike) -> FloatArray:
-        """Static displacement of sites."""
         offsets = self.representation.offsets
         if not any(offsets):
             return np.zeros(np.shape(n))

@@ -92,14 +92,6 @@ def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
 def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -> Orbit | None:
     """``(-1)^shift u(t + shift pi)`` with the same sequence of impacts, if it has that; on other
     sites, by number, where there are `places`.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import asymmetric
-    >>> orbit = asymmetric(0.82, 0.04, 0.8)
-    >>> image = shifted(orbit, 1)
-    >>> abs(image.displacement(0, 1.0) + orbit.displacement(0, 1.0 + math.pi)) < 1e-14
-    True
     """
     section, sign, places = orbit.section, -1 if shift % 2 else 1, places or {}
     moved = [

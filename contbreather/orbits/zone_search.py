@@ -58,7 +58,6 @@ def second_of(fixed: Mapping[str, Any]) -> str | None:
 FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
-PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
@@ -100,7 +99,6 @@ class ZoneSearch:
         return float((omega or self.held.get("omega", 1.0)) ** POWERS.get(name, 0))
 
     def zones(self, *, interrupted: bool = False) -> Zones:
-        """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         reach = 1.0 / self.model["forcing"].peak()
         beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach
@@ -208,7 +206,8 @@ class ZoneSearch:
                 if not self.past_folds and breather.representation.family != "upper":
                     continue  # beyond the fold that ends the diagram
                 place = {free: y, "p": breather.p, "phi": breather.phi, "t1": breather.phi}
-                if not any(_on_curve(b, place, (free,), PASSED) for b in passed):
+                # a breather this close to a branch, whose chords are long, is one of it
+                if not any(_on_curve(b, place, (free,), 3e-3) for b in passed):
                     passed.append(self._branch(breather, shown))
                     yield passed[-1]
 
@@ -310,10 +309,6 @@ def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> 
 # Given phi, (11) is linear in 1/a and p/a: a row of the diagram is known without a walk along it.
 # Where every event on it lies on a curve that is known nobody has to walk there.
 
-POINTS = 48  # of a row, evenly along it
-FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
-SHARP = 1e-5  # of phi, how well a zero is known: far below `SAME`, as phi weighs
-
 
 @dataclass(frozen=True, eq=False)
 class RowPiece:
@@ -358,7 +353,8 @@ class RowPiece:
         near = low + test[step] / (test[step] - test[step + 1]) * (high - low)
         if place(near)["a"] < least or known(event.kind, place(near)):
             return True
-        zero = brentq(lambda phi: event.value(place(phi)), low, high, xtol=SHARP)
+        # far below `SAME`, as phi weighs
+        zero = brentq(lambda phi: event.value(place(phi)), low, high, xtol=1e-5)
         return known(event.kind, place(zero))
 
 
@@ -373,7 +369,7 @@ def row_pieces(
             continue
         z = _at(curve, phi)
         points = Points(curve, z, np.zeros_like(z), *np.zeros((2, len(z))))
-        answers = [event.values(points) for event in events]
+        answers = [event.values(points, points) for event in events]
         tests = np.array([test for test, _ in answers])
         # of upper breathers the test of the fold is positive, too
         ends = [bool(event.ends) for event in events]
@@ -389,13 +385,14 @@ def row_pieces(
 def _evenly(curve: Curve, low: float, high: float, least: float) -> Array:
     """Phases evenly along a row down to an amplitude, and one beyond each fold."""
     # where a is large it changes fast with phi
-    z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
+    # the grid on which its length is measured
+    z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(1e-6, 1.0, 400)))
     z = z[z[:, 0] > 0.0]
     z = z[: np.count_nonzero(z[:, 2] >= least) + 1]  # a falls along it
     if len(z) < 2:
         return np.empty(0)
     length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
-    phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
+    phi = np.interp(np.linspace(0.0, length[-1], 48), length, z[:, 1])
     ends = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both
     before, after = _at(curve, ends)[:, 2]
     # the first is a fold, too, where a falls before it; beyond a pole it is negative

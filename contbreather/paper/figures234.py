@@ -59,7 +59,6 @@ class Figure2:
                        "nu": angle, "sites": line.sites, "threshold": line.threshold}  # fmt: skip
 
     def draw(self) -> Figure:
-        """The figure, one panel for each k."""
         with style():
             figure, panels = new_figure(len(self.zones), height=1.6 + 5.8 * len(self.zones))
             draw_panels(self.zones, panels)
@@ -189,7 +188,7 @@ class MultiplierFigure:
         return 2.4 * (self.threshold - 1.0)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """All multipliers of QS, and their squares, largest first."""
+        """Multipliers of QS, and their squares, largest first."""
         for panel, breather in zip("ab", self.breathers, strict=True):
             on = {"panel": panel, "a": breather.a, "gamma": breather.gamma, "k": breather.k}
             half = np.asarray(breather.multipliers(sites=self.sites, half=True), dtype=complex)

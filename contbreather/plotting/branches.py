@@ -74,7 +74,6 @@ def plot_branches(
     kinds: Iterable[str] | None = None,
     colours: Sequence[str] | None = None,
 ) -> Drawn:
-    """Draw branches as `contbreather.plot` does."""
     if not branches:
         raise BadInput("plot needs at least one branch")
     for name in (x, y):

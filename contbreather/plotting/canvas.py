@@ -346,7 +346,6 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
 
 
 def curve_points(ax: Axes) -> Array:
-    """Points along all lines, in pixels."""
     points = [np.empty((0, 2))]
     for line in ax.get_lines():
         nodes = line.get_transform().transform(line.get_xydata())

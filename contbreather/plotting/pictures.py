@@ -187,13 +187,6 @@ def card(value: Any) -> str:
     ----------
     value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
         verdict, margins, a cycle of flows, a trajectory, or what is on disk
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> shown = card(cb.symmetric(a=0.5, gamma=0.08, k=0.8))
-    >>> "<svg" in shown, "<table" in shown, "src=" in shown
-    (True, True, False)
     """
     try:
         several = value if isinstance(value, ZoneDiagrams) else (value,)

@@ -108,7 +108,6 @@ class Basin(Columns, HtmlRepr):
     along = "start"
 
     def table(self) -> Sheet:
-        """The number of starts with each outcome."""
         counts = [(outcome.words, int(np.sum(self.outcome == outcome))) for outcome in Outcome]
         rows: list[Any] = [row for row in counts if row[1]]
         return Sheet.of([*rows, ("share that returned", self.share)])

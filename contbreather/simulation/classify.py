@@ -75,7 +75,6 @@ class Classification(HtmlRepr):
     motion: Kind
 
     def table(self) -> Sheet:
-        """The evidence, in words."""
         return Sheet.of([("verdict", self.kind.name.lower()), *in_words(self.evidence)])
 
     def __str__(self) -> str:

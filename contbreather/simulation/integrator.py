@@ -268,7 +268,6 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
 
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
-    """Room for the samples of so many periods."""
     chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
     count = sample.per_period if sample else 0
     u, v = np.full((2, periods, count, chosen.size), np.nan)
@@ -281,8 +280,6 @@ def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput
 
 @dataclass
 class EventDriven:
-    """The integrator of rigid walls."""
-
     state: State
     conditions: Conditions
     t0: float

@@ -341,7 +341,6 @@ class Lyapunov(HtmlRepr):
     periods: int
 
     def table(self) -> Sheet:
-        """Each exponent and its error."""
         columns = [
             Column("exponent", self.exponents.tolist()),
             Column("error", self.error.tolist()),

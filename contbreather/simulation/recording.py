@@ -103,7 +103,6 @@ class Recording(HtmlRepr):
 
     @property
     def end(self) -> float:
-        """The time of `final`."""
         return self.t0 + PERIOD * self.periods
 
     def table(self) -> Sheet:

@@ -95,7 +95,6 @@ class States(Columns, HtmlRepr):
         return Sheet.of(rows + [(name, x) for name, x in numbers if not math.isnan(x)])
 
     def columns(self) -> dict[str, Array]:
-        """The states at the strobe."""
         return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
 
     def variables(self) -> dict[str, Variable]:
@@ -465,7 +464,6 @@ Values = Mapping[str, Any]
 
 
 def to_content(run: States) -> dict[str, Any]:
-    """A run of either kind, for files."""
     try:
         conditions = to_dict(run.conditions)
     except NotSerialisable as error:
@@ -483,7 +481,6 @@ def to_content(run: States) -> dict[str, Any]:
 
 
 def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
-    """Fields that both kinds of runs have."""
     record = None
     check_lengths(columns, ("time", "u", "v"), "states")
     check_lengths({**columns, "u": columns["u"].T}, ("final_u", "final_v", "u"), "sites")

@@ -42,13 +42,7 @@ class State(NamedTuple):
 
 
 def damping_of(k: float) -> float:
-    """lambda of the smooth wall with restitution k, eq. (22) solved for it.
-
-    Examples
-    --------
-    >>> round(damping_of(0.8), 12)
-    0.141700600391
-    """
+    """lambda of the smooth wall with restitution k, eq. (22) solved for it."""
     k = parameter("k", k)
     if k == 0.0:
         return 2.0  # the limit of (22) for k -> 0, where it is a quotient of infinities
@@ -57,13 +51,7 @@ def damping_of(k: float) -> float:
 
 
 def restitution_of(lam: float) -> float:
-    """k of the smooth wall with the damping lambda, eq. (22).
-
-    Examples
-    --------
-    >>> round(restitution_of(damping_of(0.8)), 12)
-    0.8
-    """
+    """k of the smooth wall with the damping lambda, eq. (22)."""
     lam = parameter("lam", lam)
     if lam == 2.0:
         return 0.0

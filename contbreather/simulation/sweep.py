@@ -82,7 +82,6 @@ class Sweep(Columns, HtmlRepr):
     along = "step"
 
     def table(self) -> Sheet:
-        """A line for each value."""
         names = {"value": self.name, "p": "p", "amplitude": "amplitude"}
         names |= {name: name for name in ("participation", "tilt", "change")}
         return Sheet([Column(h, getattr(self, n).tolist(), digits=5) for n, h in names.items()])

@@ -221,7 +221,6 @@ def ends(rows: Matrix, h: float, last_v: Vector, last_w: Vector, reach: Vector) 
 
 @inlined
 def near(bonds: Couplings, x: Vector, n: int) -> float:
-    """Pull on site n of the sites beside it."""
     total = 0.0
     for i in range(bonds.start[n], bonds.start[n + 1]):
         total += bonds.weight[i] * x[bonds.other[i]]
@@ -461,7 +460,6 @@ def comes_to_rest(
 
 @inlined
 def any_at_rest(at_rest: Signs) -> bool:
-    """Say if any site rests on a wall."""
     count = 0
     for n in range(at_rest.size):  # to the end: without a branch it is a vector's sum
         count += at_rest[n] != 0

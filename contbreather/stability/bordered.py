@@ -61,8 +61,6 @@ class Impacts(NamedTuple):
 
 
 class CountWorkspace(NamedTuple):
-    """To work in."""
-
     sums: Vector
     answers: Cube  # by near alias, g r^d for each distance d
     matrix: Cube
@@ -343,7 +341,6 @@ def pivoted_determinant(matrix: Cube, rows: int) -> complex:
 def values_at(
     orbit: Impacts, series: PairSeries, room: CountWorkspace, kappa: Matrix, values: Matrix
 ) -> None:
-    """F at many places."""
     expand_pairs(orbit, series, room.sums)
     for i in range(kappa.shape[0]):
         value = bordered_value(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
@@ -385,7 +382,6 @@ def piece(
     low: float,
     high: float,
 ) -> None:
-    """One of them."""
     # few between two singular places of the circle: refinement does the rest
     rows, refined, count = room.rows, room.refined, 25
     for i in range(count):

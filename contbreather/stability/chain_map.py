@@ -156,12 +156,10 @@ class OrbitMap:
 
     @property
     def floor(self) -> float:
-        """Lower edge of the band as a kappa."""
         return self.periods * math.sqrt(self.spring)
 
     @property
     def edge(self) -> float:
-        """Upper edge of the band as a kappa."""
         return math.sqrt(self.floor**2 + 4.0 * self.scaled)
 
     # --- the reduced matrix ---

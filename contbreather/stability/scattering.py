@@ -113,12 +113,6 @@ def over_reflection(map: HalfMap) -> OverReflection:
     """The largest amplification of a wave by the breather, and the growth of long rings it causes.
 
     If not ``over_reflecting``, no ring of any size is unstable through its band.
-
-    Examples
-    --------
-    >>> worst = over_reflection(HalfMap(0.08, 0.8, 0.46823798739267164))  # a = 0.5
-    >>> round(worst.gain, 4), round(worst.nu, 4), round(worst.growth, 4)
-    (1.257, 0.3685, 0.8488)
     """
     if not over_reflects(map):
         return OverReflection(False)

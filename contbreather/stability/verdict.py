@@ -128,7 +128,6 @@ class Verdict(HtmlRepr):
         )
 
     def table(self) -> Sheet:
-        """The numbers behind it."""
         half = self._of_half
         circle = "the unit circle" if self.threshold is None else "the threshold"
         which = f"multipliers {'of QS ' * half}outside {circle}"
@@ -145,7 +144,6 @@ class Verdict(HtmlRepr):
         return Sheet.of([(name, None if value != value else value) for name, value in rows])
 
     def describe(self) -> str:
-        """The verdict as a sentence."""
         if self.stable is None:
             return f"{self.lattice}: nothing is said of stability where an impact vanishes"
         several = f"{self.unstable or 'no'} multiplier{'s' * (self.unstable > 1)}"

@@ -43,12 +43,10 @@ LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _OTHERS = {".csv", ".json", ".mat", ".npy", ".npz", ".pdf", ".pkl", ".png", ".svg", ".txt"}
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
 _HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
-_TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
 _LENGTH = len(_CHECKSUM % bytes(64))
 _BLOCK = 2**20  # bytes that are copied at once
-_SPOOLED = 2**24  # bytes of a file that is being filled; a larger one is on disk meanwhile
 _CHUNK = 2**13  # numbers of a column that grows which are stored together
 
 
@@ -236,7 +234,8 @@ def check_lengths(columns: Mapping[str, Array], names: Sequence[str], what: str)
 def text(words: str) -> np.bytes_:
     """Text as HDF5 and all that read it take it, neither null bytes nor what is no character."""
     image = words.replace("\0", r"\0").encode(errors="backslashreplace")
-    return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
+    # HDF5 takes attributes of 64 kB
+    return np.bytes_(image[:20_000].decode(errors="ignore").encode())
 
 
 @contextmanager
@@ -258,7 +257,6 @@ class GrowingFile:
         (self.group,) = root.values()
 
     def append(self, columns: Mapping[str, Array]) -> None:
-        """Add rows to columns."""
         for name, rows in columns.items():
             variable = self.group[name]
             before = len(variable)
@@ -268,7 +266,6 @@ class GrowingFile:
         self.stream.check()
 
     def describe(self, **about: Any) -> None:
-        """Change what JSON takes."""
         image = np.array(json.dumps({**about_of(self.group), **about}).encode())
         del self.group[ABOUT]
         fill_group(self.group, {ABOUT: ((), image, {})}, {})
@@ -310,16 +307,16 @@ class _Spool:
         return tried
 
     def check(self) -> None:
-        """Raise the refusal."""
         if self.refusal:
             raise self.refusal
 
 
 @contextmanager
 def _spooled(path: str | Path) -> Iterator[_Spool]:
-    """What a file is to hold, on the same disk; nothing is left, however the process ends."""
+    """Gather what a file is to hold, on the same disk; nothing is left, however it ends."""
     try:
-        with SpooledTemporaryFile(_SPOOLED, dir=str(Path(path).parent)) as stream:
+        # a larger one is on disk while it is filled
+        with SpooledTemporaryFile(2**24, dir=str(Path(path).parent)) as stream:
             file = _Spool(stream)
             yield file
     except (OSError, RuntimeError) as error:  # HDF5 may stumble over what was not written
@@ -395,7 +392,7 @@ def _plain(attribute: Any) -> Any:
 
 
 def about_of(group: h5py.Group) -> dict[str, Any]:
-    """What JSON takes of the dict of a group."""
+    """Take of the dict of a group what JSON takes."""
     about: dict[str, Any] = json.loads(group[ABOUT][()].tobytes())
     return about
 

@@ -51,12 +51,10 @@ class Report(HtmlRepr):
 
     @property
     def computed(self) -> list[str]:
-        """Names of the parts that were computed now."""
         return [*self._reasons("computed")]
 
     @property
     def kept(self) -> list[str]:
-        """Names of those that were there already."""
         return [*self._reasons("kept")]
 
     @property

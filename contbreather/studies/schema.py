@@ -256,8 +256,6 @@ class Figure(Table):
 
 
 class Study(Table):
-    """Tables of a whole file."""
-
     title: str = ""
     chain: Chain = Chain()
     branch: dict[Name, BranchTask] = Field(default_factory=dict)
@@ -269,7 +267,6 @@ class Study(Table):
 
     @property
     def results(self) -> dict[str, Table]:
-        """Everything that is computed, by its name."""
         return {name: table for kind in KINDS for name, table in getattr(self, kind).items()}
 
     def pictures(self, folder: Path) -> dict[str, Path]:

@@ -95,7 +95,7 @@ class Task:
 
     @property
     def conditions(self) -> str:
-        """What is computed, at which values, in which windows, from what."""
+        """Say what is computed, at which values, in which windows, from what."""
         table, said, words = self.table, self.said, self.table.kind
         windows, fixed = dict(said.get("within", {})), dict(self.values)
         if self.needs is not None:
@@ -301,7 +301,6 @@ class DryRun(HtmlRepr):
 
     @property
     def left(self) -> list[Task]:
-        """Parts that are not there yet."""
         return [task for task in self.tasks if not self.outcomes[task.name][0]]
 
     def overview(self) -> list[dict[str, Any]]:
@@ -317,7 +316,6 @@ class DryRun(HtmlRepr):
         ]
 
     def table(self) -> Sheet:
-        """A line for each part."""
         headings, parts = ("name", "conditions", "state"), self.overview()
         return Sheet(
             [Column(heading, [row[heading] for row in parts]) for heading in headings],
@@ -326,7 +324,6 @@ class DryRun(HtmlRepr):
 
     @property
     def on(self) -> str:
-        """Lattice and drive in words."""
         chain = self.study.chain
         names = ("damping", "spring", "site", "walls", "threshold")
         settings = [(name, value) for name in names if (value := getattr(chain, name))]

@@ -6,15 +6,14 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.errors import BadInput
 from contbreather.files import read_text
-from contbreather.parameters import NAMES
 from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import KINDS, Study
@@ -74,12 +73,19 @@ def read(path: str | Path) -> Study:
         raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
     faults += [*_of_names(study, kinds), *_of_sources(study, dict(kinds))]
     faults += [*_of_figures(study, dict(kinds))]
-    if all(place[:1] != ("chain",) for place, _ in faults):  # whose forcing is not known then
-        faults += _of_parameters(study, dict(kinds))
+    if "arms" in dict(kinds).values() and study.chain.verge != THRESHOLD:
+        paper = f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms"
+        faults.append((("chain", "threshold"), f"{paper} in a study of their own"))
     if faults:
         lines = dict(_lines(text))
-        mistakes = [(_line(lines, at), at, why) for at, why in faults]
-        raise BadInput(_listed(Path(path).name, mistakes))
+        places = sorted(((_line(lines, at), at, why) for at, why in faults), key=itemgetter(0))
+        said = [
+            visible(f"line {line}{', ' + '.'.join(at) if at else ''}: {why}")
+            for line, at, why in places
+        ]
+        name, count = Path(path).name, len(said)
+        several = "\n  ".join([f"{name} has {count} mistakes:", *said])
+        raise BadInput(f"{name}, {said[0]}" if count == 1 else several)
     return study
 
 
@@ -151,16 +157,6 @@ def _line(lines: Mapping[KeyPath, int], place: KeyPath) -> int:
     return 1
 
 
-def _listed(name: str, faults: Sequence[tuple[int, KeyPath, str]]) -> str:
-    mistakes = [
-        visible(f"line {line}{', ' + '.'.join(place) if place else ''}: {why}")
-        for line, place, why in sorted(faults, key=lambda fault: fault[0])
-    ]
-    if len(mistakes) == 1:
-        return f"{name}, {mistakes[0]}"
-    return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *mistakes])
-
-
 # --- how tables fit together ------------------------------------------------------------------
 
 
@@ -200,54 +196,25 @@ def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
             yield place, f"{wanted!r} was expected"
         elif name in origins:
             yield place, f"it comes from itself, by way of {source!r}"
-        at = table.at.rstrip("0123456789")
-        if kind not in look_of(at).starts and "-" not in at:  # where two meet either may start
-            have = ", ".join(one for one, look in LOOKS.items() if kind in look.starts)
-            yield (kind, name, "at"), f"{kind} start at {have}, PF1 for instance; got {table.at!r}"
 
 
 def _of_figures(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
-    """Refuse figures of nothing, or of what does not go together."""
+    """Refuse figures of nothing, and options of other pictures."""
     for name, figure in study.figure.items():
         families = [drawing.family for drawing in figure.draws]
         for family in {*families} - {*kinds}:
             have = ", ".join(kinds) or "none"
             yield ("figure", name, "draws"), f"nothing is called {family!r}; there are {have}"
         drawn = {kinds[family] for family in families if family in kinds}
-        planes = drawn & {"zones", "atlas"}
-        if planes and (len(drawn) > 1 or ("atlas" in drawn and len(families) > 1)):
-            wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
-            yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
-        fit = {"over", "at"} if "atlas" in drawn else set() if planes else {"x", "y"}
+        if "atlas" in drawn and len(families) > 1:
+            yield ("figure", name, "draws"), "an atlas is drawn alone"
+        fit = {"over", "at"} if "atlas" in drawn else set() if "zones" in drawn else {"x", "y"}
         for key in sorted(figure.options.keys() - fit) if drawn else ():
             yield (
                 ("figure", name, key),
                 "x and y are columns of branches, over and at choose surfaces of an atlas; leave "
                 f"{key} out of a figure of {' and '.join(sorted(drawn))}",
             )
-
-
-def _of_parameters(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
-    """Refuse parameters that there are not, and a threshold that arms do not have."""
-    letters = study.chain.drive.params
-    known = (*NAMES, *letters)
-    for kind, name, table in _tables(study, "branch", "boundary", "zones", "atlas"):
-        for other in {*getattr(table, "over", ())} - {*letters}:
-            have = ", ".join(letters) or "none"
-            yield (kind, name, "over"), f"the forcing has no {other!r}; it has {have}"
-        if kind == "branch" and table.free not in known:
-            yield (
-                (kind, name, "free"),
-                f"one of {', '.join(known)} was expected, {table.free!r} is none",
-            )
-        if kind == "boundary" and len({*table.pair} & {*known}) < 2:
-            yield (kind, name, "pair"), f"two of {', '.join(known)} were expected, got {table.pair}"
-    if "arms" in kinds.values() and study.chain.verge != THRESHOLD:
-        yield (
-            ("chain", "threshold"),
-            f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms "
-            "in a study of their own",
-        )
 
 
 def _tables(study: Study, *kinds: str) -> Iterator[tuple[str, str, Any]]:

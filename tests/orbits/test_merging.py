@@ -25,12 +25,13 @@ def twice():
 def test_a_curve_ends_where_two_impacts_of_one_wall_become_one(twice) -> None:
     """There the orbit that hits each wall once is the same, and at rest on the wall."""
     line = cb.boundary(twice.first("VI"), ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
-    end = line[-1]
-    assert (line.stop.name, end.kind) == ("EVENT", "VI-VI")
-    assert not line.doubtful
-    # Along the curve k is the square of the time between the impacts over 11, 9e-10 here: what a
-    # place is known to, 1e-12 in k, is 1e-12 * 11 / 2e-4 = 6e-8 of that time.
-    assert end["t2"] - end["t1"] == pytest.approx(1e-4, abs=6e-8)
+    end, (doubt,) = line[-1], line.doubtful
+    # Along the curve k is the square of the time between the impacts over 11, and 0 is the end of
+    # its domain: VI-VI is seen within 1e-9 of that, where it cannot be located.
+    assert doubt.kind == "VI-VI"
+    assert "k = " in doubt.detail["reason"]
+    assert end["k"] < 1e-9
+    assert end["t2"] - end["t1"] < 1e-4
     on = {name: end[name] for name in ("a", "gamma", "k", "damping")}
     seed = {"t1": end["t1"]}
     once = orbit_at(

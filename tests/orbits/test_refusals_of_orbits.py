@@ -268,7 +268,10 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         # all of several before any is drawn, however they are listed
         ({"k": iter([0.8, 1.0]), "lattice": 3}, r"^k = 1: zones need 0 < k < 1"),
         ({}, r"zones need exactly one of k, gamma and a fixed, got none"),
-        ({"k": 0.8, "a": 0.5}, r"zones need exactly one of k, gamma and a fixed, got"),
+        (
+            {"k": 0.8, "gamma": 0.05, "a": 0.5},
+            r"zones need exactly one of k, gamma and a fixed, got",
+        ),
         ({"k": []}, r"zones need a value of k, or several; got none"),
         ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
         *(

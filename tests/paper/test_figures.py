@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex, to_rgb
+from matplotlib.colors import to_rgb
 
 from contbreather.orbits.zones import zones
 from contbreather.paper import FIGURES, chain_lengths, figure2, figure3, figure4
@@ -71,12 +71,6 @@ def test_arrows_of_figure_2_lead_from_one_panel_of_figures_3_and_4_to_the_other(
     assert not {"Fig. 3", "Fig. 4"} & {text.get_text() for text in lower.texts}
 
 
-def test_the_rule_of_each_k_is_drawn_in_its_own_panel(both, panels) -> None:
-    for ax, line in zip(panels, both.lines[::2], strict=True):
-        rule = next(one for one in ax.get_lines() if "rule" in one.get_label())
-        np.testing.assert_array_equal(rule.get_data(), (line.gamma, line.a))
-
-
 def rows_of(figure: object, **wanted: object) -> list[dict]:
     return [r for r in figure.rows() if all(r[n] == v for n, v in wanted.items())]
 
@@ -134,28 +128,6 @@ def test_chain_lengths_at_the_spot_of_the_notes() -> None:
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-@both_of_them
-def test_moduli_are_drawn_over_the_angle_in_thousandths(number) -> None:
-    for ax, breather in zip(axes_of(number)[2:], MADE[number].breathers, strict=True):
-        mu = np.asarray(breather.multipliers(sites=400, half=True))
-        mu = mu[mu.imag >= 0]
-        dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
-        drawn = np.concatenate([np.stack(line.get_data(), 1) for line in dots])
-        want = np.stack([np.angle(mu) / math.pi, 1e3 * (np.abs(mu) ** 2 - 1)], 1)
-        np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(want, axis=0), atol=1e-12)
-        for line in dots:
-            assert all((y > 5.0) == reddish(line.get_color()) for y in line.get_ydata())
-        assert ax.get_xlabel() == r"angle of $\mu$ over $\pi$"
-        (rule,) = [line for line in ax.get_lines() if line.get_linestyle() == "--"]
-        assert list(rule.get_ydata()) == pytest.approx([5.0, 5.0])
-        band = ax.patches[0]
-        assert band.get_x() == 0.0
-        assert band.get_width() == pytest.approx(2 * breather.gamma**0.5)
-        low, high = ax.get_ylim()
-        assert (low, high) == pytest.approx((-4.8, 12.0))
-
-
 @both_of_them
 def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(number) -> None:
     axes = axes_of(number)
@@ -170,15 +142,6 @@ def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(number) -> 
     assert axes[2].get_ylabel() == r"$10^3\,(|\mu^2| - 1)$"
     assert axes[0].get_xlabel() == r"Re $\mu^2$"
     assert [axes[1].get_ylabel(), axes[3].get_ylabel()] == ["", ""]
-
-
-def test_an_arrow_stands_at_the_angle_of_the_multiplier_that_it_stands_for() -> None:
-    mu = next(m for m in MADE[3].breathers[1].stability().multipliers if m.imag > 0)
-    ax = axes_of(3)[3]
-    number, arrow = ax.texts
-    assert arrow.xy[0] == number.xy[0] == pytest.approx(np.angle(mu) / math.pi)
-    assert arrow.xy[1] > arrow.xyann[1]  # upwards, beyond the axis
-    assert number.get_horizontalalignment() == "right"  # to the left of an arrow on the right
 
 
 @pytest.mark.parametrize(
@@ -222,18 +185,6 @@ def test_caption_describes_the_arrows_that_are_there(number) -> None:
     assert alone.caption.endswith("Dashed: the paper's threshold 1.005.")
 
 
-def test_isolated_multipliers_within_the_axis_are_crosses() -> None:
-    figure = replace(MADE[4], threshold=2.0)
-    for ax, breather in zip(figure.draw().axes[2:], figure.breathers, strict=True):
-        crosses = [line for line in ax.get_lines() if line.get_marker() == "x"]
-        alone = breather.stability().multipliers
-        alone = alone[alone.imag >= 0.0]
-        drawn = sorted((float(c.get_xdata()[0]), float(c.get_ydata()[0])) for c in crosses)
-        wanted = sorted((float(np.angle(z)) / math.pi, 1e3 * (abs(z) ** 2 - 1.0)) for z in alone)
-        assert np.array(drawn).reshape(-1, 2) == pytest.approx(np.array(wanted).reshape(-1, 2))
-        assert all(c.get_color() == "black" and c.get_markersize() == 4 for c in crosses)
-
-
 # --- Figs. 5 to 8 ---------------------------------------------------------------------------------
 
 
@@ -246,31 +197,6 @@ LINES = (
     SampledCurve("asymmetric", 0, T, np.sin(T), "dashed"),
     SampledCurve("ring", 0, T, np.cos(T) + 0.1, "circles"),
 )
-
-
-def test_exact_lines_are_red_the_other_breather_dashed_and_the_ring_open_circles() -> None:
-    ax = series(Panel("one", LINES)).draw().axes[0]
-    exact, other, ring = ax.get_lines()
-    assert (exact.get_linestyle(), other.get_linestyle(), ring.get_linestyle()) == (
-        "-",
-        "--",
-        "None",
-    )
-    assert reddish(exact.get_color())
-    assert not reddish(other.get_color())
-    markers = [line.get_marker() for line in (exact, other, ring)]
-    assert (*markers, ring.get_markerfacecolor()) == ("None", "None", "o", "none")
-    for line, curve in zip(ax.get_lines(), LINES, strict=True):
-        np.testing.assert_array_equal(line.get_data(), (curve.t, curve.u))
-    legend = ax.get_legend()
-    words = [text.get_text() for text in legend.get_texts()]
-    colours = [to_hex(handle.get_color()) for handle in legend.legend_handles]
-    assert dict(zip(words, colours, strict=True)) == {
-        curve.name: to_hex(line.get_color())
-        for curve, line in zip(LINES, ax.get_lines(), strict=True)
-    }
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "$u$")
-    assert ax.get_title(loc="left") == "(a) one"
 
 
 def test_rows_of_a_figure_name_panel_curve_and_site() -> None:

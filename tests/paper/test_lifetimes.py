@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,47 +12,14 @@ import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.orbits.constructors import asymmetric
 from contbreather.paper import lifetimes
-from contbreather.simulation import Sample, State, periodic, simulate, simulate_smooth
+from contbreather.simulation import Sample, periodic, simulate, simulate_smooth
 from contbreather.simulation.integrator import IMPACT
-from tests.simulation import zoo
 
 SET = {"gamma": 0.104, "k": 0.8}
 
 
 def breather(a):
     return cb.symmetric(a, 0.104, 0.8)
-
-
-@pytest.mark.parametrize(("a", "damping"), [(0.2, 0.005), (0.7, 0.005), (0.1, 0.02)])
-def test_a_small_push_grows_or_decays_in_a_period_by_the_largest_multiplier(a, damping):
-    """Made small again every ten periods, until that multiplier has won."""
-    own = zoo.breather(20, a=a, damping=damping, **SET)
-    state, size, sizes = np.array(own.state), 1e-6, []
-    off = size * np.random.default_rng(0).normal(size=state.shape)
-    for _ in range(240):
-        run = replace(own, state=State(*(state + off))).run(periods=10)
-        away = np.stack(run.strobe, axis=1)[1:] - state
-        sizes += [math.log(np.linalg.norm(one) / 1e-6) + math.log(size) for one in away]
-        size *= float(np.linalg.norm(away[-1])) / 1e-6
-        off = 1e-6 * away[-1] / np.linalg.norm(away[-1])
-    late = np.array(sizes[800:])  # the rest of the spectrum is gone
-    # a complex pair makes the size wave about its trend; this weight averages waves away
-    x = np.linspace(0.0, 1.0, late.size + 2)[1:-1]
-    slope = np.polyfit(np.arange(late.size), late, 1, w=np.exp(-0.5 / (x * (1.0 - x))))[0]
-    assert slope == pytest.approx(math.log(own.largest), rel=5e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
-def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with_less_it_leaves(a):
-    enough = lifetimes.enough_damping(breather(a), 20)
-    for damping, settles in ((enough + 0.004, True), (enough - 0.004, False)):
-        own = zoo.breather(20, a=a, damping=damping, **SET)
-        pushed = own.state.u * 0.999, own.state.v
-        run = simulate(pushed, a=a, damping=damping, periods=6000, **SET)
-        away = np.abs(np.subtract(run.final, own.state)).max()
-        assert (own.largest < 1.0) == settles
-        assert (away < 1e-9) if settles else (away > 0.01)
 
 
 def test_life_ends_where_a_wall_is_missed_or_a_neighbour_hits():
@@ -165,12 +131,3 @@ BOTH = {i: [(i, 0, 1), (i, 0, -1)] for i in range(8)}
 def test_a_breather_alternates_between_its_walls_alone(rows, more, ends) -> None:
     found = lifetimes.unlike_a_breather(table(*rows), 4, **more)
     assert np.flatnonzero(found).tolist() == ends
-
-
-def test_energy_all_over_the_ring_at_the_end_is_no_breather() -> None:
-    still = simulate_smooth(([0.0] * 8, [0.0] * 8), a=0.0, gamma=0.0, k=0.8, m=6, periods=1)
-    for count, lost in ((1, False), (3, False), (4, True), (8, True)):
-        v = np.zeros((2, 8))
-        v[0] = 1.0  # only the end counts
-        v[1, :count] = 1.0
-        assert lifetimes.delocalised(replace(still, strobe=State(0.0 * v, v))) is lost

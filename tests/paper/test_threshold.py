@@ -56,9 +56,13 @@ def line(request: pytest.FixtureRequest):
 
 @pytest.mark.slow
 def test_every_point_of_the_line_is_on_the_threshold(line) -> None:
-    for a, gamma in zip(line.a, line.gamma, strict=True):
-        ring = cb.symmetric(float(a), float(gamma), line.k).stability(sites=400)
-        assert ring.largest == pytest.approx(1.005, abs=1e-11)
+    largest = [
+        cb.symmetric(float(a), float(gamma), line.k).stability(sites=400).largest
+        for a, gamma in zip(line.a, line.gamma, strict=True)
+    ]
+    assert largest[1:] == pytest.approx([1.005] * 5, abs=1e-11)
+    # The first is on the fold: there the phase goes as the root of a, known to rounding.
+    assert largest[0] == pytest.approx(1.005, abs=2e-8)
 
 
 def test_line_runs_from_the_fold_to_the_grazing_of_the_neighbour(line) -> None:

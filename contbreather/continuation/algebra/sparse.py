@@ -46,8 +46,11 @@ class Dense:
 
     def solve(self, right: Array, last: float = 0.0) -> Array | None:
         """The solution, `last` being the right side of the row; None where it is singular."""
-        whole = right if self.row is None else np.append(right, last)
-        return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
+        if not self.exact:
+            return None
+        if self.row is not None:
+            right = np.concatenate([right, [last]])
+        return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right)[0])
 
     def transposed(self, right: Array) -> Array:
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
@@ -120,7 +123,6 @@ def first_columns(matrix: Matrix, n: int) -> Matrix:
 
 
 def entry_columns(matrix: Matrix) -> NDArray[np.intp]:
-    """The column of each entry that is stored."""
     return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
 

@@ -280,7 +280,6 @@ def distance(rules: Any, z: Any, other: Any) -> float:
 
 
 def angle(rules: Any, t: Any, other: Any) -> float:
-    """Between unit vectors."""
     return 2.0 * math.asin(min(1.0, 0.5 * distance(rules, t, other)))
 
 

@@ -179,7 +179,6 @@ class MapCycle(HtmlRepr):
 
     @property
     def unstable(self) -> int:
-        """Multipliers outside the unit circle."""
         return int((abs(self.multipliers) > 1).sum())
 
     def table(self) -> Sheet:

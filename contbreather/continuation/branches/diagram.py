@@ -297,8 +297,6 @@ def diagram(
 
 @dataclass
 class _Growth:
-    """A diagram under way."""
-
     free: str
     depth: int
     settings: Settings

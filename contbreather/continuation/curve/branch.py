@@ -141,6 +141,8 @@ class Points(Sequence[Point]):
     def __getitem__(self, key: int | slice) -> Point | Points:
         if isinstance(key, slice):
             chosen = range(len(self))[key]
+            if chosen == range(len(self)):
+                return self
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             z, tangent, arclength, residual = (row[key] for row in _ROW(self))
             piece = Points(self.curve, z, tangent, arclength, residual, marked)

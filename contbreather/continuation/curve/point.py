@@ -394,20 +394,25 @@ class Event:
             ) from error
 
     def value_or_nan(self, point: Point) -> Value:
+        look = self.test or self.count
+        assert look is not None
         try:
-            value = self.value(point)
+            value = look(point)
         except OUT_OF_DOMAIN:
             return math.nan
-        return self.number(value)
+        return value if type(value) is float else self.number(value)
 
-    def values(self, points: Sequence[Point]) -> tuple[list[Value], Any]:
-        """Values at several points of a walk, and the array of counts where it comes with them."""
+    def values(
+        self, points: Sequence[Point], each: Sequence[Point]
+    ) -> tuple[list[Value], Any]:
+        """Values at several points of a walk, which are listed, too; and the array of counts where
+        it comes with them."""
         answer = None
         if self.many and len(points) >= MANY:
             with suppress(*OUT_OF_DOMAIN):
                 answer = self.many(points)
         if not answer:
-            return [self.value_or_nan(point) for point in points], None
+            return [self.value_or_nan(point) for point in each], None
         shapes = [np.shape(column) for column in answer if column is not None]
         wanted = [(len(points),)] * (2 if self.count else 1)
         if shapes != wanted:

@@ -21,7 +21,7 @@ from .curve import Curve, Params
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """All parameters of a problem, each as a function of those of another."""
+    """Parameters of a problem, each as a function of those of another."""
 
     base: Any  # a Problem, which is built on this
     functions: Mapping[str, Callable[[Params], Any]]
@@ -100,7 +100,7 @@ class Ties:
     def derivatives(
         self, start: Mapping[str, Any], x: Array, params: Params, free: tuple[str, ...]
     ) -> Matrix:
-        """Those of the base in all its parameters that change, times those of the functions."""
+        """Derivatives of the base in the parameters that change, times those of the functions."""
         curve, z, chain = self.untied(start, x, params, free)
         matrix = curve.jacobian(z)
         columns = matrix[:, x.size :]

@@ -144,7 +144,7 @@ def quiet_steps(
     for i, (event, count) in enumerate(zip(events, counts, strict=True)):
         if event.test is None:
             quiet[i] = start[i] == end[i]
-        elif any(isinstance(value, int) for value in tests[i]):
+        elif int in map(type, tests[i]):
             quiet[i] = blank[i]
         elif count is not None:
             known = np.append(count_at(event, first), count)
@@ -152,13 +152,23 @@ def quiet_steps(
         elif event.count is not None:
             for j in np.flatnonzero(quiet[i]).tolist():
                 quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
-        if event.matrix and len(points) > 1:
+        if len(points) > 1 and event.matrix:
             # matrices say more of what is between two points than values do
             matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
             if matrices is None:
                 return np.zeros_like(quiet)
             quiet[i] &= regular_between(bordered_matrix(first), matrices)
     return quiet
+
+
+def regular_step(matrices: Sequence[Any], first: Point, last: Point) -> bool:
+    """Tell whether between two points no matrix of an event comes to be singular; of large ones
+    that is not known before it is looked for."""
+    for matrix in matrices:
+        begin, end = matrix(first), matrix(last)
+        if not (isinstance(begin, np.ndarray) and regular_between(begin, end[None])[0]):
+            return False
+    return True
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

@@ -142,7 +142,6 @@ def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
 def _further(
     branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint | None
 ) -> Branch:
-    """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
     asked = None if event_of(branch.problem) else settings.events
 

@@ -54,7 +54,8 @@ class BranchPiece:
     counts: Sequence[Any] = ()  # beside these, or None
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
-        asked = [event.values(self.points) for event in events]
+        each = [*self.points]
+        asked = [event.values(self.points, each) for event in events]
         tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
         return replace(self, tests=tests, counts=counts)
 

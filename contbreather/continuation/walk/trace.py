@@ -26,7 +26,7 @@ from ..curve.derivative_checks import advice, unlike_scales
 from ..curve.point import Event, Point, Value
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, StepEvents, find, quiet_steps
+from ..events.event_detection import Ends, StepEvents, find, quiet_steps, regular_step
 from ..events.step_interpolant import StepInterpolant
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
@@ -297,6 +297,7 @@ class ContinuationIterator:
         continues: Branch | None = None,
     ) -> None:
         self.way, self.events, self.steps = way, events, steps
+        self.matrices = [event.matrix for event in events if event.matrix]
         self.curve, start = way.point.curve, way.point
         home = continues[0] if continues else start
         self.stepper = Stepper(way, steps, start if home.tangent is None else home)
@@ -412,10 +413,11 @@ class ContinuationIterator:
         rows = zip(self.earlier[1], self.tests, piece.tests, strict=True)
         tests = [[past, now, *row] for past, now, row in rows]
         quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
-        matrices = any(event.matrix for event in self.events)
         clear: Any = quiet.all(axis=0)
-        clear[-1] &= not (more or (matrices and len(points) == 1))
-        n = int(np.append(clear, False).argmin())
+        clear[-1] &= not more
+        if len(points) == 1:
+            clear[0] = clear[0] and regular_step(self.matrices, self.point, points[0])
+        n = len(clear) if clear.all() else int(clear.argmin())
         if n:
             self.earlier = places[n], [row[n] for row in tests]
             self.tests = tuple([row[n + 1] for row in tests])

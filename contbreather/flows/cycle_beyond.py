@@ -1,0 +1,243 @@
+"""Cycles of the flows that follow beyond GR, VI and SL: with a contact more, or one less."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..continuation.algebra.derivatives import directional
+from ..continuation.algebra.newton import Array, Undefined, newton
+from ..continuation.branches.switching import Seed, SwitchingProblem
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import Point
+from ..continuation.curve.problem import Problem
+from .collocation import TrajectorySegment, fitted, sizes_of, states_along
+from .equations import FlowEquations, equations_of
+from .flow import Flow, Wall, flow_between, slid_along, system_of
+from .functions import values
+from .multipliers import paces
+from .rounds import once
+
+SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
+
+Margin = Callable[[Curve, Array], Array]  # zero at GR, positive where orbits have these flows
+
+
+@dataclass(frozen=True)
+class _Beyond(SwitchingProblem):
+    """A cycle at GR as one of other flows, and margins of both branches, here and there."""
+
+    point: Point = field(kw_only=True)
+    here: Margin = field(kw_only=True)
+    there: Margin = field(kw_only=True)
+    along: Array = field(kw_only=True)
+
+    def seeds(self) -> tuple[Seed, ...]:
+        """Start where orbits of the other flows are: the orbit "persists" as one of these, or both
+        kinds are on one side, a nonsmooth "fold"."""
+        curve, point = Curve(self.problem, (self.free,)), self.point
+        # one curve passes it, though while a flow is that short its end hardly has an equation
+        z, tangent = curve.start, curve.tangent_at(curve.start, self.along)[0]
+        growth = _growth(self.there, curve, z, tangent)
+        z = z - self.there(curve, z) / growth * tangent  # to GR as this branch has it
+        z = newton(curve, z, curve.metric * tangent).z
+        tangent *= math.copysign(1.0, growth)
+        inside = _growth(self.here, point.curve, point.z, point.direction) * point.direction[-1]
+        what = "fold" if inside * tangent[-1] > 0.0 else "persists"
+        return (Seed(self.problem, z, tangent, detail={"beyond": what}),)
+
+
+def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
+    """Differentiate a margin along a way."""
+    return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
+
+
+def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
+    """Measure a contact beyond none: its duration, or the velocity of an impact."""
+    equations, x = curve.problem.residual, z[: curve.size]
+    if short is None:
+        return np.array([paces(equations, x, curve.params(z))[i][0]])
+    return z[equations.layout.lengths[[i]]] - short
+
+
+def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float = 1.0) -> Array:
+    """Evaluate a wall at a part of a flow."""
+    p = curve.params(z)
+    t, state = curve.problem.residual.place(i, part, z[: curve.size], p)
+    return sign * values(wall, t, state[:, None], p)[:, 0]
+
+
+def beyond(point: Point) -> SwitchingProblem:
+    """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
+    touched, one less where it has shrunk to nothing or an impact has lost its velocity.
+
+    The parameter moves by the square of how long a contact lasts, so that one which counts as none
+    is there to begin with; it moves in proportion to the velocity of an impact, which may be 0.
+    """
+    equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
+    more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
+    before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
+    guard = detail.get("guard", "sliding" if flow_between(before, after) == met else "")
+    if point.kind == "SL" and guard == "sliding":
+        return _at_edge(point)
+    begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
+    order = [(begins + i) % count for i in range(count)]
+    flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
+    start = flights[0].start
+    flights = [replace(f, start=start + (f.start - start) % orbit.period) for f in flights]
+    hit, walls = _hit(point, flows, flights[0])
+    short = SHORTEST * orbit.period if hit[1:] else 0.0
+    if more:
+        touch = start + detail["touch"] * flights[0].duration
+        parts, pieces = _added(hit, walls, flows, flights, touch, short)
+    else:
+        touch = flights[0].last + (flights[1].duration / 2 if short else 0.0)
+        parts, pieces = _removed(hit, flows, flights)
+    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
+    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    made = made if more else once(made, pieces, p)
+    height = partial(_height, hit[0].until, flow if more else 0)
+    part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
+    contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
+    margins = partial(height, part), contacts
+    row = made.layout.lengths[1] if more and short else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _switching(
+    point: Point, made: FlowEquations, row: int, margins: Sequence[Margin]
+) -> SwitchingProblem:
+    """Solve for the cycle beyond with one of its unknowns, or the parameter, as it is there."""
+    problem: Problem = point.curve.problem.of_flows(made, point.params, "cycle")
+    curve = Curve(problem, point.curve.free)
+    along = np.eye(curve.start.size)[row]
+    solution = newton(curve, curve.start, along)
+    if not solution.converged:
+        raise Undefined(
+            f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
+        )
+    start, (free,), (here, there) = Point(curve, solution.z).problem, curve.free, margins
+    return _Beyond(start, free, point=point, here=here, there=there, along=along)
+
+
+def _at_edge(point: Point) -> SwitchingProblem:
+    """Make the cycle with the flow that comes to be at the edge of sliding, or without it; with all
+    of them where an orbit is symmetric.
+
+    Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
+    """
+    equations, orbit, i, p = (
+        equations_of(point), point.solution, point.detail["flow"], point.params
+    )  # fmt: skip
+    more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
+    short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
+    arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
+    system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
+    assert system
+    least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
+    parts: list[Flow] = []
+    pieces: list[TrajectorySegment] = []
+    for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
+        if j == i:
+            place = len(parts) + 1 if more else len(parts) - 1  # of what comes, or else arrives
+        if not more and flight.duration < 2 * short and flow_between(flows[j - 1], after) == flow:
+            continue
+        parts.append(flow)
+        pieces.append(flight)
+        if more and (new := flow_between(flow, after)):
+            edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
+            if abs(edge) < 1e-6 * rates[j][0]:
+                parts.append(new)
+                pieces += _refitted([flight], [flight.last, flight.last + least])
+    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    lasts = partial(_contacts, place if more else i, least)
+    margins = (
+        partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign),
+        lasts,
+    )
+    row = made.layout.lengths[place] if more and least else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _hit(
+    point: Point, flows: Sequence[Flow], flight: TrajectorySegment
+) -> tuple[tuple[Flow, ...], list[Wall]]:
+    """Return the flows of a contact, the first of which ends at the wall, and all walls there.
+
+    Raises `Undefined` where an orbit beyond is not made of them.
+    """
+    first, detail = flows[0], point.detail
+    contact, system, slides = (*flows, first)[1], system_of(first), slid_along(first)
+    if system and not slides:
+        contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
+    own = (first,) if first.reset else (first, contact)
+    walls = [*([own] if first.until else []), *first.walls]
+    hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
+    part, reason = detail.get("touch", 1.0), ""
+    joins = hit is own and not (system and "touch" in detail)
+    following = (list(flows) * 3)[len(hit)] if joins else first
+    if "guard" in detail and "touch" not in detail:
+        reason = "it is touched where a flow begins or ends: there these follow in another order"
+    elif slides and "touch" in detail:
+        reason = "it leaves the surface for so short a time at first that nothing tells how long"
+    elif "at once" in detail:
+        reason = (
+            f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
+            "begin there, and those that hit all; move a wall a little to follow one contact"
+        )
+    elif callable(hit):
+        reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
+    elif first.until is None and first.reset:
+        reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
+    elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
+        reason = "a flow with the same f has to lead on, after a reset or one flow in between"
+    elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
+        reason = "a reset moves the state even where nothing is hit: orbits do not go over"
+    if reason:
+        raise Undefined(f"which flows follow there is not known; {reason}")
+    return hit, walls
+
+
+def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
+    """Tell whether the resets of a contact that only just takes place leave the state."""
+    after = x
+    for reset in filter(None, (flow.reset for flow in hit)):
+        after = values(reset, t, after, point.params)
+    return after.shape == x.shape and bool(abs(after - x).max() <= 1e-6 * abs(x).max())
+
+
+def _added(
+    hit: Sequence[Flow], walls: Sequence[Wall], flows: Sequence[Flow],
+    flights: Sequence[TrajectorySegment], touch: float, short: float,
+) -> tuple[list[Flow], list[TrajectorySegment]]:  # fmt: skip
+    """Cut the first flow in two at a contact."""
+    (whole, *rest), parts = flights, [hit[0].walled(walls), *hit[1:]]
+    joints = [touch - short / 2, touch + short / 2] if short else [touch]
+    if flows[0].until is None:  # what comes after the contact goes on into what is before it
+        before = replace(whole, start=whole.start - whole.duration)
+        return parts, _refitted([before, whole], [joints[-1] - whole.duration, *joints])
+    return [*parts, *flows], [*_refitted([whole], [whole.start, *joints, whole.last]), *rest]
+
+
+def _removed(
+    hit: tuple[Flow, ...], flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
+) -> tuple[list[Flow], list[TrajectorySegment]]:
+    """Join the flows before and after a contact, which may be one."""
+    first, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
+    passed = flights[: len(hit) + 1]
+    joined = _refitted(passed, [passed[0].start, passed[-1].last])
+    return [first.walled([hit]), *rest], [*joined, *flights[len(hit) + 1 :]]
+
+
+def _refitted(
+    flights: Sequence[TrajectorySegment], cuts: Sequence[float]
+) -> list[TrajectorySegment]:
+    """Fit flights that follow each other anew, between these times."""
+    scheme, states, size = flights[0].scheme, partial(states_along, flights), sizes_of(flights)[0]
+    return [fitted(scheme, a, b - a, states).adapted(size) for a, b in pairwise(cuts)]

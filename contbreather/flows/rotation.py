@@ -1,0 +1,75 @@
+"""Angles: states that an orbit closes in up to whole turns, as those of a rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..checks import brief, check_kind, number
+from ..continuation.algebra.newton import Array
+from ..errors import BadInput
+from .flow import Filippov, Flow
+from .functions import Function, Params, values
+
+_PERIODIC = 1e-9  # of a function: off by less after a turn it is that of an angle
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedBack:
+    """Reset that takes whole turns back, after another one."""
+
+    turns: Array  # shape (n,)
+    reset: Function | None
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        after = x if self.reset is None else np.asarray(values(self.reset, t, x, p))
+        return after - self.turns.reshape(-1, *[1] * (np.ndim(x) - 1))
+
+
+@dataclass(frozen=True)
+class Angles:
+    """A turn of each state, 0 of those that are none, shape (n,)."""
+
+    turn: Array
+
+    @classmethod
+    def of(cls, wraps: Mapping[str, float] | None, names: Iterable[str]) -> Angles:
+        """Read ``{"theta": 2 * pi}``."""
+        turn, listed = dict.fromkeys(names, 0.0), {} if wraps is None else wraps
+        check_kind(listed, Mapping, "wraps={'theta': 2*np.pi}, a state and its turn,")
+        for name, whole in listed.items():
+            if name not in turn:
+                raise BadInput(f"wraps: {name!r} is none of the states {', '.join(turn)}")
+            turn[name] = number(f"the turn of {name}", whole, 1e-300, 1e300, "a positive number")
+        return cls(np.array([*turn.values()]))
+
+    def turns(self, moved: Array) -> Array:
+        """Round a difference of states, shape (n, ...), to whole turns; none of another flow's."""
+        if len(moved) != self.turn.size or not self.turn.any():
+            return np.zeros_like(moved)
+        whole = self.turn.reshape(-1, *[1] * (moved.ndim - 1))
+        share = np.divide(moved, whole, out=np.zeros_like(moved), where=whole > 0.0)
+        return np.asarray(whole * np.round(share))
+
+    def check(self, flows: Any, t: float, x: Array, p: Params) -> None:
+        """Refuse functions that are not the same a turn later."""
+        if not self.turn.any():
+            return
+        if isinstance(flows, Filippov):
+            raise BadInput("wraps= is of flows in turn; a Filippov system has none yet")
+        for i in np.flatnonzero(self.turn):
+            later = x + np.where(np.arange(x.size) == i, self.turn, 0.0)
+            here, there = (values(flows[0].f, t, y[:, None], p) for y in (x, later))
+            if float(abs(here - there).max()) > _PERIODIC * (1.0 + float(abs(here).max())):
+                raise BadInput(
+                    f"wraps: f is not the same a turn of {self.turn[i]:.6g} later in state {i}: "
+                    f"{brief(here[:, 0].tolist())} and {brief(there[:, 0].tolist())}"
+                )
+
+    def taken_from(self, flow: Flow, moved: Array) -> Flow:
+        """Let a flow end with the whole turns that an orbit makes taken back."""
+        turns = self.turns(moved)
+        return replace(flow, reset=TurnedBack(turns, flow.reset)) if turns.any() else flow

@@ -1,0 +1,97 @@
+"""Orbits that go around several times: the same one twice, and one once that repeats itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..continuation.algebra.newton import Array
+from .collocation import TrajectorySegment, sizes_of
+from .equations import FlowEquations
+from .functions import Function, Params, values
+from .jacobian import at_other_time
+
+RETURNS = 24  # so many flows back is looked for a return
+_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
+_LOOKS = 4  # into each interval for that
+
+
+def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
+    """Run through the same orbit twice, as one of twice the period."""
+    flights, flows, turns = equations.flights(x, p), equations.flows, 2 * equations.turns
+    if equations.smooth and flows[0].reset is None:
+        (flight,) = flights
+        knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
+        # slopes are per interval: twice the duration and half the steps leave them as they are
+        states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
+        whole = replace(
+            flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
+            rounds=2 * flight.rounds,
+        )  # fmt: skip
+        return replace(equations, start=(whole,), turns=turns)
+    period = sum(flight.duration for flight in flights)
+    again = [replace(flight, start=flight.start + period) for flight in flights]
+    after = [flow.struck(f.last, p) for flow, f in zip(flows, again, strict=True)]
+    if equations.smooth and equations.period:
+        # after half of a symmetric orbit the forcing is the mirror image of what it was: the
+        # mirror that ends the half takes it back to its beginning
+        back = partial(_earlier, equations.period, equations.turns)
+        (flow,) = flows
+        walls = tuple(partial(back, wall) for wall in flow.guards.values())
+        reset = flow.reset and partial(back, flow.reset)
+        after = [replace(flow, f=at_other_time(back, flow.f), reset=reset, walls=walls)]
+    return replace(
+        equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
+        sizes=equations.sizes * 2,
+    )  # fmt: skip
+
+
+def once(
+    equations: FlowEquations, flights: Sequence[TrajectorySegment], p: Params
+) -> FlowEquations:
+    """Begin at this orbit, a single time around where it goes around several times."""
+    repeats = (m for m in range(RETURNS, 1, -1) if _repeats(equations, m, flights, p))
+    rounds = next(repeats, 1)
+    if not equations.smooth:
+        flights = flights[: len(flights) // rounds]
+    elif rounds > 1:
+        knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
+        part = whole.on(knots / rounds)
+        flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
+    return replace(
+        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
+        turns=equations.turns // rounds, sizes=sizes_of(flights),
+    )  # fmt: skip
+
+
+def _repeats(
+    equations: FlowEquations, rounds: int, flights: Sequence[TrajectorySegment], p: Params
+) -> bool:
+    """Compare the orbit at all times and a part of its period later."""
+    flows, (part, rest) = equations.flows, divmod(len(flights), rounds)
+    if equations.turns % rounds and not equations.autonomous:
+        return False
+    if equations.smooth:
+        (flight,), reset = flights, flows[0].reset
+        s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
+        later = flight.at(s + 1 / rounds)
+        if reset is not None:
+            later = values(reset, flight.start + flight.duration * s, later, p)
+        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
+    pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
+    return not rest and all(
+        (flow.f, flow.reset) == (successor.f, successor.reset)
+        and now.dimension == then.dimension
+        and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
+        <= _REPEATS * size.max()
+        for flow, successor, now, then, size in pairs
+    )
+
+
+def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:
+    """Evaluate a function of (t, x, p) so many periods before."""
+    return function(t - turns * period(t, x, p), x, p)

@@ -1,0 +1,165 @@
+"""Angles that turn over, conditions that are blind for a time, subharmonics that runs settle on."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.errors import BadInput
+
+TURN = 2 * math.pi
+
+
+def pendulum(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], p["torque"] + p["a"] * np.cos(p["w"] * t) - p["d"] * x[1] - np.sin(x[0])]
+
+
+def rotation(torque: float, d: float, **more: Any) -> Any:
+    params = {"torque": torque, "a": 0.0, "w": 1.0, "d": d}
+    start = {"theta": 0.0, "v": 2.0}
+    return cb.cycle(pendulum, start, params, wraps={"theta": TURN}, **more)
+
+
+def test_a_rotation_closes_up_to_a_turn_and_has_the_multiplier_of_its_damping() -> None:
+    orbit = rotation(1.2, 0.3, settle=60)
+    at = cb.trace(orbit, "torque", within={"torque": (1.1, 1.3)})[0]
+    period = at["period"]
+    start = at.solution.flights[0].states[0]
+    run = solve_ivp(partial(pendulum, p=at.params), (0.0, period), start, rtol=1e-12, atol=1e-12)
+    assert run.y[:, -1] - start == pytest.approx([TURN, 0.0], abs=1e-9)
+    (mu,) = at.solution.others  # Liouville: beside 1 the other is exp(-d T)
+    assert mu == pytest.approx(math.exp(-0.3 * period), abs=1e-8)
+
+
+def test_rotations_end_at_the_homoclinic_orbit_that_melnikov_finds() -> None:
+    """For weak damping at a torque of 4 d/pi."""
+    d = 0.02
+    branch = cb.trace(
+        rotation(0.03, d, settle=300), "torque", towards="down", within={"torque": (0.01, 0.05)}
+    )
+    assert branch[-1].kind == "HOM"
+    assert branch[-1]["torque"] == pytest.approx(4 * d / math.pi, rel=1e-4)
+
+
+@pytest.mark.parametrize(("a", "periods", "turns"), [(1.35, 1, 1), (1.45, 2, 2)])
+def test_a_driven_pendulum_goes_over_the_top_so_often(a: float, periods: int, turns: int) -> None:
+    """As Baker & Gollub (Chaotic Dynamics) draw it, at w = 2/3 and a damping of 1/2."""
+    params = {"torque": 0.0, "a": a, "w": 2 / 3, "d": 0.5}
+    orbit = cb.cycle(
+        pendulum, {"theta": 0.0, "v": 3.0}, params,
+        period=lambda p: TURN / p["w"], wraps={"theta": TURN}, settle=300,
+    )  # fmt: skip
+    at = cb.trace(orbit, "a", within={"a": (a - 0.01, a + 0.01)})[0]
+    assert at["period"] * params["w"] / TURN == pytest.approx(periods)
+    start = at.solution.flights[0].states[0]
+    field = partial(pendulum, p=at.params)
+    run = solve_ivp(field, (0.0, at["period"]), start, method="DOP853", rtol=1e-12, atol=1e-12)
+    assert abs(run.y[:, -1] - start) == pytest.approx([turns * TURN, 0.0], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("wraps", "words"),
+    [
+        ({"phi": TURN}, "wraps: 'phi' is none of the states theta, v"),
+        ({"theta": 3.0}, "f is not the same a turn of 3 later in state 0"),
+        ({"theta": 0.0}, "the turn of theta = 0.0"),
+        ("theta", "wraps"),
+    ],
+)
+def test_what_is_no_angle_is_refused(wraps: Any, words: str) -> None:
+    params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
+    with pytest.raises(BadInput, match=words):
+        cb.cycle(pendulum, {"theta": 0.0, "v": 2.0}, params, wraps=wraps)
+
+
+@pytest.mark.parametrize(("a", "periods"), [(0.29, 4), (0.35, 5)])
+def test_a_cycle_takes_as_many_periods_as_the_run_that_settles(a: float, periods: int) -> None:
+    def duffing(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], p["a"] * np.cos(1.2 * t) - 0.3 * x[1] + x[0] - x[0] ** 3]
+
+    period = TURN / 1.2
+    orbit = cb.cycle(duffing, {"x": 1.0, "v": 0.0}, {"a": a}, period=period, settle=400)
+    at = cb.trace(orbit, "a", within={"a": (a - 1e-3, a + 1e-3)})[0]
+    assert at["period"] == pytest.approx(periods * period)
+    assert at["unstable"] == 0
+
+
+# --- the simplest walker, whose foot scuffs the ground where both legs are in line ---------------
+
+
+def walk(t: Any, x: Any, p: Any) -> Any:
+    leg, swing, rate, swinging = x
+    fall = np.sin(leg - p["g"])
+    return [rate, swinging, fall, fall + (rate**2 - np.cos(leg - p["g"])) * np.sin(swing)]
+
+
+def strike(t: Any, x: Any, p: Any) -> Any:
+    kept = np.cos(2 * x[0])
+    return [-x[0], -2 * x[0], kept * x[2], kept * (1 - kept) * x[2]]
+
+
+def heel(t: Any, x: Any, p: Any) -> Any:
+    return 2 * x[0] - x[1]
+
+
+@pytest.fixture(scope="module")
+def walker() -> Any:
+    start = {"leg": 0.2003109, "swing": 0.4006218, "u": -0.1998325, "w": -0.0158230}
+    flow = cb.Flow(walk, until=heel, reset=strike, ignore=lambda p: p["blind"])
+    return cb.cycle([flow], start, {"g": 0.009, "blind": 3.0})
+
+
+def test_a_walker_is_one_flow_that_ignores_the_scuffing(walker: Any) -> None:
+    """Its doubling is where that of the two flows of the zoo is."""
+    branch = cb.trace(walker, "g", within={"g": (0.004, 0.018)})
+    assert branch.first("PD")["g"] == pytest.approx(0.015088437941, abs=1e-11)
+
+
+def test_blindness_ends_between_the_scuffing_and_the_strike(walker: Any) -> None:
+    branch = cb.trace(walker, "blind", within={"blind": (0.5, 4.5)})
+    touched = branch.first("GR")
+    orbit = touched.solution
+    run = solve_ivp(
+        partial(walk, p=touched.params), (0.0, 3.0), orbit.flights[0].states[0],
+        rtol=1e-11, atol=1e-12, events=lambda t, x: heel(t, x, None),
+    )  # fmt: skip
+    scuffs = [t for t in run.t_events[0] if t > 1e-6]
+    assert touched["blind"] == pytest.approx(scuffs[0], abs=1e-8)
+    assert branch[-1]["blind"] == pytest.approx(touched["period"], abs=1e-6)
+    assert "does not count" in branch.reason
+    # along the curve the blindness ends where the foot scuffs, too
+    line = cb.boundary(touched, ("blind", "g"), within={"g": (0.008, 0.01)})
+    assert not line.doubtful
+    for point in line:
+        flight = point.solution.flights[0]
+        state = flight.at(np.array([point["blind"] / flight.duration]))
+        assert abs(heel(0.0, state, None)[0]) < 1e-9
+
+
+def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
+    def relaxing(t: Any, x: Any, p: Any) -> Any:
+        """A stable cycle of radius 1, an unstable one of 1/2 and a focus."""
+        r2 = x[0] ** 2 + x[1] ** 2
+        rate = -(r2 - 1) * (r2 - 0.25)
+        return [rate * x[0] - x[1], rate * x[1] + x[0]]
+
+    starts = [{"x": x, "y": 0.0} for x in (0.9, 0.2, 1.2, 0.1)]
+    (cycle, rest) = cb.cycles(relaxing, starts, {"mu": 0.0}, settle=80)
+    assert cycle.starts == (starts[0], starts[2])
+    assert cycle.orbit.max["x"] == pytest.approx(1.0, abs=1e-9)
+    assert rest.starts == (starts[1], starts[3])
+    assert "there is an equilibrium at [0.0, 0.0]" in rest.said
+    with pytest.raises(BadInput, match="there is no start"):
+        cb.cycles(relaxing, [], {"mu": 0.0})
+
+
+def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
+    params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
+    with pytest.raises(cb.NotConverged, match="a state that is an angle is named with its turn"):
+        cb.cycle(lambda t, x, p: pendulum(0.0 * t, x, p), {"theta": 0.0, "v": 2.0}, params)
