@@ -35,6 +35,7 @@ from .equations import equations_of
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _OFF, _BY_SIDE = 1e-6, 1e-2  # of the angle of a meeting: where both multipliers are, and neither
 _NEAR = 1e-6  # how far off its place the index of a located event may be
+_MET = 1e-5  # the form of a unit vector, relative, that has no sign
 _UNKNOWN = "unknown: the field is no constant matrix times the gradient of what is conserved"
 
 
@@ -91,7 +92,9 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
         return on, np.zeros(on.size)
     mu, vectors = np.linalg.eig(whole)
     v = vectors[:, abs(mu[:, None] - on - 1j * np.sqrt(1 - on**2)).argmin(axis=0)]
-    return on, np.sign((1j * (v.conj() * (form @ v)).sum(axis=0)).real)
+    forms = (1j * (v.conj() * (form @ v)).sum(axis=0)).real
+    # next to where opposite ones meet their vectors do, too, and rounding decides
+    return on, np.where(abs(forms) > _MET * np.linalg.norm(form, 2), np.sign(forms), 0.0)
 
 
 def _apart(point: Point) -> float:

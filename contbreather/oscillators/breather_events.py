@@ -28,18 +28,31 @@ def _of(curve: Curve) -> HalfOrbit:
     return half
 
 
+def _matrix(starts: str, ends: str, curve: Curve, z: Array) -> Array:
+    x, p = z[: curve.size], curve.params(z)
+    return _of(curve).closed_by(curve.jacobian(z), x, p, curve.free, starts, ends)
+
+
 def _closed(starts: str, ends: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
     """The least singular value of the equations closed for other perturbations, and its vectors."""
 
     def make(z: Array) -> tuple[float, Array, Array]:
-        x, p = z[: curve.size], curve.params(z)
-        square = _of(curve).closed_by(curve.jacobian(z), x, p, starts, ends)
+        square = _matrix(starts, ends, curve, z)[:, : curve.size]
+        if starts == ends == "u":  # the orbit's own velocity is one more null vector
+            rows, column, values = _of(curve).border(z[: curve.size], curve.params(z))
+            square[rows, column] = values
         left, sizes, right = np.linalg.svd(square)
         sign = np.linalg.det(left) * np.linalg.det(right)
         return float(sign * sizes[-1]), sign * left[:, -1], right[-1]
 
     weak: tuple[float, Array, Array] = curve.cached(f"closed by {starts} {ends}", z, make)
     return weak
+
+
+def _locus(starts: str, ends: str) -> DefiningSystem:
+    """Where these equations lose rank."""
+    matrix = partial(_matrix, starts, ends)
+    return rank_locus(partial(_closed, starts, ends), matrix)
 
 
 def _turned_around(point: Point) -> float:
@@ -83,7 +96,7 @@ def _at_minus_one(point: Point) -> DefiningSystem:
     starts, ends = min(
         pairs, key=lambda pair: abs(_closed(pair[0], pair[1], base.curve, base.z)[0])
     )
-    return rank_locus(partial(_closed, starts, ends))
+    return _locus(starts, ends)
 
 
 def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
@@ -91,10 +104,10 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     if not isinstance(equations, HalfOrbit):
         return events_of_cycle(equations)
     _, turn, branch_point, pd, kc = conservative_events(BRANCH_POINT)
-    turn = replace(turn, test=_energy_over_period, locus=None)
+    turn = replace(turn, test=_energy_over_period, locus=Always(_locus("v", "v")))
     pf = Event(
         "PF", _turned_around, examine=partial(examine_place, 1.0, _UNLIKE),
-        locus=Always(rank_locus(partial(_closed, "u", "u"))),
+        locus=Always(_locus("u", "u")),
     )  # fmt: skip
     return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), replace(kc, locus=None)
 

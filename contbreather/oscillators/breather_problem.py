@@ -20,12 +20,14 @@ from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import crossing
 from ..flows.collocation import TrajectorySegment
+from ..flows.conservation import Unfolded
+from ..flows.cycle_events import events_of_cycle
 from ..flows.cycle_problem import Cycle, CycleProblem
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
-from .half_orbit import HalfOrbit, unfolded_half
+from .half_orbit import HalfOrbit, WholeOrbit, unfolded_half
 from .oscillator_lattice import Oscillators
 
 
@@ -57,7 +59,8 @@ class Breather(Cycle):
 
     @property
     def chain(self) -> Oscillators:
-        return cast("Oscillators", self.equations.flows[0].f)
+        field = self.equations.flows[0].f
+        return cast("Oscillators", field.f if isinstance(field, Unfolded) else field)
 
     @property
     def lattice(self) -> Any:
@@ -79,7 +82,7 @@ class Breather(Cycle):
     @property
     def begin_of_orbit(self) -> Any:
         flows, *rest, exact = super().begin_of_orbit
-        if isinstance(self.equations, HalfOrbit):  # so exact that hundreds of periods keep H
+        if self.paired:  # so exact that hundreds of periods keep H
             flows, exact = Flow(self.chain), 1e-13
         return flows, *rest, exact
 
@@ -154,11 +157,12 @@ class Breather(Cycle):
 
     @property
     def paired(self) -> bool:
-        return isinstance(self.equations, HalfOrbit)
+        return isinstance(self.equations, HalfOrbit) or super().paired
 
     @cached_property
     def symplectic(self) -> tuple[Array, Array | None]:
-        assert isinstance(self.equations, HalfOrbit)
+        if not isinstance(self.equations, HalfOrbit):
+            return super().symplectic
         masses, none = np.diag(self.chain.masses), np.zeros((self.chain.sites,) * 2)
         form = np.block([[none, -masses], [masses, none]])
         return reduce(np.matmul, self.equations.factors(self.x, self.params)[::-1]), form
@@ -197,26 +201,23 @@ class BreatherProblem(CycleProblem):
 
     def having(self, *names: str) -> Problem:
         """Give the energy of an orbit in place of its frequency, or the other way around."""
-        if not isinstance(self.residual, HalfOrbit):
+        if not isinstance(self.residual, HalfOrbit | WholeOrbit):
             return super().having(*names)
         asked = [name for name in ("omega", "energy") if name in names]
         return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
 
-    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        if not isinstance(self.residual, HalfOrbit):
-            return super().lift(kind)
-        return _doubled_half if kind == "PD" else None
-
     def holding(self, name: str) -> BreatherProblem:
-        half, orbit = self.residual, self.solution
-        assert isinstance(half, HalfOrbit)
-        more = {what: getattr(half, what) for what in ("start", "states", "sizes")}
-        params = {n: value for n, value in self.params.items() if n != half.held}
-        params[name] = getattr(orbit, name)
-        problem = breather_problem(
-            HalfOrbit.of(half.chain, name, **more), params, self.events, self.label
-        )
-        return replace(problem, start=self.start)
+        equations: Any = self.residual
+        params = {n: value for n, value in self.params.items() if n != equations.held}
+        params[name] = getattr(self.solution, name)
+        problem = breather_problem(equations.holding(name), params, self.events, self.label)
+        # the same unknowns in the same order, under other names
+        return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
+
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
+        if isinstance(self.residual, HalfOrbit):
+            return {"PD": _doubled_half, "PF": _whole}.get(kind)
+        return None if isinstance(self.residual, WholeOrbit) else super().lift(kind)
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
@@ -247,6 +248,19 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     return SwitchingProblem(arm, free, both=False)
 
 
+def _whole(point: Point) -> SwitchingProblem:
+    """Make the whole orbit one of a family that need not be time-reversible."""
+    problem, (free,), half = point.curve.problem, point.curve.free, point.curve.problem.residual
+    equations = WholeOrbit.of(half, point.solution.flights)
+    family: Problem = breather_problem(
+        equations, point.params, events_of_cycle(equations), problem.label
+    )
+    curve = Curve(family, (free,))
+    with suppress(Undefined):  # off PF by as much as the mesh does not resolve
+        family = Point(curve, crossing(curve, curve.start).solution.z).problem
+    return SwitchingProblem(family, free)
+
+
 def breather_problem(
     equations: FlowEquations, params: Params, events: Sequence[Event], label: str
 ) -> BreatherProblem:
@@ -255,9 +269,11 @@ def breather_problem(
     size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
     whole_time = sum(flight.duration for flight in equations.start)
     scales = {"orbit": size} | {
-        name: whole_time for name in ("half", "period", "durations", "phase") if name in start
+        name: whole_time
+        for name in ("half", "period", "durations", "phase", "held")
+        if name in start
     }
-    gone = {*params, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
+    gone = {*params, *start, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
     record: dict[str, Any] = {name: get for name, get in COLUMNS.items() if name not in gone}
     record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
     return BreatherProblem(

@@ -22,12 +22,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.newton import Array
+from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..flows.collocation import TrajectorySegment
+from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
-from ..flows.functions import Params
+from ..flows.functions import Params, slopes
 from ..flows.multipliers import of_family
 from ..flows.sparse_equations import SparseFlowEquations
 from .oscillator_lattice import Oscillators
@@ -83,6 +84,11 @@ class HalfOrbit(FlowEquations):
             [0.0, 1.0], self.chain.sites
         )  # v_0 = 0 in rows of v, v_end = 0 in those of u
 
+    def holding(self, name: str) -> HalfOrbit:
+        """The equations where this is given."""
+        more = {what: getattr(self, what) for what in ("start", "states", "sizes")}
+        return HalfOrbit.of(self.chain, name, **more)
+
     def unknowns(
         self, flights: Sequence[TrajectorySegment], p: Params | None = None
     ) -> dict[str, Any]:
@@ -118,32 +124,42 @@ class HalfOrbit(FlowEquations):
     # --- where a multiplier is 1 or -1 ----------------------------------------------------------
 
     def closed_by(
-        self, matrix: Matrix, x: Array, p: Params, starts: str, ends: str
+        self, matrix: Matrix, x: Array, p: Params, names: tuple[str, ...], starts: str, ends: str
     ) -> NDArray[np.float64]:
-        """Close the derivative in the unknowns for perturbations with other parts, "u" or "v", at
-        rest at both ends: (v, v) are as the orbit; (u, u) are turned around, and have the
-        multiplier 1, too; (v, u) and (u, v) have -1."""
+        """Close the derivative, in unknowns and named parameters, for perturbations with other
+        parts, "u" or "v", at rest at both ends: (v, v) are as the orbit, of a given energy;
+        (u, u) are turned around, and have the multiplier 1, too; (v, u) and (u, v) have -1."""
+        if isinstance(self, SparseFlowEquations):
+            raise Undefined("of so many sites places are located, and not followed as curves")
         layout, n, sites = self.layout, self.start[0].dimension, self.chain.sites
-        square = matrix[:, : layout.size]
-        square = np.array(square.toarray() if hasattr(square, "toarray") else square)
-        (piece,), first = self.linearised(x, p).linear, layout.nodes[0][0]
+        square = np.array(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+        (piece,), first = self.linearised(x, p, names).linear, layout.nodes[0][0]
         of = {"u": slice(0, sites), "v": slice(sites, n)}
-        columns = layout.columns(0, 0)[-1]
+        columns = layout.columns(0, len(names))[-1]
         known = columns >= 0
-        arrival = piece.arrival[of[ends], : columns.size][:, known]
         square[first] = 0.0
         rows, last = first[of[starts]], layout.lengths[0]
         square[rows, rows] = 1.0
         left = first[of["u" if starts == "v" else "v"]]
-        square[np.ix_(left, columns[known])] -= arrival
+        square[np.ix_(left, columns[known])] -= piece.arrival[of[ends]][:, known]
         square[last] = 0.0
-        square[last, last] = 1.0
-        if starts == ends == "u":  # along the orbit itself it is moved: across that alone
-            way = self.chain(0.0, x[first], p)[sites:]
-            square[last] = 0.0
-            square[last, first[sites:]] = way
-            square[left, last] = self.chain(0.0, self.flights(x, p)[0].end, p)[sites:]
+        if starts == ends == "v":
+            energy = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
+            square[last, first], square[last, layout.size :] = energy[:n], energy[n + 1 :]
+        elif starts == ends:  # along the orbit itself it is moved: across that alone
+            square[last, first[sites:]] = self.chain(0.0, x[first], p)[sites:]
+        else:
+            square[last, last] = 1.0
         return square
+
+    def border(self, x: Array, p: Params) -> tuple[Array, int, Array]:
+        """Rows, the column and values that make (u, u) regular: what ends along the orbit."""
+        first, end = self.layout.nodes[0][0], self.flights(x, p)[0].end
+        sites = self.chain.sites
+        return first[sites:], self.layout.lengths[0], self.chain(0.0, end, p)[sites:]
+
+    def _energy(self, t: Any, x: Any, p: Params) -> Any:
+        return self.chain.energy(x, p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +170,51 @@ class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
     def closing(self) -> tuple[Any, Any]:
         sites = np.arange(self.chain.sites)
         return sites, sites + sites.size  # `at_rest`
+
+
+@dataclass(frozen=True, eq=False)
+class WholeOrbit(FlowEquations):
+    """An orbit of a lattice that need not be time-reversible, at a given frequency or energy: one
+    of a family in which the energy is conserved."""
+
+    @classmethod
+    def of(cls, half: HalfOrbit, whole: tuple[TrajectorySegment, ...]) -> WholeOrbit:
+        chain, energies = half.chain, quantities_of(half.chain.energy)
+        (states,) = (flight.states.T for flight in whole)
+        flow = Flow(Unfolded.near(chain, {"lambda": energies["energy"]}, states))
+        held = "period" if half.held == "omega" else "energy"
+        kept = Conservation(energies, held, np.empty((0, len(states))))
+        kind = SparseWholeOrbit if isinstance(half, SparseHalfOrbit) else cls
+        return kind((flow,), whole, None, 1, half.states, half.sizes, kept)
+
+    @property
+    def held(self) -> str:
+        assert self.conservation is not None
+        return "omega" if self.conservation.held == "period" else "energy"
+
+    def holding(self, name: str) -> WholeOrbit:
+        assert self.conservation is not None
+        held = "period" if name == "omega" else name
+        return replace(self, conservation=replace(self.conservation, held=held))
+
+    def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
+        return super()._given(
+            kept, x, {**p, "period": 2 * half_period(0.0, x, {"omega": 1.0, **p})}
+        )
+
+    def _given_slopes(
+        self, kept: Conservation, x: Array, p: Params, names: tuple[str, ...]
+    ) -> Array:
+        rows = super()._given_slopes(kept, x, p, names)
+        if kept.held == "period" and "omega" in names:  # T - 2 pi / omega
+            column = names.index("omega") - len(names)
+            rows[len(kept.quantities), column] = 2 * math.pi / p["omega"] ** 2
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class SparseWholeOrbit(WholeOrbit, SparseFlowEquations):
+    """The same of many sites."""
 
 
 def unfolded_half(flight: TrajectorySegment, reversor: Array) -> TrajectorySegment:

@@ -141,3 +141,55 @@ def test_energy_and_frequency_are_each_other_s_parameter() -> None:
     energy = cb.trace(start, "omega", within={"omega": (1.5, 1.7)})[-1]["energy"]
     back = cb.trace(start, "energy", within={"energy": (1.0, energy)})[-1]
     assert back["omega"] == pytest.approx(1.7, abs=1e-8)
+
+
+def test_potentials_may_be_functions() -> None:
+    """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
+    V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
+    written = cb.Oscillators(V=V, W=W, lattice=cb.OpenChain(4))
+    made = cb.Oscillators(
+        V=lambda u, p: (1 - np.exp(-p["b"] * u)) ** 2 / (2 * p["b"] ** 2),
+        W=lambda r, p: p["c"] * (r**2 / 2 - r**3 / 9), lattice=cb.OpenChain(4),
+    )  # fmt: skip
+    params = {"b": 1.1, "c": 0.03}
+    one, other = (
+        cb.breather(chain, {1: 1, 3: -1}, omega=0.8, params=params).solution
+        for chain in (written, made)
+    )
+    assert one.energy == pytest.approx(other.energy, abs=1e-11)
+    np.testing.assert_allclose(
+        np.sort_complex(one.indices), np.sort_complex(other.indices), atol=1e-9
+    )
+
+
+def test_where_the_energy_of_the_family_turns_is_an_event() -> None:
+    """At given c the energies of the family are stationary in the frequency there, and so they are
+    along its curve."""
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.OpenChain(3))
+    start = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})
+    branch = cb.trace(start, "c", within={"c": (0.02, 1.0)})
+    turns = [p for p in branch.special if p.kind == "LP" and "energy" in str(p.detail)]
+    line = cb.boundary(turns[0], ("omega", "c"), within={"omega": (1.48, 1.52)})
+    for point in (turns[0], line[0].base_point, line[-1].base_point):
+        h, omega = 1e-4, point["omega"]
+        family = [
+            point.problem.at(omega=omega + k * h).solve(tolerance=1e-12)[0]
+            for k in (-2, -1, 0, 1, 2)
+        ]
+        E = [problem.solution.energy for problem in family]
+        slope = (E[0] - 8 * E[1] + 8 * E[3] - E[4]) / (12 * h)
+        bend = (E[1] - 2 * E[2] + E[3]) / h**2
+        assert abs(slope) < 1e-7 * abs(bend)
+
+
+def test_what_ends_on_the_way_names_the_harmonic_and_the_band() -> None:
+    """The band is that of the matrix that is written down here."""
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(11))
+    with pytest.raises(cb.NoSolution) as refused:
+        cb.breather(chain, {5: 1}, omega=1.2, params={"c": 0.3})
+    says, share = str(refused.value), refused.value.share
+    assert 0 < share < 1
+    assert f"reaches {share:.4g} of the coupling" in says
+    high = np.sqrt(1 + 4 * 0.3 * share * np.sin(5 * np.pi / 11) ** 2)
+    assert says.endswith(f"the band of small oscillations, 1 to {high:.6g}.")
+    assert "the frequency itself, 1.2," in says

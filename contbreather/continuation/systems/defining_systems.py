@@ -197,33 +197,42 @@ def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:
     return weak.sign * weak.size, weak.sign * left, right
 
 
-def rank_locus(weak: Callable[[Curve, Array], tuple[float, Array, Array]]) -> DefiningSystem:
+def rank_locus(
+    weak: Callable[[Curve, Array], tuple[float, Array, Array]],
+    jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
+) -> DefiningSystem:
     """The least singular value of a square matrix B is zero: one equation and no unknown.
 
     ``weak(curve, z)`` gives it with the sign of the determinant, and its vectors w and v, in the
     units of the equations and of the unknowns. It is the scalar of a bordered system whose borders
-    are the vectors of each place.
+    are the vectors of each place. B is the part in the unknowns of `jacobian`, the derivative of
+    some equations.
     """
-    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak))
+    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak, jacobian))
 
 
 def _least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([weak(curve, z)[0]])
 
 
-def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
+def _slope_of_least(
+    weak: Callable[..., Any], jacobian: Callable[..., Matrix], curve: Curve, z: Array, extra: Array
+) -> Array:
     # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
-    return along_by_difference(curve, z, *weak(curve, z)[1:])[None, :]
+    return along_by_difference(curve, z, *weak(curve, z)[1:], jacobian)[None, :]
 
 
-def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
+def along_by_difference(
+    curve: Curve, z: Array, left: Array, right: Array,
+    jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
+) -> Array:  # fmt: skip
     """``left @ curve.along(z, right)`` by one difference to the derivative at hand: six digits, and
     a row of Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that
     of a section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-6 / max(size, 1e-300)  # one of two null vectors may vanish
-    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z)
+    change = left @ jacobian(curve, z + step * way) - left @ jacobian(curve, z)
     return np.asarray(change / step)
 
 

@@ -1,0 +1,138 @@
+"""Arms at PF and curves in two parameters: beside an integrated half of the period."""
+
+from __future__ import annotations
+
+import networkx as nx
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+
+MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
+CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
+HARD = lambda u: (u + u**3, 1 + 3 * u**2)  # noqa: E731
+
+
+def half_map(pull, K, c, u, time):
+    """The state and its derivative half a period after rest at u: blocks of u and v."""
+    n = len(u)
+
+    def right(t, y):
+        M, (force, stiff) = y[2 * n :].reshape(2 * n, -1), pull(y[:n])
+        turned = np.vstack([M[n:], -(np.diag(stiff) + c * K) @ M[:n]])
+        return np.concatenate([y[n : 2 * n], -force - c * K @ y[:n], turned.ravel()])
+
+    start = np.concatenate([u, 0 * u, np.eye(2 * n).ravel()])
+    end = solve_ivp(right, (0, time), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    M = end[2 * n :].reshape(2, n, 2, n).transpose(0, 2, 1, 3)
+    return end[: 2 * n], {"uu": M[0, 0], "uv": M[0, 1], "vu": M[1, 0], "vv": M[1, 1]}
+
+
+def stiffness(lattice):
+    K = lattice.stiffness
+    return np.asarray(K.toarray() if hasattr(K, "toarray") else K)
+
+
+def triangle(w: float) -> cb.Lattice:
+    graph = nx.Graph()
+    graph.add_weighted_edges_from([(0, 1, 1.0), (1, 2, 1.0), (0, 2, w)])
+    return cb.Lattice.from_graph(graph)
+
+
+def morse(w: float = 0.45) -> cb.oscillators.BreatherProblem:
+    """Third neighbours at about half of the stiffness: phases between 0 and pi set out."""
+    chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=triangle(w))
+    return cb.breather(chain, {0: 1, 1: -1, 2: 1}, omega=0.8, params={"c": 0.02})
+
+
+def test_orbits_that_are_not_time_reversible_branch_off_at_pf() -> None:
+    """They return under an own integration, are nowhere at rest, and are each other's mirror
+    images in time, on the side of PF where the reversible ones are of the other stability."""
+    branch = cb.trace(morse(), "omega", within={"omega": (0.75, 0.9)})
+    point = branch.first("PF")
+    arms = cb.switch(point, within={"omega": (0.7, 0.9), "energy": (0, 10)}, steps=cb.Steps(most=6))
+    assert [arm[0]["omega"] for arm in arms] == pytest.approx([point["omega"]] * 2, abs=1e-9)
+    K = stiffness(triangle(0.45))
+    for arm in arms:
+        orbit = arm[-1].solution
+        x = orbit.states(0.0)
+        right = lambda t, y: [*y[3:], *(-MORSE(y[:3])[0] - 0.02 * K @ y[:3])]  # noqa: E731
+        how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+        end = solve_ivp(right, (0, 2 * np.pi / arm[-1]["omega"]), x, **how).y[:, -1]
+        assert abs(end - x).max() < 1e-9
+        times = np.linspace(0, orbit.period, 1000)
+        assert abs(orbit.states(times)[3:]).max(axis=0).min() > 1e-2
+    ends = [arm[-1].solution for arm in arms]
+    assert ends[0].energy == pytest.approx(ends[1].energy, rel=1e-3)
+    assert abs(ends[0].displacement(0, 1.0) - ends[1].displacement(0, 1.0)) > 1e-3
+
+
+CASES = {
+    "PF": (morse, "omega", (0.75, 0.9), "c", (0.01, 0.03), MORSE, 3),
+    "PD": (
+        lambda: cb.breather(
+            cb.Oscillators(V="u**2/2 + 0.2*u**3 + u**4/4", W="c*r**2/2", lattice=cb.OpenChain(3)),
+            {0: 1}, omega=2.0, params={"c": 0.1},
+        ), "omega", (1.9, 2.3), "c", (0.09, 0.11), CUBIC, 3,
+    ),
+    "BP": (
+        lambda: cb.breather(
+            cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.OpenChain(2)),
+            {0: 1, 1: -1}, omega=1.9, params={"c": 0.1},
+        ), "omega", (1.1, 2.0), "c", (0.05, 0.15), HARD, 2,
+    ),
+    "LP": (
+        lambda: cb.breather(
+            cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.OpenChain(3)),
+            {0: 1}, omega=1.5, params={"c": 0.05},
+        ), "c", (0.02, 1.0), "omega", (1.45, 1.55), HARD, 3,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*CASES])
+def test_boundaries_are_where_blocks_of_the_half_map_lose_rank(kind: str) -> None:
+    """At rest at both ends, from u to v: LP and BP, at -1 from u to u or from v to v: PD; and from
+    v to u, beside the orbit's own velocity: PF."""
+    make, free, window, other, around, pull, n = CASES[kind]
+    start = make()
+    branch = cb.trace(start, free, within={free: window})
+    # in the parameter, and not in the energy of the family
+    points = (p for p in branch.special if p.kind == kind and "energy" not in str(p.detail))
+    line = cb.boundary(next(points), (other, free), within={other: around})
+    assert len(line) >= 5
+    assert np.ptp(line[other]) > 0.9 * (around[1] - around[0])
+    K = stiffness(start.solution.lattice)
+    for point in (line[0], line[len(line) // 2], line[-1]):
+        u, v = point.base_point.solution.state()
+        assert abs(v).max() < 1e-12
+        half = np.pi / point["omega"]
+        end, blocks = half_map(pull, K, point["c"], u, half)
+        assert abs(end[n:]).max() < 1e-8
+        sizes = {name: np.linalg.svd(M)[1] for name, M in blocks.items()}
+        least = {
+            "PF": sizes["uv"][-2], "PD": min(sizes["uu"][-1], sizes["vv"][-1]),
+            "BP": sizes["vu"][-1], "LP": sizes["vu"][-1],
+        }[kind]  # fmt: skip
+        assert least < 1e-8
+
+
+def test_collisions_beside_pd_are_all_located() -> None:
+    """Where two pairs of opposite signature meet both of their indices are one: by the traces of
+    an integrated half, M = R M_half^-1 R M_half."""
+    start = CASES["PD"][0]()
+    branch = cb.trace(start, "omega", within={"omega": (1.9, 2.3)})
+    assert not branch.doubtful
+    meetings = [point for point in branch.special if point.kind == "KC"]
+    assert len(meetings) == 2
+    R, K = np.repeat([1.0, -1.0], 3), stiffness(start.solution.lattice)
+    for point in meetings:
+        u = point.solution.state()[0]
+        blocks = half_map(CUBIC, K, point["c"], u, np.pi / point["omega"])[1]
+        half = np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
+        M = R[:, None] * np.linalg.inv(half) * R @ half
+        first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1  # sums of cos and of cos 2
+        squares = (second + 2) / 2
+        assert abs(2 * squares - first**2) < 1e-8  # (I1 - I2)^2
+        assert point.detail["signatures"] == "+ -"
