@@ -73,7 +73,7 @@ def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float 
     return sign * values(wall, t, state[:, None], p)[:, 0]
 
 
-def beyond(point: Point) -> SwitchingProblem:
+def beyond_contact(point: Point) -> SwitchingProblem:
     """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
     touched, one less where it has shrunk to nothing or an impact has lost its velocity.
 

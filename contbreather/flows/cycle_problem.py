@@ -25,7 +25,7 @@ from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment, states_along
 from .conservation import drift, indices_of, refuse_drift
-from .cycle_beyond import beyond
+from .cycle_beyond import beyond_contact
 from .equations import FlowEquations, equations_of
 from .flow import refuse_false_period
 from .functions import Params
@@ -395,7 +395,7 @@ class CycleProblem(Problem):
         return replace(problem, start=start)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        met = dict.fromkeys(("GR", "VI", "SL"), beyond)
+        met = dict.fromkeys(("GR", "VI", "SL"), beyond_contact)
         return {"PD": _doubled, **met}.get(kind)
 
     def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
