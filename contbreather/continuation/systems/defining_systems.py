@@ -219,7 +219,8 @@ def _slope_of_least(
     weak: Callable[..., Any], jacobian: Callable[..., Matrix], curve: Curve, z: Array, extra: Array
 ) -> Array:
     # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
-    return along_by_difference(curve, z, *weak(curve, z)[1:], jacobian)[None, :]
+    _, left, right = weak(curve, z)
+    return along_by_difference(curve, z, left, right, jacobian)[None, :]
 
 
 def along_by_difference(
