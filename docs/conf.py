@@ -75,7 +75,7 @@ STORY = (
     "breather", "branch", "zones", "switching", "beyond_grazing", "lattice", "disorder",
     "measurement", "shooting", "simulate", "smooth_walls", "your_own_problem", "henon", "lorenz",
     "pendulum", "bouncing_ball", "impact_oscillator", "stick_slip", "backbone", "brusselator",
-    "oscillators", "driven_pendula",
+    "henon_heiles", "oscillators", "phi4", "driven_pendula",
 )  # fmt: skip
 
 

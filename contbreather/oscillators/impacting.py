@@ -70,7 +70,7 @@ class Bounce:
 class Flight(NamedTuple):
     """A motion from one impact to the next, and the walls that are met there."""
 
-    motion: Callable[[Array], Array]
+    motion: Callable[[Any], Array]
     start: float
     end: float
     met: tuple[WallDistance, ...]
@@ -151,7 +151,8 @@ def _flown(
     from scipy.integrate import solve_ivp
 
     n, near = chain.sites, _AT_ONCE * float(chain.walls(0.0, p))
-    end, events = t + time, [lambda t, x, p, wall=wall: wall(t, x, p) for wall in walls]
+    end = t + time
+    events: Any = [lambda t, x, p, wall=wall: wall(t, x, p) for wall in walls]
     for event in events:
         event.terminal, event.direction = True, -1.0
     how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, "dense_output": True}

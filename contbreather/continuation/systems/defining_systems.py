@@ -219,21 +219,22 @@ def _slope_of_least(
     weak: Callable[..., Any], jacobian: Callable[..., Matrix], curve: Curve, z: Array, extra: Array
 ) -> Array:
     # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
-    return along_by_difference(curve, z, *weak(curve, z)[1:], jacobian=jacobian)[None, :]
+    _, left, right = weak(curve, z)
+    return along_by_difference(curve, z, left, right, jacobian)[None, :]
 
 
 def along_by_difference(
     curve: Curve, z: Array, left: Array, right: Array,
     jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
 ) -> Array:  # fmt: skip
-    """``left @ curve.along(z, right)`` by one difference to the derivative at hand: six digits, and
-    a row of Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that
-    of a section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
+    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
+    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = 1e-6 / max(size, 1e-300)  # one of two null vectors may vanish
-    change = left @ jacobian(curve, z + step * way) - left @ jacobian(curve, z)
-    return np.asarray(change / step)
+    step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
+    change = left @ jacobian(curve, z + step * way) - left @ jacobian(curve, z - step * way)
+    return np.asarray(change / (2 * step))
 
 
 # --- problem and defining system as one longer problem ------------------------------------------
