@@ -435,7 +435,7 @@ def _inverted(matrix: Array) -> Array:
     """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
     size = matrix.shape[1] * matrix.shape[2]
     matrix = matrix.reshape(-1, size, size)
-    matrix.reshape(len(matrix), -1)[:, :: size + 1] += 1.0  # the diagonals, a view
+    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:
