@@ -27,7 +27,7 @@ def morse() -> tuple[cb.oscillators.BreatherProblem, cb.Branch]:
     """A breather of a ring of Morse oscillators, and its family in the frequency."""
     chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=cb.Ring(11))
     start = cb.breather(chain, {5: 1}, omega=0.8, params={"c": 0.03})
-    return start, cb.trace(start, "omega", within={"omega": (0.65, 0.97)}, progress=False)
+    return start, cb.trace(start, "omega", within={"omega": (0.7, 0.97)}, progress=False)
 
 
 def between_fixed_ends() -> cb.oscillators.BreatherProblem:

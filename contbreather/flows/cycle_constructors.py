@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import brief, check_kind, number, numbers, one_of
+from ..checks import check_kind, number, numbers, one_of
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event
 from ..continuation.curve.problem import Problem
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
-from .collocation import AT_REST, Collocation, TrajectorySegment, fitted, flown, sizes_of
+from .collocation import Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import (
@@ -30,17 +30,15 @@ from .cycle_problem import (
     problem_of,
 )
 from .equations import FlowEquations
-from .flow import Filippov, Flow, period_at, refuse_false_period, slid_along, value_at
+from .flow import Filippov, Flow, period_at, refuse_false_period, value_at
 from .functions import Function, Params, values
-from .integrate import TooManySteps, Trajectory, flows_of, integrate, root
+from .initial_motion import Motion, refuse_rest, sampled_orbit, simulated_orbit
+from .integrate import flows_of
 from .multipliers import around
 from .rotation import Angles
-from .rounds import RETURNS, once
+from .rounds import once
 from .sparse_equations import has_many_states, sparse_where_large
 
-_BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
-_ALIKE = 1e-3  # within this of its size all returns are as good
-_WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
@@ -149,7 +147,7 @@ def cycle(
     flows = flows_of(with_jacobian(flows, jacobian), period)
     alone = _alone(flows)
     if isinstance(start, tuple):
-        pieces, names = _sampled(alone, start, params)
+        pieces, names = sampled_orbit(alone, start, params)
         angles = Angles.of(wraps, names)
         arrays = dict[str, tuple[str, ...]]()
         _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
@@ -159,16 +157,10 @@ def cycle(
         names = tuple(chain.from_iterable(arrays.values()))
         size = float(abs(state).max())
         angles = Angles.of(wraps, names)
-        run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
         _check_start(flows, t0, state, params, forcing)
         angles.check(flows, t0, state, params)
-        t, state, first = _settled(run, state, length, t0, settle)
-        begin = t, state - angles.turns(state), first
-        if alone is None:
-            parts, pieces = _hybrid(run, begin, length, angles)
-        else:
-            pieces = [_smooth(alone, run, params, begin, length, settle, size, angles)]
+        parts, pieces = simulated_orbit(flows, alone, params, (t0, state), length, settle, angles)
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length
@@ -297,25 +289,10 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
     return value_at(period, p)
 
 
-# --- from a simulation --------------------------------------------------------------------------
+# --- from a motion to the orbit -------------------------------------------------------------------
 
 
-Run = Callable[..., Trajectory]
 ProblemAt = Callable[[FlowEquations], CycleProblem]
-Begin = tuple[float, Array, int]  # time, state and flow
-Motion = tuple[Callable[[Array], Array], float, float]  # states at times, from when to when
-
-
-def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
-    """Simulate, stiff systems by an implicit method; a run that leaves the domain of its functions
-    finds no orbit."""
-    run = partial(integrate, flows, params=params, tolerance=1e-9, **how)  # Newton does the rest
-    try:
-        with suppress(TooManySteps):
-            return run(steps=10_000)  # by an explicit method, or it is taken to be stiff
-        return run(method="LSODA")
-    except Undefined as error:
-        raise NotConverged(f"no periodic orbit was found from there: {error}") from error
 
 
 def _resolved(
@@ -362,178 +339,10 @@ def _check_start(
     refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
 
 
-def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
-    """Simulate for the time to settle, a whole number of periods."""
-    settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
-    if length is not None:
-        settle = math.ceil(settle / length - 1e-9) * length  # whole periods stay as many
-    if not settle:
-        return t0, state, 0
-    ran = run(x0=state, time=settle, t0=t0)
-    last = ran.pieces[-1]
-    if not ran.events:
-        return t0 + settle, ran.final, last.number
-    if length is None:
-        moved = settle * values(last.flow.f, t0 + settle, ran.final[:, None], ran.params)[:, 0]
-        alike = [piece.x for piece in ran.pieces if len(piece.x) == moved.size]
-        if (abs(moved) <= AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
-            _refuse_rest(0 * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
-    middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
-    return middle, last(middle), last.number
-
-
-def _hybrid(
-    run: Run, begin: Begin, length: float | None, angles: Angles
-) -> tuple[tuple[Flow, ...], list[Motion]]:
-    """Return the last pieces of a simulation after which it repeats itself."""
-    t, state, first = begin
-    ran = run(x0=state, events=2 * RETURNS, t0=t, first=first)
-    last = ran.events[-1]
-    size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
-    returns = []
-    for back in range(1, RETURNS + 1):
-        event = ran.events[-1 - back]
-        # the same flow ended there, in a state of the same kind
-        if (event.number, event.after.shape) != (last.number, last.after.shape):
-            continue
-        moved = last.after - event.after
-        off = float(abs(moved - angles.turns(moved)).max()) / size
-        if length is not None:
-            # of a forced system only whole numbers of periods are returns
-            turned = (last.time - event.time) / length
-            off = max(off, abs(turned - round(turned))) if round(turned) else math.inf
-        returns.append((off, back))
-    back = _first_close(returns, ran)
-    pieces = ran.pieces[-back:]
-    *others, ending = (piece.flow for piece in pieces)
-    ending = angles.taken_from(ending, last.after - ran.events[-1 - back].after)
-    return (*others, ending), [(p, float(p.t[0]), float(p.t[-1])) for p in pieces]
-
-
-def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
-    """Choose the first return that is nearly as close as the closest of all."""
-    least = min((off for off, _ in returns), default=math.inf)
-    if not returns:
-        begin, end = (brief(x.tolist()) for x in (ran.pieces[0].x[:, 0], ran.final))
-        raise NotConverged(
-            f"the simulation does not return: its state goes from {begin} to {end} at "
-            f"t = {ran.pieces[-1].t[-1]:.4g}; a state that is an angle is named with its turn, "
-            "wraps={'theta': 2*np.pi}"
-        )
-    if not least <= _BACK:
-        raise NotConverged(
-            f"the simulation does not return: within {len(returns)} times around it comes back to "
-            f"{least:.2g} of its size, at t = {ran.pieces[-1].t[-1]:.4g}; let it settle longer "
-            "(settle=), or start closer to the orbit",
-            residual=least,
-        )
-    return next(what for off, what in returns if off <= max(3 * least, _ALIKE))
-
-
-def _smooth(
-    flow: Flow,
-    run: Run,
-    params: Params,
-    begin: Begin,
-    length: Any,
-    settle: float,
-    size: float,
-    angles: Angles,
-) -> Motion:
-    """Simulate one period: of the forcing, as many as it takes where it has settled, or from a
-    plane across the flow back to it."""
-    t0, state, _ = begin
-    if length is not None:
-        most = RETURNS if settle else 1
-        ran = run(x0=state, time=most * length, t0=t0)
-        times = t0 + length * np.arange(1, most + 1)
-        return ran, t0, t0 + length * _forced_return(flow, ran, times, angles)
-    for wait in np.multiply(settle or _WAIT, (1, 3, 9, 27)):
-        ran = run(x0=state, time=float(wait), t0=t0)
-        t0, state = t0 + float(wait), ran.final  # if it was not settled yet
-        # what is slow has time to settle that is as long
-        moved = values(flow.f, t0, state[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
-        _refuse_rest(moved, state, size)
-        returns = _returns(flow, ran, params, angles)
-        if min((off for off, _ in returns), default=math.inf) <= _BACK:
-            break
-    return ran, float(ran.t[0]), float(_first_close(returns, ran))
-
-
-def _forced_return(flow: Flow, ran: Trajectory, times: Array, angles: Angles) -> int:
-    """Count the periods after which a simulation comes back; one where it has not settled, as in
-    chaos: which orbit is near is Newton's to find."""
-    if flow.reset is not None:
-        return 1  # half of a symmetric orbit, or a rotation
-    first = ran.x[:, :1]
-    moved, swing = (x - angles.turns(x - first) for x in (ran(times), ran.x))
-    off = abs(moved - first).max(axis=0) / (np.ptp(swing, axis=1).max() or 1.0)
-    return 1 + int((off <= max(3 * off.min(), _ALIKE)).argmax()) if off.min() <= _ALIKE else 1
-
-
-def _returns(
-    flow: Flow, ran: Trajectory, params: Params, angles: Angles
-) -> list[tuple[float, float]]:
-    """Find the returns to the plane through the start across its velocity: how far off the start
-    they are, in the size of the orbit, and when."""
-    begin, state = ran.t[0], ran.x[:, :1]
-    speed = values(flow.f, begin, state, params)[:, 0]
-
-    def image(t: Array) -> Array:
-        x = ran(t) if flow.reset is None else values(flow.reset, t, ran(t), params)
-        return np.asarray(x - angles.turns(x - state))
-
-    def behind(t: Array) -> Array:
-        return np.asarray(speed @ (state - image(t)))
-
-    orbit = image(ran.t)
-    size = float(np.ptp(orbit, axis=1).max()) or 1.0
-    off = speed @ (state - orbit)
-    off[0] = 0.0  # in the first step it is on its way out
-    fallen = np.flatnonzero((off[:-1] > 0) & (off[1:] <= 0))
-    times = [root(behind, ran.t[j], ran.t[j + 1]) for j in fallen]
-    return [(float(abs(image(np.array([t])) - state).max()) / size, t) for t in times]
-
-
-def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = False) -> None:
-    """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
-    before tells how small is none."""
-    size = max(size, float(abs(state).max()))
-    if float(abs(moved).max()) <= AT_REST * size:
-        place = [float(f"{x:.6g}") if abs(x) > AT_REST * size else 0.0 for x in state.tolist()]
-        kind, more = "an equilibrium", "cb.equilibrium continues it"
-        if slides:
-            kind, more = "a pseudo-equilibrium", "the motion along the surface comes to rest there"
-        raise NotConverged(
-            f"there is {kind} at {brief(place)}, not a cycle: {more}; start elsewhere for a cycle"
-        )
-
-
 def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
     return tuple(
         flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
     )
-
-
-def _sampled(
-    flow: Flow | None, samples: tuple[Any, Any], params: Params
-) -> tuple[list[Motion], tuple[str, ...]]:
-    """Interpolate samples of one period."""
-    from scipy.interpolate import CubicSpline
-
-    if flow is None:
-        raise BadInput("samples (t, x) are taken of one flow without `until`; start from a state")
-    if len(samples) != 2:
-        raise BadInput(f"samples are given as (t, x); got {len(samples)} arrays")
-    t, x = numbers("t", samples[0]), np.atleast_2d(numbers("x", samples[1]))
-    if t.ndim != 1 or t.size < 4 or x.shape[1:] != t.shape or not (np.diff(t) > 0).all():
-        raise BadInput(
-            f"samples of shapes {t.shape} and {x.shape}: increasing times (m,) and states (n, m) "
-            "were expected, m at least 4"
-        )
-    flow.check(float(t[0]), x[:, 0], params)
-    whole = CubicSpline(t, x, axis=1), float(t[0]), float(t[-1])
-    return [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
 def _closed(
@@ -546,7 +355,7 @@ def _closed(
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-            _refuse_rest(np.array(extents), flights[0].states[0], size)
+            refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = once(equations, equations.flights(solved.x, params), params)
         equations = replace(equations, start=_adapted(equations.start))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import brief, numbers
+from ..checks import brief, number, numbers
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .functions import (
@@ -136,6 +136,11 @@ class Flow:
                 raise BadInput("a flow ends by `until`, or `at` a part of the period: not by both")
             keep("until", Clock(self.at if callable(self.at) else float(numbers("at", self.at))))
             keep("at", None)  # it is in until now
+        if self.ignore != 0.0:
+            if self.until is None or isinstance(self.until, Clock):
+                raise BadInput("ignore= is how long `until` does not count: the flow has none")
+            if not callable(self.ignore):
+                number("ignore", self.ignore, 0.0, 1e300, "a time, or a function of p")
         for name in ("f", "until", "reset"):
             keep(name, undecorated(getattr(self, name)))
         for name, function in self.functions.items():

@@ -305,6 +305,7 @@ def _arnoldi(
         order = np.argsort(-abs(mu), kind="stable")
         off, mu = small[k, k - 1] * abs(vectors[-1, order]), mu[order]  # residuals
         wanted = max(least, int(np.count_nonzero(abs(mu) + off > _KNOWN)))
+        wanted += bool(wanted and mu[wanted - 1].imag > 0)  # and its conjugate, which comes next
         if k >= min(_FEWEST, n) and (off[:wanted] <= _ARNOLDI).all():
             moduli = np.sort(abs(mu[: wanted + 1]))[::-1]
             border = float(moduli[wanted - 1 :].mean())

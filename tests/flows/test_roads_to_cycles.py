@@ -163,3 +163,16 @@ def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
     params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
     with pytest.raises(cb.NotConverged, match="a state that is an angle is named with its turn"):
         cb.cycle(lambda t, x, p: pendulum(0.0 * t, x, p), {"theta": 0.0, "v": 2.0}, params)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"until": heel, "ignore": -1.0}, r"ignore = -1.0: a time, or a function of p"),
+        ({"ignore": 1.0}, "ignore= is how long `until` does not count: the flow has none"),
+        ({"at": 0.5, "ignore": 1.0}, "ignore= is how long `until` does not count"),
+    ],
+)
+def test_what_cannot_be_ignored_is_refused(given: Any, words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        cb.Flow(walk, **given)
