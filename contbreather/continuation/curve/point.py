@@ -375,13 +375,13 @@ class Event:
         return getattr(self.test, "matrix", None)
 
     def value(self, point: Point) -> Value:
-        """The test, or the count where there is none, as it was given."""
+        """The test, or the count where there is none: an int where the event counts, a float where
+        it has zeros."""
         look = self.test or self.count
         assert look is not None
-        return look(point)
+        return self._number(look(point))
 
-    def number(self, value: Any) -> Value:
-        """Check a value: an int where the event counts, a float where it has zeros."""
+    def _number(self, value: Any) -> Value:
         if isinstance(value, int | np.integer | np.bool_):
             return int(value)
         try:
@@ -400,7 +400,7 @@ class Event:
             value = look(point)
         except OUT_OF_DOMAIN:
             return math.nan
-        return value if type(value) is float else self.number(value)
+        return value if type(value) is float else self._number(value)
 
     def values(self, points: Sequence[Point]) -> tuple[list[Value], Any]:
         """Values at several points of a walk, and the array of counts where it comes with them."""
@@ -409,15 +409,16 @@ class Event:
             with suppress(*OUT_OF_DOMAIN):
                 answer = self.many(points)
         if not answer:
-            return [self.value_or_nan(point) for point in points], None
-        shapes = [np.shape(column) for column in answer if column is not None]
+            return [*map(self.value_or_nan, points)], None
+        tests, counts = answer
+        shapes = [np.shape(tests)] + ([] if counts is None else [np.shape(counts)])
         wanted = [(len(points),)] * (2 if self.count else 1)
         if shapes != wanted:
             raise BadInput(
                 f"many of {self.kind} gave arrays of shapes {shapes}; {wanted} were expected, a "
                 f"test {'and a count ' if self.count else ''}for each point"
             )
-        return answer[0].tolist(), answer[1]
+        return tests.tolist(), counts
 
     def __repr__(self) -> str:
         return f"<Event {self.kind}{', terminal' if self.ends else ''}>"

@@ -65,7 +65,7 @@ class Steps:
                 raise BadInput(f"{name} must be a number, got {brief(value)}")
             if name != "most" and not 0 < size < math.inf:
                 raise BadInput(f"{name} must be finite and positive, got {brief(value)}")
-        largest = self.longest(0.0)
+        largest = self.largest or 0.1
         if not self.smallest <= min(self.first, largest):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "
@@ -79,10 +79,6 @@ class Steps:
             )
         if not issubclass(type(self.most), Integral) or self.most < 1:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
-
-    def longest(self, size: float) -> float:
-        """Bound a step from a z of this size."""
-        return self.largest or max(0.1, 0.01 * size)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter, itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
 from ..curve.branch import Points
-from ..curve.point import Event, Point, Value
+from ..curve.point import Event, Point
 from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
 from ..systems.defining_systems import regular_between
 from .event_location import (
@@ -49,48 +50,27 @@ class Ends:
     closed: bool = False
 
 
-@dataclass(frozen=True)
-class StepEvents:
-    """The events on one step, in order, and the candidates that failed their verification."""
-
-    points: tuple[Point, ...]
-    doubtful: tuple[Point, ...]
-    after: tuple[Value, ...]  # the tests at the end of the step, 0 where an event was found there
-
-
 def find(
-    segment: StepInterpolant,
-    events: Sequence[Event],
-    before: Sequence[Value],
-    after: tuple[Value, ...],
-    *,
-    crossing: Point | None,
-    ends: Ends,
-    quiet: Sequence[Any] | None = None,
-) -> StepEvents:
-    """Find the events on one step of a walk.
+    segment: StepInterpolant, events: Sequence[Event], before: Any, after: Any, quiet: Any,
+    crossing: Point | None, ends: Ends,
+) -> tuple[list[Point], list[Point], Any]:  # fmt: skip
+    """Find the events on one step of a walk, those that are verified and those that are not, and
+    its last tests, 0 where an event was found there.
 
     `before` and `after` are the tests at its ends, `crossing` a branch point known to lie on it;
     `quiet` says of each test whether it has no candidate by its values (`quiet_steps`).
     """
     curve = segment.curve
     curve.passes(segment.last.z)
-    if quiet is None or crossing is not None or ends.first or ends.closed:
-        quiet = len(events) * [False]
-    tests = [
-        StepSamples(segment, *row[:1], {0.0: row[1], 1.0: row[2]}, clear=bool(row[3]))
-        for row in zip(events, before, after, quiet, strict=True)
-    ]
-    for samples in tests:
+    tests, counts, crossings, others = (list[StepSamples]() for _ in range(4))
+    for event, start, end, still in zip(events, before, after, quiet, strict=True):
+        samples = StepSamples(segment, event, {0.0: start, 1.0: end})
         # those with a matrix say more of what is between than their values do
-        samples.clear = samples.clear and not samples.foresee()
-    if all(samples.clear for samples in tests):
-        return StepEvents((), (), after)
-    counts = [samples for samples in tests if samples.event.test is None]
-    crossings = [samples for samples in tests if samples.event.crosses]
-    others = [s for s in tests if s.event.test is not None and not s.event.crosses]
-    for samples in (*crossings, *others):  # what has no test is looked at last, and at few places
-        if not samples.clear:
+        samples.clear = bool(still) and not samples.foresee()
+        tests.append(samples)
+        # what has no test is looked at last, and at few places
+        (counts if event.test is None else crossings if event.crosses else others).append(samples)
+        if not samples.clear and event.test is not None:
             samples.glance(0.5)
     points = list(_events_on(crossings, ends))
     cuts = [p for p in points if "tangents" in p.detail] or ([crossing] if crossing else [])
@@ -99,59 +79,54 @@ def find(
     else:
         points += _events_on(others, ends)
     for samples in counts:
-        points += _explained(samples, others, points)
+        if not samples.clear or points:
+            points += _explained(samples, others, points)
     points = _in_order(points, events)
-    end = segment.last.arclength * (1 - 1e-15)
-    at_end = {id(p.event) for p in points if p.located and p.arclength >= end}
-    after = tuple(0 if id(s.event) in at_end and not s.jumps else s.values[1.0] for s in tests)
+    last = segment.last.arclength * (1 - 1e-15)
+    at_end = {id(p.event) for p in points if p.located and p.arclength >= last}
+    for i, samples in enumerate(tests):
+        after[i] = 0 if id(events[i]) in at_end and not samples.jumps else samples.values[1.0]
     if curve.problem.beneath is not None:
         points = list(_one_a_place(points))
-    good = tuple(point for point in points if point.located)
-    return StepEvents(good, _unverified([p for p in points if not p.located], good), after)
+    good = [point for point in points if point.located]
+    return good, _unverified(points, good), after
 
 
 def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     """Along the curve; what happens at one place, as far as rounding can tell, in the order of the
     events that were asked for."""
     order = {id(event): i for i, event in enumerate(events)}
-    places: list[list[Point]] = []
-    before = -math.inf
-    for point in sorted(points, key=lambda point: point.arclength):
-        if point.arclength - before > _AT_END * (1 + point.curve.length(point.z)):
-            places.append([])
-        places[-1].append(point)
+    numbered, place, before = list[tuple[int, int, Point]](), 0, -math.inf
+    for point in sorted(points, key=attrgetter("arclength")):
+        place += point.arclength - before > _AT_END * (1 + point.curve.length(point.z))
         before = point.arclength
-    # a branch point that the walk found by itself has no event among them
-    return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
+        # a branch point that the walk found by itself has no event among them
+        numbered.append((place, order.get(id(point.event), -1), point))
+    return [point for *_, point in sorted(numbered, key=itemgetter(0, 1))]
 
 
 def quiet_steps(
-    events: Sequence[Event],
-    places: Sequence[float],
-    tests: Sequence[Sequence[Value]],
-    counts: Sequence[Any],
-    first: Point,
+    events: Sequence[Event], places: Sequence[float], tests: Any, counts: Any, first: Point,
     points: Points,
-) -> NDArray[np.bool_]:
+) -> NDArray[np.bool_]:  # fmt: skip
     """Which tests are so far from zero, by the parabola through their last three values, and change
     so little that nothing is to be looked for within a step; in rows, on each step but the first
-    between these places. `tests` has a row for each event, and `counts` for those that are known;
-    the others are asked at `first`, the second place, and the points that follow."""
-    values, steps = np.array(tests, dtype=float), np.diff(places)
+    between these places. `tests` has a row for each event, and `counts`, NaN where they are not
+    known: these are asked at `first`, the second place, and the points that follow."""
+    values, steps = tests.astype(float), np.diff(places)
     start, end = values[:, 1:-1], values[:, 2:]
     blank = np.isnan(start) & np.isnan(end)  # what is between has nothing to change from
     quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
-    for i, (event, count) in enumerate(zip(events, counts, strict=True)):
+    for i, event in enumerate(events):
         if event.test is None:
             quiet[i] = start[i] == end[i]
         elif int in map(type, tests[i]):
             quiet[i] = blank[i]
-        elif count is not None:
-            known = np.append(count_at(event, first), count)
-            quiet[i] &= ~(abs(np.diff(known)) > 1)
-        elif event.count is not None:
+        elif event.count is not None and math.isnan(counts[i, 0]):
             for j in np.flatnonzero(quiet[i]).tolist():
                 quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
+        elif event.count is not None:
+            quiet[i] &= ~(abs(np.diff(counts[i], prepend=count_at(event, first))) > 1)
         if len(points) > 1 and event.matrix:
             # matrices say more of what is between two points than values do
             matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
@@ -161,13 +136,14 @@ def quiet_steps(
     return quiet
 
 
-def regular_step(matrices: Sequence[Any], first: Point, last: Point) -> bool:
+def regular_step(events: Sequence[Event], first: Point, last: Point) -> bool:
     """Tell whether between two points no matrix of an event comes to be singular; of large ones
     that is not known before it is looked for."""
-    for matrix in matrices:
-        begin, end = matrix(first), matrix(last)
-        if not (isinstance(begin, np.ndarray) and regular_between(begin, end[None])[0]):
-            return False
+    for event in events:
+        if event.matrix:
+            begin, end = event.matrix(first), event.matrix(last)
+            if not (isinstance(begin, np.ndarray) and regular_between(begin, end[None])[0]):
+                return False
     return True
 
 
@@ -204,13 +180,15 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
 
-def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, ...]:
+def _unverified(points: Sequence[Point], good: Sequence[Point]) -> list[Point]:
     """Candidates that failed, each place once for each event: what was seen there twice is two of
     them. A branch point may have been located where it was seen, too: at the start of a walk
     rounding decides from which side it is come upon."""
     kept: list[Point] = []
     latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
-    for point in failed:
+    for point in points:
+        if point.located:
+            continue
         reach = GAP * (1 + point.curve.length(point.z))
         same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
         if any(abs(p.arclength - point.arclength) <= reach for p in same):
@@ -221,7 +199,7 @@ def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, 
         else:
             latest[id(point.event)] = len(kept)
             kept.append(point)
-    return tuple(kept)
+    return kept
 
 
 def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
@@ -234,7 +212,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
         yield from _closer(samples)
     # the step is looked through again at the events found so far
     for _ in range(20):
-        fresh = [point for samples in active for point in locate(samples)]
+        fresh = [*itertools.chain.from_iterable(map(locate, active))]
         yield from fresh
         if not fresh:
             break
@@ -254,7 +232,8 @@ def _dipped(samples: StepSamples) -> Iterator[Point]:
     if not has_double_zero(samples):
         yield from kinks(samples)
     if samples.event.matrix:
-        samples.beside(*(middle for _, middle in samples.changes()[:-1]))
+        for _, middle in samples.changes()[:-1]:
+            samples.beside(middle)
 
 
 def _closer(samples: StepSamples) -> Iterator[Point]:

@@ -9,6 +9,7 @@ golden section.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -17,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from ..algebra.newton import OUT_OF_DOMAIN, Solution, Undefined, newton
-from ..curve.curve import Curve
 from ..curve.point import DefiningSystem, Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
-from ..systems.defining_systems import extended
+from ..systems.defining_systems import Joined
 from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
@@ -54,7 +54,7 @@ def not_simple(kind: str) -> str:
 def locate(samples: StepSamples) -> Iterator[Point]:
     """The events behind all changes of one test that were not dealt with yet."""
     # values seen on the cubic give way to those on the curve, wherever a change depends on them
-    while unsure := {u for pair in samples.changes() for u in pair} - samples.sure:
+    while unsure := {*itertools.chain(*samples.changes())} - samples.sure:
         for u in unsure:
             samples.known(u)
     for left, right in samples.changes():
@@ -242,18 +242,16 @@ def _newton(
     """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
     if isinstance(locus_at, Crossings):
         return locus_at.solve(guess)
-    locus = locus_at(guess)
-    # | F_x  0    F_p |
-    # | g_x  g_y  g_p |
-    renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
-    problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
-    curve, n = Curve(problem, ()), guess.curve.size
-    start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
+    locus, at, detail = locus_at(guess), guess.curve.size, dict[str, Any]()
+    both = Joined(guess.curve, locus)
+    start = np.hstack([guess.x, *locus.extra.values(), guess.z[-1:]])
     # so close, unless the walk asks for a closer one
-    solution = newton(curve, start, tolerance=min(tolerance, 1e-9))
-    solved = Point(curve, solution.z)
-    detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
-    return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
+    solution = newton(both, start, tolerance=min(tolerance, 1e-9))
+    for name, value in locus.extra.items():
+        end = at + np.size(value)
+        detail[name] = solution.z[at:end] if np.ndim(value) else float(solution.z[at])
+        at = end
+    return replace(solution, z=both.apart(solution.z)[0]), detail
 
 
 # --- double zeros -----------------------------------------------------------------------------
@@ -347,7 +345,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
             if min(abs(u - v) for v in size) > _ONE:
                 size[u] = seen(u)
     places = sorted(size)
-    at = min(range(len(places)), key=lambda i: size[places[i]])
+    at = places.index(min(places, key=size.__getitem__))
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
         return
     # golden section, unless the sign changes; g^2 = 1 - g: one inner place stays when it shrinks

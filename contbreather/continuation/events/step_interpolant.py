@@ -189,9 +189,11 @@ class StepSamples:
 
     def deflated(self, u: float, value: Value | None = None) -> float:
         """The value at u with the zeros found so far divided out."""
-        value = self.values[u] if value is None else value
         # f(u) / prod(u - u_i) is as smooth as f, and what zeros it has are others
-        return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
+        product = 1.0
+        for zero in self.zeros:
+            product *= u - zero or math.nan
+        return float(self.values[u] if value is None else value) / product
 
     # --- where it changes ---------------------------------------------------------------------
 
@@ -206,14 +208,12 @@ class StepSamples:
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps; not within brackets
         that were dealt with, in which a place where it was looked at before may lie."""
-        places = sorted(u for u, value in self.values.items() if not math.isnan(value))
-        jumps, values = self.jumps, self.values
-        return [
-            (left, right)
-            for left, right in itertools.pairwise(places)
-            if (values[left] != values[right] if jumps else self.changes_sign(left, right))
-            and not any(low <= left and right <= high for low, high in self.done)
-        ]
+        found, jumps, values = list[tuple[float, float]](), self.jumps, self.values
+        for left, right in itertools.pairwise(sorted(u for u in values if values[u] == values[u])):
+            changed = values[left] != values[right] if jumps else self.changes_sign(left, right)
+            if changed and not any(low <= left and right <= high for low, high in self.done):
+                found.append((left, right))
+        return found
 
     def changes_sign(self, left: float, right: float) -> bool:
         a, b = self.values[left], self.values[right]
@@ -237,10 +237,10 @@ class StepSamples:
 
     # --- two zeros that leave no change -------------------------------------------------------
 
-    def beside(self, *places: float) -> None:
+    def beside(self, u: float) -> None:
         """Remember where two zeros may be to either side, close together."""
         half = _CLOSE / 2
-        self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
+        self.close.append((max(u - half, 0.0), min(u + half, 1.0)))
 
     def foresee(self) -> bool:
         """Look between the places where a test should have its zeros, so that each leaves its
@@ -254,7 +254,8 @@ class StepSamples:
             places = singular_between(*map(matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):
                 look.append((low + high) / 2)
-                self.beside(*(look[-1:] if high - low < _CLOSE else ()))
+                if high - low < _CLOSE:
+                    self.beside(look[-1])
         if self.values[0.0] == 0 and not self.jumps:
             size = 1 + segment.curve.length(segment.first.z)
             look.append(ASIDE + 1e-12 * size / segment.length)

@@ -19,7 +19,7 @@ from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN
 from ..curve.branch import Points, Stop
 from ..curve.curve import LEVEL, Curve
 from ..curve.derivative_checks import reconsider
-from ..curve.point import MANY, Event, Point, Value
+from ..curve.point import MANY, Event, Point
 from ..curve.settings import Steps
 from ..events.step_interpolant import StepInterpolant
 from ..systems.branch_points import GAP, crossing
@@ -50,29 +50,26 @@ class BranchPiece:
     points: Points  # their ends
     crossing: Point | None = None  # branch point on the last: the determinant changes sign
     stop: Stop | None = None  # why the walk ends with the last
-    tests: Sequence[list[Value]] = ()  # of each event at all points
-    counts: Sequence[Any] = ()  # beside these, or None
+    tests: Any = None  # a row for each event, of numbers as they are, int or float
+    counts: Any = None  # beside these, NaN where they are not known
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
         # of few each is made once, not once for each event
         points = self.points if len(self.points) >= MANY else [*self.points]
-        asked = [event.values(points) for event in events]
-        tests, counts = [tests for tests, _ in asked], [counts for _, counts in asked]
+        shape = len(events), len(points)
+        tests, counts = np.empty(shape, dtype=object), np.full(shape, math.nan)
+        for i, event in enumerate(events):
+            tests[i], known = event.values(points)
+            if known is not None:
+                counts[i] = known
         return replace(self, tests=tests, counts=counts)
-
-    @property
-    def first(self) -> tuple[Stop | None, Point | None]:
-        """Reason why the walk ends with the first, and its branch point: what befell the last is
-        not its own."""
-        return (self.stop, self.crossing) if len(self.points) == 1 else (None, None)
 
     def beyond(self, n: int) -> BranchPiece | None:
         """Cut off so many steps; None where that is all."""
         if n == len(self.points):
             return None
-        counts = [None if row is None else row[n:] for row in self.counts]
-        tests = [row[n:] for row in self.tests]
-        return replace(self, points=self.points[n:], tests=tests, counts=counts)
+        rest = self.points[n:], self.crossing, self.stop, self.tests[:, n:], self.counts[:, n:]
+        return BranchPiece(*rest)
 
 
 class Stepper:
@@ -134,18 +131,18 @@ class Stepper:
     def _pieces(self) -> Pieces | None:
         """Find who takes many steps at once; None where there is no machine code, or each is to
         have a line of its own among the messages."""
-        curve, steps = self.curve, self.steps
-        plain = all(isinstance(bound.slot, int) for bound in self.bounds)
-        if not plain or LOG.isEnabledFor(logging.DEBUG):
-            return None
-        low = np.array([bound.low for bound in self.bounds])
-        high = np.array([bound.high for bound in self.bounds])
+        curve, steps, size = self.curve, self.steps, len(self.bounds)
+        low, high, slots = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
         for i, bound in enumerate(self.bounds):
+            if not isinstance(bound.slot, int):
+                return None
+            low[i], high[i], slots[i] = bound.low, bound.high, bound.slot
             for side, end, off in bound.ends:
                 # short of a bound: it is landed on, unless the curve begins there
                 if abs(bound.value(curve.start) - end) > off:
                     (low if side < 0 else high)[i] = end - side * off
-        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
+        if LOG.isEnabledFor(logging.DEBUG):
+            return None
         sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
         plane = curve.metric, self.across, self.home.z
         return curve.pieces(Rules(*sizes, slots, low, high, *plane))
@@ -191,7 +188,8 @@ class Stepper:
 
     def _advance(self, point: Point) -> Step:
         failed: StepFailed | None = None
-        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
+        longest = self.steps.largest or max(0.1, 0.01 * self.curve.length(point.z))
+        size = min(self.size, longest)
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)

@@ -23,10 +23,10 @@ from ..algebra.newton import Undefined
 from ..curve.branch import Branch, Points, Stop, labelled, with_ends
 from ..curve.curve import PASSED
 from ..curve.derivative_checks import advice, unlike_scales
-from ..curve.point import Event, Point, Value
+from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, StepEvents, find, quiet_steps, regular_step
+from ..events.event_detection import Ends, find, quiet_steps, regular_step
 from ..events.step_interpolant import StepInterpolant
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
@@ -297,7 +297,6 @@ class ContinuationIterator:
         continues: Branch | None = None,
     ) -> None:
         self.way, self.events, self.steps = way, events, steps
-        self.matrices = [event.matrix for event in events if event.matrix]
         self.curve, start = way.point.curve, way.point
         home = continues[0] if continues else start
         self.stepper = Stepper(way, steps, start if home.tangent is None else home)
@@ -306,20 +305,19 @@ class ContinuationIterator:
         self.doubtful: list[Point] = []
         self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
-        self.tests: tuple[Value, ...] = ()
-        for event in events:
+        # at the latest two places: arclength, and the tests of all events as they are, int or float
+        self.places, self.tests = [0.0], np.empty((len(events), 1), dtype=object)
+        for i, event in enumerate(events):
             # a test that fails here, as for a wrong name, is a mistake
             with np.errstate(**QUIET):
-                value = event.number(event.value(start))
-            self.tests += (value,)
-            if event.ends_domain and value < -1e-9:
+                self.tests[i, 0] = value = event.value(start)
+            if event.ends == "domain" and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are admissible; start elsewhere, or lift this rule by "
                     f"inadmissible=True, with no {event.kind} among events"
                 )
         self.growth = Growth(self.curve, way.bounds, start.z)
-        self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
 
     def follow(
         self,
@@ -375,7 +373,7 @@ class ContinuationIterator:
                     line = passed = piece.points[: plain or 1]
                     if not plain:
                         # locate    by the defining system of the event, where it has one
-                        line, stop = self._line_up(piece, self._located(piece, quiet))
+                        line, stop = self._located(piece, quiet)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
@@ -403,64 +401,64 @@ class ContinuationIterator:
 
     def _without_candidates(self, piece: BranchPiece) -> tuple[int, Any]:
         """Count the steps on which no event has anything to look for; and say of each event whether
-        that is so on the first, None where it is not known."""
+        that is so on the first, as far as it is known."""
         points, more = piece.points, piece.crossing or piece.stop
-        if self.earlier is None:
-            if self.events or not self.count:
-                return 0, None
-            return len(points) - bool(more), None
-        places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
-        rows = zip(self.earlier[1], self.tests, piece.tests, strict=True)
-        tests = [[past, now, *row] for past, now, row in rows]
+        if not self.events:
+            return len(points) - bool(more) if self.count else 0, ()
+        if len(self.places) < 2:
+            return 0, [False] * len(self.events)
+        places = [*self.places, *points.arclength.tolist()]
+        tests = np.hstack([self.tests, piece.tests])
         quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not more
         if len(points) == 1:
-            clear[0] = clear[0] and regular_step(self.matrices, self.point, points[0])
+            clear[0] = clear[0] and regular_step(self.events, self.point, points[0])
         n = len(clear) if clear.all() else int(clear.argmin())
         if n:
-            self.earlier = places[n], [row[n] for row in tests]
-            self.tests = tuple([row[n + 1] for row in tests])
+            self.places, self.tests = places[n : n + 2], tests[:, n : n + 2]
             for z in points.z[max(n - PASSED, 0) : n]:
                 self.curve.passes(z)
         return n, quiet[:, 0]
 
     # --- locate ---
 
-    def _located(self, piece: BranchPiece, quiet: Any) -> StepEvents:
-        """Find what happens on the first step of a piece."""
-        if not self.events:
-            return StepEvents((), (), ())
-        segment = StepInterpolant(self.point, piece.points[0], self.steps.tolerance)
-        stop, crossing = piece.first
-        ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
-        try:
-            self.earlier = self.point.arclength, self.tests
-            tests = self.tests, tuple([row[0] for row in piece.tests])
-            return find(segment, self.events, *tests, crossing=crossing, ends=ends, quiet=quiet)
-        except Undefined as error:
-            raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
-
-    def _line_up(self, piece: BranchPiece, located: StepEvents) -> tuple[Points, Stop | None]:
-        """Put the points of the first step in order, and say whether the walk ends with it."""
+    def _located(self, piece: BranchPiece, quiet: Any) -> tuple[Points, Stop | None]:
+        """Find what happens on the first step of a piece: its points in order, and whether the walk
+        ends with it."""
         point, begins, last = self.point, self.count == 0, piece.points[0]
+        # what befell the last step of a piece is not the first one's own
+        stop, crossing = (piece.stop, piece.crossing) if len(piece.points) == 1 else (None, None)
+        closed, before, after = stop is Stop.CLOSED, self.tests[:, -1], piece.tests[:, 0].copy()
+        found, doubtful = list[Point](), list[Point]()
+        if self.events:
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            if crossing or closed:
+                quiet = [False] * len(self.events)
+            ends = Ends(begins, stop is Stop.BOUND, closed)
+            try:
+                found, doubtful, after = find(
+                    segment, self.events, before, after, quiet, crossing, ends
+                )
+            except Undefined as error:
+                raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
+        self.places = [point.arclength, last.arclength]
+        self.tests = np.stack([before, after], axis=1)
         reach = 1e-8 * (last.arclength - point.arclength)
-        before, self.tests = self.tests, located.after
         starts, line = list[Point](), list[Point]()
         if begins:  # later, what the step before ended short of is found
-            starts = [p for p in located.points if p.arclength <= point.arclength + reach]
+            starts = [p for p in found if p.arclength <= point.arclength + reach]
             line = [*starts] or [point]
-        after = zip(self.events, located.after, strict=True)
-        # on whose negative side the step ends, where only the positive one is meant
-        broken = [event for event, value in after if event.ends_domain and value < 0]
-        ended = {id(special.event) for special in starts}
-        if begins:  # what is negative there is rounding: more of it is refused
-            ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
-        stop, _ = piece.first
+        ended, broken = {id(special.event) for special in starts}, list[Event]()
+        for event, then, now in zip(self.events, before, after, strict=True):
+            if event.ends == "domain" and now < 0:  # only the positive side is meant
+                broken.append(event)
+            if begins and then <= 0:  # what is negative there is rounding: more of it is refused
+                ended.add(id(event))
         if any(id(event) in ended for event in broken):
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
-            for special in located.points[len(starts) :]:
+            for special in found[len(starts) :]:
                 LOG.info("found %s: %r", special.kind, special)
                 if self._turns_into_image(special):
                     said = "beyond, the branch goes on as its own image under a symmetry"
@@ -480,7 +478,7 @@ class ContinuationIterator:
         # what is singular where an event ends the curve needs no other name: at R1 of a curve of NS
         # its equations are those of a fold, too
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
-        self.doubtful += [p for p in located.doubtful if p.arclength < end]
+        self.doubtful += [p for p in doubtful if p.arclength < end]
         return Points.of(line), stop
 
     def _turns_into_image(self, special: Point) -> bool:
