@@ -42,44 +42,36 @@ def differences(
     sides, each by itself.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
-    chosen, kinked = range(z.size) if columns is None else columns, {*map(int, kinks)}
+    slopes, kinked = list[Array](), {*map(int, kinks)}
 
-    def to_one_side(i: int, part: float) -> Array:
-        h = part * steps[i]
-        return np.asarray(ahead(function, z, np.eye(1, z.size, i)[0] * h) / h)
+    def to_one_side(part: float) -> Array:
+        return np.asarray(ahead(function, z, unit * (part * step)) / (part * step))
 
-    def column(i: int) -> Array:
+    for i in range(z.size) if columns is None else columns:
+        unit, step = np.eye(1, z.size, i)[0], steps[i]
         if i in kinked:
-            return (to_one_side(i, 0.5) + to_one_side(i, -0.5)) / 2
-        try:
-            return _column(function, z, i, steps[i])
-        except OUT_OF_DOMAIN:
-            if not one_sided:
-                raise
-        try:
-            return to_one_side(i, 1 / 64)
-        except OUT_OF_DOMAIN:
-            return to_one_side(i, -1 / 64)
-
-    return np.stack([column(i) for i in chosen], axis=-1)
-
-
-def _column(function: Function, z: Array, i: int, step: float) -> Array:
-    for h in (step, step / 64, step / 4096):
-        try:
-            column = directional(function, z, np.eye(1, z.size, i)[0] * h) / h
-        except OUT_OF_DOMAIN:
-            if h < step / 1000:
-                raise
+            slopes.append((to_one_side(0.5) + to_one_side(-0.5)) / 2)
             continue
-        if np.isfinite(column).all():
-            break
-    return column
+        for h in (step, step / 64, step / 4096):
+            try:
+                column = directional(function, z, unit * h) / h
+            except OUT_OF_DOMAIN:
+                if h > step / 1000:
+                    continue
+                if not one_sided:
+                    raise
+                try:
+                    column = to_one_side(1 / 64)
+                except OUT_OF_DOMAIN:
+                    column = to_one_side(-1 / 64)
+            if np.isfinite(column).all():
+                break
+        slopes.append(column)
+    return np.stack(slopes, axis=-1)
 
 
 def ahead(function: Function, z: Array, step: Array) -> Array:
-    """As `directional`, over ``z + {0..4} step``; off by h^4 / 5 of the fifth derivative, six times
-    as much."""
+    """As `directional`, over ``z + {0..4} step``; off by h^4 / 5 of the fifth derivative."""
     weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
     return np.asarray(sum(w * np.array(function(z + j * step)) for j, w in enumerate(weights)))
 

@@ -34,15 +34,12 @@ class LeastSingular:
 
     @cached_property
     def sign(self) -> int:
-        """Product of the determinants of all left and all right singular vectors of a square A. It
-        does not jump where A is singular: times the least singular value it is smooth.
-        """
+        """Sign that makes the least singular value of a square A smooth where A is singular."""
         return round(self.orientation())
 
     @cached_property
     def second(self) -> float:
-        """The second least singular value, infinite if there is none: how well the least stands
-        out."""
+        """Second least singular value, infinite if there is none."""
         return self.following()
 
     @property
@@ -61,8 +58,7 @@ def sense(vector: NDArray[Any]) -> Any:
 
 
 def solved(matrix: Matrix, right: NDArray[Any], why: str) -> NDArray[Any]:
-    """The solution of one system, dense or sparse, real or complex; `why` says what it means that
-    there is none."""
+    """Solve one system, dense or sparse, real or complex; `why` says what a singular one means."""
     try:
         if not is_sparse(matrix):
             return np.asarray(np.linalg.solve(matrix, right))

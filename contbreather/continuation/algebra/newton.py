@@ -99,8 +99,7 @@ def newton(
 
 
 def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
-    """Compare what is left of the equations with their terms: where the derivative is singular the
-    shortest correction may be short far from any solution."""
+    """Compare what is left of singular equations with their terms."""
     terms = abs(matrix) @ (abs(z) + metric**-0.5)
     terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
     # relative to the terms of its row: a solution, where Newton's iteration is blind
@@ -151,8 +150,7 @@ def chord(
 def newton_step(
     factors: Dense | sparse.Factors, value: Array, row: Array | None
 ) -> tuple[Array, bool]:
-    """The step, and whether the matrix is singular, as at a branch point: there the shortest
-    correction is as good as any."""
+    """The step, and whether the matrix is singular: then it is the shortest correction."""
     if isinstance(factors, sparse.Factors):
         return sparse.sparse_correction(factors, value, row)
     step = factors.solve(value)  # the linear condition holds at every iterate, its residual stays 0

@@ -78,8 +78,7 @@ def is_large(matrix: Matrix) -> bool:
 
 
 def canonical(entries: Any) -> Matrix:
-    """A sparse matrix of any format as columns of floats without duplicates: a copy, for the same
-    one may come back each time, written anew."""
+    """A sparse matrix of any format as columns of floats without duplicates: a copy."""
     from scipy.sparse import csc_array
 
     matrix = csc_array(entries, dtype=float, copy=True)

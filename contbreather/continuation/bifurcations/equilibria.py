@@ -114,17 +114,19 @@ def _fold_tests(points: Points) -> Many:
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
         return float(point.tangent[-1])
-    return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
+    curve, n = point.curve, point.curve.size
+    return systems.signed_smallest(curve.balanced(curve.jacobian(point.z))[:, :n])
 
 
 def _fold_locus(point: Point) -> DefiningSystem:
-    curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
+    curve, n, cusps = point.curve, point.curve.size, _CUSP
+    matrix = curve.balanced(curve.jacobian(point.z))[:, :n]
     if is_sparse(matrix):
-        null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
-        cusps = replace(cusp(), test=partial(_cusp_test, reference=null))
+        null = systems.least_in_unknowns(curve, point.z).right * curve.scales[:n]
+        cusps = replace(_CUSP, test=partial(_cusp_test, reference=null))
         locus = systems.rank_locus(systems.singular_in_unknowns)
     else:
-        null, cusps = np.linalg.svd(matrix)[2][-1] * curve.scales[: curve.size], cusp()
+        null = np.linalg.svd(matrix)[2][-1] * curve.scales[:n]
         locus = systems.null_locus(null / (sense(null) * np.linalg.norm(null)))
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
@@ -140,7 +142,7 @@ def _examine_fold(point: Point) -> str:
         return float(np.linalg.norm(change * reach))
 
     small = changes(weak.right * curve.scales[:n]) + 1e-14 * weak.largest  # which rounds
-    by_params = abs(weak.left @ branch_points.balanced(point)[:, n:])
+    by_params = abs(weak.left @ curve.balanced(curve.jacobian(z))[:, n:])
     # derivatives in the parameters, too: where a fold is narrow beside the size of its unknowns, or
     # they are tiny, those in the unknowns alone vanish
     if by_params.max(initial=0.0) <= small and all(
@@ -182,7 +184,7 @@ def cusp() -> Event:
     >>> abs(line.first("CP")["mu"]) < 1e-12
     True
     """
-    return Event("CP", _cusp_test, examine=_examine_cusp)
+    return _CUSP
 
 
 def _examine_cusp(point: Point) -> Examined:
@@ -263,8 +265,7 @@ def _examine_takens(point: Point) -> Examined:
 
 
 def _examine_double_zero(point: Point) -> Examined:
-    """A double zero with one eigenvector, whatever the normal form: there a curve of Hopf points
-    ends, and one of branch points meets it. Both coefficients, and why it is another if it is."""
+    """Both coefficients of a double zero with one eigenvector."""
     base = point.base_point
     try:
         a, b = normal_forms.takens_bogdanov(point)
@@ -294,6 +295,7 @@ _AXIS = Border(
     "eigenvalues", "imaginary axis", {"BP": 0.0, "LP": 0.0}, "HB", eigenvalues_at, _pair_followed,
     ("omega", attrgetter("imag")), names={("LP", "HB"): "ZH"},
 )  # fmt: skip
+_CUSP = Event("CP", _cusp_test, examine=_examine_cusp)
 _FOLD = Event("LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_examine_fold)
 _HOPF = _OfFlow(
     "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_unstable_pairs,

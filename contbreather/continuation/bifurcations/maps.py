@@ -243,8 +243,7 @@ class MapCycleProblem(Problem):
         return self.residual.phases(x, params)[1:]
 
     def simpler(self, point: Point) -> Problem | None:
-        """The cycle as one of the smallest period it has, if that is not the one it is written
-        in."""
+        """The cycle in the smallest period it has, if that is not the one it is written in."""
         near = 1e-7 * (1 + float(np.linalg.norm(point.x)))
         for period, x in enumerate(self.residual.phases(point.x, point.params)[1:], start=1):
             if self.period % period == 0 and np.linalg.norm(x - point.x) <= near:
@@ -268,8 +267,7 @@ def _beside(mu: float, point: Point) -> Array:
 
 
 def _examine_one(plain: Event, point: Point) -> Examined:
-    """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
-    far apart in size the derivative may look singular where it is not."""
+    """Verify a multiplier 1, too: beside large ones the derivative may only look singular."""
     sizes = np.linalg.svd(_beside(1.0, point), compute_uv=False)
     if sizes[-1] > RANK * max(1.0, sizes[0]):
         return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"

@@ -181,8 +181,7 @@ def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], N
 
 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
-    """Re g and Im g, which vanishes wherever the angle is 0 or pi, over about sin(angle): there a
-    fold or a doubling has Re g = 0."""
+    """Re g, and Im g over about sin(angle), as it vanishes wherever the angle is 0 or pi."""
     g = bordered(curve, z, extra)[0]
     return np.array([g.real, g.imag / math.hypot(math.sin(extra[0]), _FLAT)])
 

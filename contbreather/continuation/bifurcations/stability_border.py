@@ -56,6 +56,8 @@ class Border:
         Those of the kinds, each of which speaks of the others.
     double : dict
         On the curves of kinds of one real value: where another one joins it.
+    met : dict
+        Of `meetings`, those that were asked for.
     """
 
     values: str
@@ -68,10 +70,10 @@ class Border:
     names: Mapping[tuple[str, str], str] = field(default_factory=dict)
     events: dict[str, Event] = field(default_factory=dict)
     double: dict[str, CodimensionTwo] = field(default_factory=dict)
+    met: dict[str, dict[str, tuple[Event, ...]]] = field(default_factory=dict, init=False)
 
     def others(self, on: str, point: Point) -> CriticalValues:
-        """Values next to those that the curve of a kind has everywhere: where one more of these
-        joins them the meeting has another name. None beyond the end of a curve of pairs."""
+        """Values next to those that the curve of a kind has everywhere; none beyond its end."""
         values = self.spectrum(point)
         if on != self.pair:
             return values.without(self.real[on]) if on else values
@@ -95,15 +97,17 @@ class Border:
         return others.least_beside(place)
 
     def meetings(self, on: str) -> dict[str, tuple[Event, ...]]:
-        """Events to look for on the curve of a kind in place of each other kind."""
-        met: dict[str, tuple[Event, ...]] = {
-            kind: (self._meeting(on, kind),)
-            for kind in (*self.real, self.pair)
-            if kind not in (on, "BP") and (on, kind) != ("BP", "LP")
-        }
-        if on in self.double:
-            met[self.pair] = (self.double[on], *met[self.pair])
-        return met
+        """Events to look for on the curve of a kind in place of each other kind, made once."""
+        if on not in self.met:
+            met: dict[str, tuple[Event, ...]] = {
+                kind: (self._meeting(on, kind),)
+                for kind in (*self.real, self.pair)
+                if kind not in (on, "BP") and (on, kind) != ("BP", "LP")
+            }
+            if on in self.double:
+                met[self.pair] = (self.double[on], *met[self.pair])
+            self.met[on] = met
+        return self.met[on]
 
     def _meeting(self, on: str, kind: str) -> Event:
         order = [*self.real, self.pair]
@@ -158,8 +162,7 @@ class Border:
     def degenerate(
         self, kind: str, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic
     ) -> Event:
-        """The event where a cubic coefficient of the normal form vanishes along the curve of a
-        kind; it has poles where another value joins at these places."""
+        """The event of a vanishing cubic coefficient, whose poles are at these places."""
         return Event(
             kind,
             partial(self._without_poles, on, poles, coefficient),

@@ -187,8 +187,8 @@ def boundary_problem(
     met = [*locus.events]
     if events is not None and not events:  # only what the curve cannot be followed beyond
         met = [own for own in met if own.ends]
-    if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
-        met = [own for own in met if not (isinstance(own, CodimensionTwo) and own.base.ends_domain)]
+    if walls_are_lifted(base) and event.ends == "domain":  # what ends it is another wall
+        met = [e for e in met if not (isinstance(e, CodimensionTwo) and e.base.ends == "domain")]
     for other in active:
         if other.kind != event.kind and other.test is not None:
             met += locus.meets.get(other.kind, (codim_two(kind, other),))

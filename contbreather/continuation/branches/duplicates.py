@@ -120,8 +120,7 @@ def duplicate_of(
 
 
 def ending_at(start: Point, branches: Iterable[Branch]) -> Duplicate | None:
-    """The branch that ends in an event where another one sets out from, of solutions which are the
-    same however they are written: it is that one, from its other end."""
+    """The branch that ends where another sets out, of the same solution: from its other end."""
     numbers = start.curve.problem.invariants(start)
     if numbers is None:
         return None

@@ -201,8 +201,7 @@ class ArmsCoincide(NotConverged):
 
 
 class Branches(tuple[Branch, ...], HtmlRepr):
-    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
-    notebooks show."""
+    """Several branches that belong together: a tuple that notebooks show."""
 
     __slots__ = ()
 

@@ -69,7 +69,8 @@ class Points(Sequence[Point]):
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
-            marked.update((start + i, point) for i, point in part.made.items())
+            for i, point in part.made.items():
+                marked[start + i] = point
             start += len(part)
         columns = zip(*map(_ROW, parts), strict=True)
         z, tangent, arclength, residual = map(np.concatenate, columns)
@@ -144,9 +145,10 @@ class Points(Sequence[Point]):
             if chosen == range(len(self)):
                 return self
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
-            z, tangent, arclength, residual = (row[key] for row in _ROW(self))
-            piece = Points(self.curve, z, tangent, arclength, residual, marked)
-            piece._columns.update((name, column[key]) for name, column in self._columns.items())
+            rows = self.z[key], self.tangent[key], self.arclength[key], self.residual[key]
+            piece = Points(self.curve, *rows, marked)
+            for name, column in self._columns.items():
+                piece._columns[name] = column[key]
             return piece
         i = range(len(self))[key]
         if i in self.made:
@@ -240,8 +242,7 @@ class Branch(Columns, HtmlRepr):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all columns: parameters, what is measured, and behind these the unknowns, of
-        which there may be hundreds."""
+        """Names of all columns: parameters, what is measured, the unknowns."""
         params = {*self.problem.params, *self.curve.varied}
         parameters = [name for name in self.problem.names if name in params]
         unknowns = [name for name in self.problem.names if name not in params]

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ..algebra import derivatives
 from ..algebra.linear_algebra import least_singular, sense
-from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
+from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord
 from ..algebra.sparse import (
     Dense,
     Factors,
@@ -57,8 +58,8 @@ class Curve:
         self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
         self.fixed = {name: float(value) for name, value in problem.params.items()}
-        self.start = np.append(problem.x, [self.fixed[name] for name in free])
-        self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
+        self.start = np.append(problem.x, [*map(self.fixed.__getitem__, free)])
+        self.slots = {**problem.slots, **dict(zip(free, count(self.size), strict=False))}
         # typical sizes of the entries of z, and weights W of the squared arclength: t^T W is the
         # row whose product with z is the inner product with t.
         self.scales, self.metric = np.ones(self.start.size), np.ones(self.start.size)
@@ -83,8 +84,7 @@ class Curve:
         return math.sqrt(z.dot(self.metric * z))
 
     def turned(self, z: Array, near: Array) -> Array:
-        """Turn the angles of a solution to where they are nearest to those of another, or of
-        several in rows."""
+        """Turn the angles of a solution to where they are nearest to those of others."""
         periods = self.problem.modulo(z[: self.size], self.params(z))
         if not periods:
             return z
@@ -130,13 +130,9 @@ class Curve:
         return sizes
 
     def balanced(self, matrix: Matrix) -> Matrix:
-        """A derivative (its first columns, in the order of z) in units of `scales` and
-        `row_scales`."""
+        """A derivative, or its first columns, in units of `scales` and `row_scales`."""
         # R^-1 J S: singular values then do not depend on the units of equations and unknowns
         return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
-
-    def rounding(self, z: Array) -> Array:
-        return rounding(self.jacobian(z), z)
 
     def params(self, z: Array) -> dict[str, float]:
         values, real = self.fixed.copy(), z.dtype.kind != "c"
@@ -146,8 +142,7 @@ class Curve:
         return values
 
     def residual(self, z: Array, function: Residual | None = None) -> Array:
-        """Evaluate the equations, or others in their place, without any checks, at a possibly
-        complex z."""
+        """Evaluate the equations, or others, without any checks, at a possibly complex z."""
         # copies: equations that write to x do not move the point, and the same array may come back
         # each time, written anew
         x, function = z[: self.size].copy(), function or self.problem.residual
@@ -178,8 +173,7 @@ class Curve:
         return value
 
     def _asked(self, function: Callable[..., Any], *given: Any) -> Any:
-        """Ask what a user wrote: `Undefined` where it has no value, `BadInput` where it asks for a
-        parameter that there is not."""
+        """Ask a user's function, with `Undefined` where it has no value."""
         try:
             return function(*given)
         except OUT_OF_DOMAIN as error:
@@ -189,8 +183,7 @@ class Curve:
             raise
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The solution next to a guess by the derivative at a place near by and by
-        `Problem.roughly`, where that derivative is known and the solution is close."""
+        """The solution next to a guess by `Problem.roughly` and a derivative near by, if any."""
         if near.tobytes() not in self._known["jacobian"]:
             return None
         roughly = partial(self.equations, function=self.problem.roughly)
@@ -209,16 +202,14 @@ class Curve:
     def corrected(
         self, guess: Array, row: Array, tolerance: float
     ) -> tuple[Array, Array, float] | None:
-        """The solution next to a guess in the plane across a row, its tangent and the residual, by
-        machine code; None where there is none, or where plain iteration does not do."""
+        """Newton's iteration across a row by machine code: solution, tangent, residual, or None."""
         if tolerance not in self._places:
             self._places[tolerance] = self.pieces(at_a_place(tolerance, self.metric))
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
-        """Make something of z, unless that was done at one of the latest places: all events ask
-        about the same point in turn."""
+        """Make something of z once for the latest places: all events ask in turn."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
         if value is None:
@@ -229,8 +220,7 @@ class Curve:
         return value
 
     def jacobian(self, z: Array) -> Matrix:
-        """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
-        be written to."""
+        """Derivative of `equations`, ``(n, n + len(free))``; not to be written to."""
         matrix: Matrix = self.cached("jacobian", z, partial(self._asked, self._derivatives))
         return matrix
 
@@ -288,7 +278,7 @@ class Curve:
         """Derivatives at several z; None of large ones, and of those on boundaries."""
         if rows.shape[1] > FEW or self.problem.beneath is not None:
             return None
-        matrices = [self.jacobian(z) for z in rows]
+        matrices = [*map(self.jacobian, rows)]
         return None if is_sparse(matrices[0]) else np.array(matrices)
 
     def spectra(self, rows: Array) -> NDArray[np.complex128] | None:
@@ -343,8 +333,7 @@ class Curve:
         return self._by_trying(shifted, start, columns, scales)
 
     def along(self, z: Array, vector: Array, *, ahead: bool = False) -> Array:
-        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only,
-        with `ahead` on its side."""
+        """Derivative of the Jacobian along a vector of z or unknowns, with `ahead` on its side."""
         direction = np.zeros(z.size)
         direction[: vector.size] = vector
         return derivatives.along(self.jacobian, z, direction, self.scales, ahead=ahead)
@@ -352,8 +341,7 @@ class Curve:
     def _by_trying(
         self, function: Callable[[Array], Array], z: Array, columns: range, scales: Array
     ) -> Array:
-        """Columns of the derivative by the scheme that suits the residual, chosen anew where
-        complex numbers are refused after all."""
+        """Columns of the derivative by the scheme that suits the residual."""
         if self._scheme is derivatives.complex_steps:
             try:
                 return self._scheme(function, z, columns)

@@ -116,8 +116,7 @@ def wrong_entry(curve: Curve, z: Array) -> str:
 
 
 def reconsider(curve: Curve, *places: Array) -> str:
-    """Choose anew how derivatives are taken, now for these places; what is wrong with given ones
-    there."""
+    """Choose anew how derivatives are taken here; say what is wrong with given ones."""
     curve.forget()
     for z in places:
         with suppress(Undefined):
@@ -149,8 +148,7 @@ def advice(curve: Curve) -> str:
 
 
 def unlike_scales(curve: Curve, z: Array) -> str:
-    """Name unknowns and parameters far from 1 in size without `scales`, where a walk breaks off: a
-    fold of what is 1e-4 in size is one step of the smallest kind."""
+    """Name unknowns and parameters far from 1 in size without `scales`."""
     problem = curve.problem
     unlike = {}
     for name, slot in curve.slots.items():

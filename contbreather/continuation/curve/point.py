@@ -112,8 +112,7 @@ class Point(HtmlRepr):
         return Sheet.of(numbers + [(n, v) for n, v in self.detail.items() if np.isscalar(v)])
 
     def table_value(self, name: str) -> Any:
-        """A value as tables have it: None for what is no number, and for a count of unstable
-        directions where rounding decides it."""
+        """A value as tables have it: None for no number, and for a count that is rounding."""
         value = self[name]
         whole = isinstance(value, int | np.integer) and name in self.curve.problem.record
         if np.ndim(value) == 0 and (value != value or (whole and self.on_verge)):
@@ -351,15 +350,9 @@ class Event:
         return hasattr(self.locus, "solve")
 
     @property
-    def ends_domain(self) -> bool:
-        """Say whether solutions mean nothing beyond it."""
-        return self.ends == "domain"
-
-    @property
     def bifurcates(self) -> bool:
-        """Say whether rounding decides counts of unstable directions there: not at a wall, at a
-        level that a user asked for, and where a count changes for no known reason."""
-        return not (self.ends_domain or self.test is None or isinstance(self.test, Level))
+        """Say whether rounding decides counts of unstable directions there."""
+        return not (self.ends == "domain" or self.test is None or isinstance(self.test, Level))
 
     def columns(self, problem: Problem) -> Mapping[str, Callable[[Point], float]]:
         """Columns of a branch on which it is looked for, unless the problem has such names."""

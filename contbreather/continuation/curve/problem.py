@@ -13,7 +13,7 @@ import numpy as np
 from ...checks import check_kind, kind_of, number, numbers, real
 from ...errors import BadInput, NotConverged
 from ...one_thread import one_thread
-from ..algebra.newton import Array, Solution, Undefined, approach, newton
+from ..algebra.newton import Array, Solution, Undefined, approach, newton, rounding
 from ..algebra.sparse import Matrix, Pattern
 from .curve import Curve, Params, Residual
 from .ties import Ties
@@ -362,7 +362,10 @@ class Problem(Structure):
                 residual=before,
             ) from error
         # at a fold or a branch point Newton's iteration wanders off from the best there is
-        if not solution.converged and (abs(value) <= curve.rounding(self.x)).all():
+        if (
+            not solution.converged
+            and (abs(value) <= rounding(curve.jacobian(self.x), self.x)).all()
+        ):
             return self, Solution(self.x, True, 0, before, 0.0)
         # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)

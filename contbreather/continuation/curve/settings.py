@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Integral
@@ -163,14 +163,15 @@ def active_events(
     wanted = active = problem.events
     if events is not None:
         kinds = [event.kind for event in asked]
-        walls = (e for e in problem.events if e.ends_domain and e.kind not in kinds)
+        walls = (e for e in problem.events if e.ends == "domain" and e.kind not in kinds)
         wanted, active = asked, (*asked, *walls)
-    brought = dict[str, Callable[[Point], float]]()
+    columns, taken = {**problem.record}, {*problem.names, *problem.record}
     for event in wanted:
-        brought |= event.columns(problem)
-    taken = {*problem.names, *problem.record}
-    if brought := {name: of for name, of in brought.items() if name not in taken}:
-        problem = replace(problem, record={**problem.record, **brought})
+        for name, column in event.columns(problem).items():
+            if name not in taken:
+                columns[name] = column
+    if len(columns) > len(problem.record):
+        problem = replace(problem, record=columns)
     return problem, active
 
 
@@ -189,19 +190,18 @@ def having(problem: Problem, *names: str) -> Problem:
 
 
 def titled(title: str, problem: Problem) -> str:
-    """A title for what is made of a problem: with what its columns are about, and whether its walls
-    are lifted."""
+    """A title with what the columns of a problem are about, and lifted walls."""
     _, bracket, remark = problem.label.partition(" (")
     return title + (bracket + remark or _LIFTED * walls_are_lifted(problem))
 
 
 def _lifted(problem: Problem) -> Problem:
-    walls = [event for event in problem.events if event.ends_domain]
+    walls = [event for event in problem.events if event.ends == "domain"]
     if not walls:
         return problem
     return replace(
         problem,
-        events=tuple(event for event in problem.events if not event.ends_domain),
+        events=tuple(event for event in problem.events if event.ends != "domain"),
         record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
         label=problem.label + _LIFTED,
     )

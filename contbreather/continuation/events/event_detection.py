@@ -62,7 +62,7 @@ def find(
     """
     curve = segment.curve
     curve.passes(segment.last.z)
-    tests, counts, crossings, others = (list[StepSamples]() for _ in range(4))
+    tests, counts, crossings, others = [*map(list[StepSamples], 4 * [()])]
     for event, start, end, still in zip(events, before, after, quiet, strict=True):
         samples = StepSamples(segment, event, {0.0: start, 1.0: end})
         # those with a matrix say more of what is between than their values do
@@ -93,9 +93,8 @@ def find(
 
 
 def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
-    """Along the curve; what happens at one place, as far as rounding can tell, in the order of the
-    events that were asked for."""
-    order = {id(event): i for i, event in enumerate(events)}
+    """Along the curve; at one place, but for rounding, in the order of the events."""
+    order = dict(zip(map(id, events), itertools.count(), strict=False))
     numbered, place, before = list[tuple[int, int, Point]](), 0, -math.inf
     for point in sorted(points, key=attrgetter("arclength")):
         place += point.arclength - before > _AT_END * (1 + point.curve.length(point.z))
@@ -137,8 +136,7 @@ def quiet_steps(
 
 
 def regular_step(events: Sequence[Event], first: Point, last: Point) -> bool:
-    """Tell whether between two points no matrix of an event comes to be singular; of large ones
-    that is not known before it is looked for."""
+    """Tell whether no matrix of an event, unless it is large, comes to be singular."""
     for event in events:
         if event.matrix:
             begin, end = event.matrix(first), event.matrix(last)
@@ -315,8 +313,7 @@ def _at_ends(samples: StepSamples, ends: Ends) -> Iterator[Point]:
 def _explained(
     count: StepSamples, others: Sequence[StepSamples], points: Sequence[Point]
 ) -> list[Point]:
-    """Events of all others next to where a count changes without one; where there are none, that
-    place, as doubtful."""
+    """Events next to where a count changes without one, or that place, as doubtful."""
     segment, more = count.segment, list[Point]()
     if jumps := _jumps(count, points):
         for other, u in itertools.product(others, itertools.chain(*jumps)):
@@ -331,8 +328,7 @@ def _explained(
 
 
 def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, float]]:
-    """Find where a count changes between the events of a step, a little off them: there it is
-    rounding."""
+    """Find where a count changes between the events of a step, a little off them."""
     first, length, jumps = count.segment.first.arclength, count.segment.length, []
     cuts = sorted((point.arclength - first) / length for point in points)
     for i, (low, high) in enumerate(itertools.pairwise([0.0, *cuts, 1.0])):

@@ -164,8 +164,7 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
 
 
 def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
-    """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
-    fails beside it, so the branch point is solved for."""
+    """A zero where another curve crosses as well: the branch point is solved for."""
     segment = samples.segment
     try:
         branch_point = crossing(segment.curve, segment.provisional(u).z)
@@ -201,8 +200,7 @@ def _jumps(
 
 
 def first_jump(samples: StepSamples, low: float, high: float, width: float) -> tuple[float, float]:
-    """Find the first change of a count in a bracket, as closely as `width` and as far as it has
-    values."""
+    """Find the first change of a count in a bracket as closely as `width`."""
     before = samples.known(low)
     while high - low > width:
         middle = 0.5 * (low + high)
@@ -297,7 +295,7 @@ def has_double_zero(samples: StepSamples) -> bool:
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
-        (u0, u1, u2), (f0, f1, f2) = places, [samples.deflated(u) for u in places]
+        (u0, u1, u2), (f0, f1, f2) = places, map(samples.deflated, places)
         if not all(math.isfinite(value) and value != 0 for value in (f0, f1, f2)):
             return False
         # by divided differences: f0 + (x - u0) (slope + curvature (x - u1))

@@ -34,8 +34,7 @@ class StepInterpolant:
 
     @cached_property
     def _cubic(self) -> tuple[Array, Array, Array]:
-        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic, and
-        dz/du at both ends."""
+        """The linear functional that is u on chord and cubic, and dz/du at both ends."""
         chord, first, last = self.last.z - self.first.z, self.first.direction, self.last.direction
         dual = self.curve.metric * chord
         row = np.asarray(dual / dual.dot(chord))
@@ -75,8 +74,7 @@ class StepInterpolant:
         return self._known[u]
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
-        """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
-        the tangent is solved for."""
+        """A polished solution and its u; `tangents` are known where curves cross."""
         z, row = solution.z, self.curve.metric
         u = float(self._cubic[0].dot(z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
@@ -121,8 +119,8 @@ def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:
 
 def count_at(event: Event, point: Point) -> Any:
     """The number beside a test, asked once at each end of a step."""
-    ask = event.count
-    return point.curve.cached(f"count {id(event)}", point.z, lambda z: ask and ask(point))
+    ask: Any = event.count
+    return point.curve.cached(f"count {id(event)}", point.z, lambda _: ask(point))
 
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
@@ -158,8 +156,7 @@ class StepSamples:
     # --- values -------------------------------------------------------------------------------
 
     def place(self, u: float) -> Point:
-        """Place to look for the event at. Next to a branch point the corrector may end on the other
-        curve, so that one is looked for on the cubic."""
+        """Place to look for the event at: beside branch points on the cubic."""
         return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
 
     def look(self, u: float) -> Value:
@@ -248,7 +245,7 @@ class StepSamples:
         end without a value, as where an impact vanishes. Whether there are any."""
         matrix, segment, look, places = self.event.matrix, self.segment, list[float](), np.empty(0)
         if matrix and segment.last.tangent is not None:
-            sizes = [abs(value) for value in self.values.values()]
+            sizes = [*map(abs, self.values.values())]
             small = min(sizes) < LOW * max(sizes)
             middle = (segment.provisional(0.5),) if small else ()
             places = singular_between(*map(matrix, (segment.first, *middle, segment.last)))

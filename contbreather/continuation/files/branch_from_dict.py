@@ -291,8 +291,7 @@ def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | N
 
 
 def _event_at(point: Point, events: Sequence[Event]) -> Event | None:
-    """The event of a special point: of its kind and, if there are several, the one whose test is
-    closest to zero; so where it has another name, as a vanishing impact among grazings."""
+    """The event of a special point: of its kind, with the test closest to zero."""
     alike = {id(event): event for event in events if event.kind == point.kind}
     if not alike and point.kind not in ("", "EP", "MX"):
         alike = {id(event): event for event in events if event.examine is not None}

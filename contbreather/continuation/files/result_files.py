@@ -129,8 +129,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
         return self._entries()[name][1:]
 
     def points(self) -> Iterator[tuple[str, Point]]:
-        """Special points of everything that has any, with the names of what they are on: of a
-        diagram its branches, by number."""
+        """Special points, with the names of what they are on: of diagrams branches by number."""
         for name, entry in self._entries().items():
             branches = enumerate(getattr(entry.result, "branches", ()))
             curves = {f"{name}/{i}": branch for i, branch in branches} or {name: entry.result}

@@ -126,8 +126,7 @@ def _over(branch: Branch, side: str, settings: Settings) -> str:
 
 
 def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
-    """The windows on whose edge an end is, which may be wider than those it stopped at: each with
-    the place, and with what was asked for if that is another."""
+    """The windows on whose edge an end is, with the place."""
     edges = []
     for name, window in within.items():
         value = float(branch[name][at])

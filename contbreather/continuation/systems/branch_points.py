@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import NotConverged
 from ..algebra.linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
-from ..algebra.newton import Solution, Undefined
+from ..algebra.newton import Solution, Undefined, rounding
 from ..algebra.sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 from ..curve.branch import Points
 from ..curve.curve import Curve
@@ -94,7 +94,7 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
     if not min(-low, high) > 1e-8 * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
     w = w / curve.row_scales
-    left = max(0.0, abs(w.dot(value)) - abs(w) @ curve.rounding(z))
+    left = max(0.0, abs(w.dot(value)) - abs(w) @ rounding(curve.jacobian(z), z))
     # the hyperbola c^T form c / 2 + beta = 0 stays about this far off its centre
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
@@ -118,8 +118,7 @@ def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
 
 
 def _unstable(point: Point) -> int:
-    """Number of eigenvalues of the derivative in the unknowns with positive real part; of a large
-    problem they are not all known, and the derivatives themselves tell where to look."""
+    """Number of eigenvalues with positive real part, not known of large problems."""
     if is_sparse(point.curve.jacobian(point.z)):
         return 0
     return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
@@ -203,14 +202,13 @@ class Crossings:
 def branches_cross(base: Point) -> bool:
     """Tell whether the derivative in unknowns and both parameters loses one rank: solutions then
     are no smooth surface, and branches cross for other values of the parameters as well."""
-    matrix = balanced(base)
+    matrix = base.curve.balanced(base.curve.jacobian(base.z))
     weak = least_singular(matrix)
     return weak.size < _lost(matrix, weak) < weak.second
 
 
 def _lost(matrix: Matrix, weak: LeastSingular) -> float:
-    """Below which a singular value is zero. Large problems have fine meshes, where even the others
-    are small."""
+    """Below which a singular value is zero; of fine meshes even the others are small."""
     return RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
 
 
@@ -269,7 +267,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     """
     curve, z = point.curve, point.z
     first, second = curve.free
-    matrix = balanced(point)
+    matrix = curve.balanced(curve.jacobian(z))
     weak = least_singular(matrix)
     refusal = (
         f"the branches cross at these values of {first} and {second} only, and come apart beside "
@@ -296,8 +294,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
 
 
 def _refuse_to_part(point: Point) -> float:
-    """No test: the curve is analytic, so that branches either cross all along it or nowhere else
-    but at its start."""
+    """No test: branches cross all along the curve, or nowhere else but at its start."""
     base, split = point.base_point, abs(point["split"])
     # branches a distance d apart solve the equations up to d^2 between them: what differences leave
     # after Newton's iteration, and what `crossing` takes for a crossing
@@ -309,7 +306,3 @@ def _refuse_to_part(point: Point) -> float:
         f"other by {split:.2g} in the equations); it needs a third parameter",
         residual=split,
     )
-
-
-def balanced(point: Point) -> Matrix:
-    return point.curve.balanced(point.jacobian())

@@ -62,8 +62,7 @@ class Singular:
 
 
 def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
-    """Tell on which steps between neighbours of several small matrices no interpolation is
-    singular, by the norms of powers alone."""
+    """Tell on which steps between small matrices no interpolation is singular."""
     stack = np.concatenate([[first], stack])
     try:
         return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))

@@ -79,8 +79,7 @@ class Coefficient:
 
     @property
     def signed(self) -> float:
-        """Its real part as a test function: 0 where that is rounding, all along the curves of
-        conservative systems for instance."""
+        """Its real part as a test function: 0 where that is rounding."""
         least = max(self.rounding * self.size, self.least)
         return 0.0 if abs(self.value.real) <= least else float(self.value.real)
 
@@ -184,8 +183,7 @@ class Forms:
         return best
 
     def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
-        """Relative difference of two jets; a C that vanishes is measured by B, and a B by both
-        of its neighbours."""
+        """Relative difference of two jets: of C to B, of B to both neighbours."""
         (B, C), (B2, C2) = jet, other
         a, b, c, db, dc = (float(abs(matrix).max()) for matrix in (self.A, B, C, B - B2, C - C2))
         b, c = b * reach, c * reach**2
@@ -211,8 +209,7 @@ def _sum(*terms: float) -> Coefficient:
 def criticality(
     name: str, make: Callable[[], Coefficient], *, stable_if_negative: bool
 ) -> dict[str, Any]:
-    """A coefficient by its name, and what its sign says of the orbits that are born; why it is not
-    known, where there is none."""
+    """A coefficient by its name, and what its sign says; or why it is not known."""
     try:
         coefficient = make()
     except OUT_OF_DOMAIN as error:
@@ -225,8 +222,7 @@ def criticality(
 
 
 def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
-    """Say that the real part of a cubic coefficient is not zero, unless it is. Its terms may all
-    vanish at once: then it is small against a term of order one."""
+    """Say that the real part of a cubic coefficient is not zero, unless it is."""
     if abs(coefficient.value.real) <= 1e-6 * (coefficient.size + Forms(point).cubic):
         return ""
     return f"{what} {coefficient.value.real:.2g} is not zero"

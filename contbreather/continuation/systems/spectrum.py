@@ -357,8 +357,7 @@ def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) ->
 
 
 def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array]:
-    """The Schur form of a matrix of these eigenvalues, and its vectors: first the two whose squares
-    are closest to ``-square``."""
+    """Schur form and vectors, first the two whose squares are closest to ``-square``."""
     from scipy.linalg import schur
 
     if matrix.shape[0] < 3:
@@ -374,8 +373,7 @@ def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array
 
 
 def conditions_in_plane(square: float) -> DefiningSystem:
-    """Trace and determinant of the derivative within the plane of a pair are 0 and omega2: two
-    equations and one unknown, smooth where the pair meets at zero."""
+    """Trace and determinant within the plane of a pair are 0 and omega2."""
     return DefiningSystem({"omega2": square}, _conditions, _slopes)
 
 

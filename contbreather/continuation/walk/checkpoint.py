@@ -40,8 +40,7 @@ _PARTS = {"columns", "groups"}  # what a result has besides plain values
 def write_results(
     path: str | Path, results: Mapping[str, Any], *, alone: bool, recorded: bool | None = True
 ) -> Path:
-    """Write results by their names to one file; `alone` if the only one is what the file is, and
-    `recorded` as of `result_to_dict`."""
+    """Write results by names; `alone` if the only one is what the file is."""
     target = netcdf.target_of(path)  # recorded columns may take long
     try:
         contents = {

@@ -445,20 +445,21 @@ class ContinuationIterator:
         self.places = [point.arclength, last.arclength]
         self.tests = np.stack([before, after], axis=1)
         reach = 1e-8 * (last.arclength - point.arclength)
-        starts, line = list[Point](), list[Point]()
+        ended, broken, line = set[int](), list[str](), list[Point]()
         if begins:  # later, what the step before ended short of is found
-            starts = [p for p in found if p.arclength <= point.arclength + reach]
-            line = [*starts] or [point]
-        ended, broken = {id(special.event) for special in starts}, list[Event]()
+            line = [p for p in found if p.arclength <= point.arclength + reach]
+            ended = {id(p.event) for p in line}
+            found, line = found[len(line) :], line or [point]
+        at_once = False
         for event, then, now in zip(self.events, before, after, strict=True):
             if event.ends == "domain" and now < 0:  # only the positive side is meant
-                broken.append(event)
-            if begins and then <= 0:  # what is negative there is rounding: more of it is refused
-                ended.add(id(event))
-        if any(id(event) in ended for event in broken):
+                broken.append(event.kind)
+                # what is negative at the start is rounding: more of it is refused
+                at_once |= id(event) in ended or (begins and then <= 0)
+        if at_once:
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
-            for special in found[len(starts) :]:
+            for special in found:
                 LOG.info("found %s: %r", special.kind, special)
                 if self._turns_into_image(special):
                     said = "beyond, the branch goes on as its own image under a symmetry"
@@ -469,9 +470,8 @@ class ContinuationIterator:
                     stop = Stop.EVENT
                     break
             if broken and stop is not Stop.EVENT:
-                names = ", ".join(event.kind for event in broken)
-                reason = f"the end of the meaningful region ({names}) was not located"
-                raise StepFailed(reason)
+                names = ", ".join(broken)
+                raise StepFailed(f"the end of the meaningful region ({names}) was not located")
         near = bool(line) and abs(line[-1].arclength - last.arclength) <= reach
         if stop is not Stop.EVENT and not near:
             line.append(last)
@@ -482,8 +482,7 @@ class ContinuationIterator:
         return Points.of(line), stop
 
     def _turns_into_image(self, special: Point) -> bool:
-        """Tell whether the branch comes to solutions of a simpler problem, as what has doubled does
-        where that is taken back: what is beyond has been walked, with a symmetry between."""
+        """Tell whether what was doubled goes on as its own image from here."""
         crosses, simpler = special.event and special.event.crosses, self.curve.problem.simpler
         if not crosses or self.count == 0 or simpler(special) is None:
             return False
@@ -492,8 +491,7 @@ class ContinuationIterator:
     # --- end ---
 
     def _edge(self, point: Point, stop: Stop) -> str:
-        """Say more of the end of a branch: by its event, or that a bound is not of the window but
-        of the domain."""
+        """Say more of the end of a branch: by its event, or by a bound of the domain."""
         if stop is Stop.EVENT:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:
