@@ -153,7 +153,7 @@ class Curve:
 
     def equations(self, z: Array, function: Residual | None = None) -> Array:
         """The residual, or `Undefined` where it has none."""
-        value = self._asked(self.residual, z, function)
+        value = self.call(self.residual, z, function)
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
             total = value.sum()
             finite = isinstance(total, complex) or math.isfinite(total)
@@ -166,13 +166,12 @@ class Curve:
                 f"the residual has shape {value.shape} for {self.size} unknowns; "
                 f"as many equations as unknowns, {(self.size,)}, were expected"
             )
-        if isinstance(total, complex):  # of numbers that are objects
-            raise Undefined("the equations are not real")
-        if not finite:
-            raise Undefined("the equations are not finite")
+        if isinstance(total, complex) or not finite:  # complex numbers that are objects
+            why = "finite" if not finite else "real"
+            raise Undefined(f"the equations are not {why}")
         return value
 
-    def _asked(self, function: Callable[..., Any], *given: Any) -> Any:
+    def call(self, function: Callable[..., Any], *given: Any) -> Any:
         """Ask a user's function, with `Undefined` where it has no value."""
         try:
             return function(*given)
@@ -221,16 +220,14 @@ class Curve:
 
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, ``(n, n + len(free))``; not to be written to."""
-        matrix: Matrix = self.cached("jacobian", z, partial(self._asked, self._derivatives))
+        matrix: Matrix = self.cached("jacobian", z, partial(self.call, self._derivatives))
         return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below; once where that is dear."""
         matrix = self.jacobian(z)
-        if not is_large(matrix):
-            return Dense(matrix, row)
-        factors: Factors = self.cached("factors", z, lambda z: Factors(matrix))
-        return factors
+        large = is_large(matrix)
+        return self.cached("factors", z, lambda z: Factors(matrix)) if large else Dense(matrix, row)
 
     def tangent_at(self, z: Array, along: Array) -> tuple[Array, int]:
         """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
@@ -267,12 +264,11 @@ class Curve:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
 
         def eigenvalues(z: Array) -> Any:
-            matrix = self.jacobian(z)[:, : self.size]
+            matrix = self.in_unknowns(z)
             dense = matrix.toarray() if is_sparse(matrix) else matrix
             return np.linalg.eigvals(dense).astype(complex)
 
-        values: NDArray[np.complex128] = self.cached("spectrum", z, eigenvalues)
-        return values
+        return np.asarray(self.cached("spectrum", z, eigenvalues))
 
     def jacobians(self, rows: Array) -> Array | None:
         """Derivatives at several z; None of large ones, and of those on boundaries."""
@@ -283,13 +279,11 @@ class Curve:
 
     def spectra(self, rows: Array) -> NDArray[np.complex128] | None:
         """Eigenvalues of the derivative in the unknowns at several z, where `jacobians` are."""
-
-        def eigenvalues(rows: Array) -> Any:
-            matrices = self.jacobians(rows)
-            return matrices is not None and np.linalg.eigvals(matrices[:, :, : self.size])
-
-        values = self.cached("spectra", rows, eigenvalues)
-        return None if values is False else values.astype(complex)
+        matrices, n = self.jacobians(rows), self.size
+        if matrices is None:
+            return None
+        values = self.cached("spectra", rows, lambda _: np.linalg.eigvals(matrices[:, :, :n]))
+        return np.asarray(values, dtype=complex)
 
     def _derivatives(self, z: Array) -> Matrix:
         problem, n = self.problem, self.size

@@ -27,24 +27,19 @@ def check_start(curve: Curve) -> Array:
         ) from error
     if value.dtype == bool:
         raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
+    given, at = list[tuple[str, Any, tuple[int, ...]]](), (z[:n].copy(), curve.params(z))
     try:
         if callable(problem.jacobian):
-            derivative = problem.jacobian(z[:n].copy(), curve.params(z))
-            _check_shape("Jacobian", derivative, (n, n))
+            given.append(("Jacobian", curve.call(problem.jacobian, *at), (n, n)))
         for name in curve.free if problem.sensitivity is not None else ():
-            derivative = problem.sensitivity(z[:n].copy(), curve.params(z), name)
-            _check_shape("sensitivity", derivative, (n,))
-    except BadInput:
-        raise
-    except OUT_OF_DOMAIN as error:
+            given.append(("sensitivity", curve.call(problem.sensitivity, *at, name), (n,)))
+    except Undefined as error:
         raise BadInput(
             f"the derivatives have no value at the start {problem.start_text()}: {error}"
         ) from error
-    except KeyError as error:
-        problem.check_asked(error)
-        raise
-    wrong = wrong_derivatives(curve, z)
-    if wrong:
+    for what in given:
+        _check_shape(*what)
+    if wrong := wrong_derivatives(curve, z):
         raise BadInput(wrong)
     return value
 
@@ -65,11 +60,7 @@ def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
     if actual != shape:
         kind = "is sparse and has" if sparse else "has"
         raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
-    if not sparse:
-        return
-    matrix = canonical(value)
-    wrong = np.flatnonzero(~np.isfinite(matrix.data))
-    if wrong.size:
+    if sparse and (wrong := np.flatnonzero(~np.isfinite((matrix := canonical(value)).data))).size:
         entry = (int(matrix.indices[wrong[0]]), int(entry_columns(matrix)[wrong[0]]))
         raise BadInput(
             f"entry {entry} of the sparse {what} is {matrix.data[wrong[0]]} at the start"
@@ -109,8 +100,7 @@ def wrong_entry(curve: Curve, z: Array) -> str:
             given = pattern.columns[pattern.matrix.indices == wrong[0]]
         return derivatives.wrong_in_row(curve.residual, z, matrix, wrong[0], direction, given)
     wanted, doubt, _ = derivatives.estimate(curve.residual, z, curve.scales)
-    entry = derivatives.misfit(matrix, wanted, doubt)
-    if entry is None:
+    if (entry := derivatives.misfit(matrix, wanted, doubt)) is None:
         return ""
     return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
 
@@ -127,8 +117,7 @@ def reconsider(curve: Curve, *places: Array) -> str:
 
 
 def advice(curve: Curve) -> str:
-    """Say what would make a large problem cheaper: of a derivative that is dense for want of a
-    word; empty if there is nothing to say."""
+    """Say what would make a large problem cheaper; empty if there is nothing to say."""
     problem = curve.problem
     if curve.size < 500 or problem.derivatives is not None or problem.beneath is not None:
         return ""
@@ -143,16 +132,15 @@ def advice(curve: Curve) -> str:
                 )
         return ""
 
-    sentence: str = curve.cached("advice", curve.start, made)
-    return sentence
+    return str(curve.cached("advice", curve.start, made))
 
 
 def unlike_scales(curve: Curve, z: Array) -> str:
     """Name unknowns and parameters far from 1 in size without `scales`."""
     problem = curve.problem
-    unlike = {}
+    unlike, largest = {}, np.maximum(abs(curve.start), abs(z))
     for name, slot in curve.slots.items():
-        size = max(float(abs(at[slot]).max()) for at in (curve.start, z))
+        size = float(np.max(largest[slot]))
         # what is smaller is zero, and what is between is walked along without
         far = 1e-10 < size < 1e-3 or size > 1e4
         if far and name not in problem.internals and name not in problem.scales:
