@@ -30,7 +30,7 @@ from ..algebra.sparse import (
     row_sizes,
     scaled,
 )
-from ..algebra.walk_kernel import Pieces, Rules, at_a_place
+from ..algebra.walk_kernel import Pieces, Walker, at_a_place
 
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
@@ -57,7 +57,7 @@ class Curve:
         # all that change along it: on a boundary the one that its locus determines is an unknown
         self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
-        self.fixed = {name: float(value) for name, value in problem.params.items()}
+        self.fixed = dict(zip(problem.params, map(float, problem.params.values()), strict=True))
         self.start = np.append(problem.x, [*map(self.fixed.__getitem__, free)])
         self.slots = {**problem.slots, **dict(zip(free, count(self.size), strict=False))}
         # typical sizes of the entries of z, and weights W of the squared arclength: t^T W is the
@@ -189,21 +189,19 @@ class Curve:
         factors = self.factors(near, row)
         return chord(self, roughly, factors, guess, row, tolerance)
 
-    def pieces(self, rules: Rules) -> Pieces | None:
-        """Steps along it by machine code; None where its problem has none."""
+    def kernels(self) -> tuple[Walker, Any] | None:
+        """Kernels of its problem and what they ask for; None where there is no machine code."""
         walker = self.problem.walker
         known = None if walker is None else walker(self.free, self.fixed)
-        if known is None or known[0].walk.code is None:
-            return None
-        kernels, data = known
-        return Pieces(kernels, data, rules)
+        return None if known is None or known[0].walk.code is None else known
 
     def corrected(
         self, guess: Array, row: Array, tolerance: float
     ) -> tuple[Array, Array, float] | None:
         """Newton's iteration across a row by machine code: solution, tangent, residual, or None."""
         if tolerance not in self._places:
-            self._places[tolerance] = self.pieces(at_a_place(tolerance, self.metric))
+            known = self.kernels()
+            self._places[tolerance] = known and Pieces(*known, at_a_place(tolerance, self.metric))
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
@@ -264,7 +262,7 @@ class Curve:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
 
         def eigenvalues(z: Array) -> Any:
-            matrix = self.in_unknowns(z)
+            matrix = self.jacobian(z)[:, : self.size]
             dense = matrix.toarray() if is_sparse(matrix) else matrix
             return np.linalg.eigvals(dense).astype(complex)
 

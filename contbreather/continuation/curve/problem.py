@@ -282,7 +282,8 @@ class Problem(Structure):
 
     def having(self, *names: str) -> Problem:
         """The problem with these parameters among its own, as far as it can have them."""
-        absent = tuple(name for name in names if isinstance(name, str) and name not in self.names)
+        known = {*self.start, *self.params}
+        absent = tuple(name for name in names if isinstance(name, str) and name not in known)
         return self.with_parameters(absent) if absent else self
 
     def tied(

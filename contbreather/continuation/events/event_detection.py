@@ -101,7 +101,7 @@ def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
         before = point.arclength
         # a branch point that the walk found by itself has no event among them
         numbered.append((place, order.get(id(point.event), -1), point))
-    return [point for *_, point in sorted(numbered, key=itemgetter(0, 1))]
+    return [*map(itemgetter(2), sorted(numbered, key=itemgetter(0, 1)))]
 
 
 def quiet_steps(

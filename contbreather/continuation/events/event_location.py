@@ -296,7 +296,7 @@ def has_double_zero(samples: StepSamples) -> bool:
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
         (u0, u1, u2), (f0, f1, f2) = places, map(samples.deflated, places)
-        if not all(math.isfinite(value) and value != 0 for value in (f0, f1, f2)):
+        if not (f0 and f1 and f2 and math.isfinite(f0 + f1 + f2)):
             return False
         # by divided differences: f0 + (x - u0) (slope + curvature (x - u1))
         slope = (f1 - f0) / (u1 - u0)
@@ -333,8 +333,9 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     def glanced(u: float) -> float:  # kept
         return abs(samples.deflated(u, samples.glance(u)))
 
-    size = {u: abs(samples.deflated(u)) for u in (0.0, 0.5, 1.0)}
-    if not all(0 < value < math.inf for value in size.values()):
+    places = [0.0, 0.5, 1.0]
+    size = dict(zip(places, map(abs, map(samples.deflated, places)), strict=True))
+    if not (min(size.values()) > 0 and sum(size.values()) < math.inf):  # nor NaN
         return
     highest, middle = max(size.values()), size[0.5]
     for end in (0.0, 1.0):

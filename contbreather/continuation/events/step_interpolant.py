@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -149,7 +149,7 @@ class StepSamples:
     values: dict[float, Value]
     done: list[tuple[float, float]] = field(default_factory=list)
     zeros: list[float] = field(default_factory=list)
-    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
+    sure: set[float] = field(default_factory=partial(set, (0.0, 1.0)))
     close: list[tuple[float, float]] = field(default_factory=list)
     clear: bool = False
 
@@ -258,7 +258,7 @@ class StepSamples:
             look.append(ASIDE + 1e-12 * size / segment.length)
         for u in look:
             self.glance(u)
-        known, blank = sorted((0.0, 1.0), key=lambda end: math.isnan(self.values[end]))
+        known, blank = (1.0, 0.0) if math.isnan(self.values[0.0]) else (0.0, 1.0)
         if math.isnan(self.values[blank]) and not math.isnan(self.values[known]):
             # halvings of the way to where the test has no value
             for _ in range(6):

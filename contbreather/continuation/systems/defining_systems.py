@@ -30,7 +30,7 @@ from ..algebra.linear_algebra import (
     least_singular,
 )
 from ..algebra.newton import Undefined
-from ..algebra.sparse import Dense, Matrix, above, beside
+from ..algebra.sparse import Dense, Matrix, above, beside, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
@@ -130,6 +130,8 @@ def signed_smallest(matrix: Matrix) -> float:
     if isinstance(matrix, Bordered):
         # close to a zero one turn is enough, and far away none is needed
         return by_inverses(matrix, matrix.row.size, 3)[0]
+    if not is_large(matrix):
+        return float(signed_smallest_of(matrix[None])[0])
     weak = least_singular(matrix)
     return weak.sign * weak.size
 

@@ -131,7 +131,9 @@ class Stepper:
     def _pieces(self) -> Pieces | None:
         """Find who takes many steps at once; None where there is no machine code, or each is to
         have a line of its own among the messages."""
-        curve, steps, size = self.curve, self.steps, len(self.bounds)
+        known, curve, steps, size = self.curve.kernels(), self.curve, self.steps, len(self.bounds)
+        if known is None or LOG.isEnabledFor(logging.DEBUG):
+            return None
         low, high, slots = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
         for i, bound in enumerate(self.bounds):
             if not isinstance(bound.slot, int):
@@ -141,11 +143,9 @@ class Stepper:
                 # short of a bound: it is landed on, unless the curve begins there
                 if abs(bound.value(curve.start) - end) > off:
                     (low if side < 0 else high)[i] = end - side * off
-        if LOG.isEnabledFor(logging.DEBUG):
-            return None
         sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
         plane = curve.metric, self.across, self.home.z
-        return curve.pieces(Rules(*sizes, slots, low, high, *plane))
+        return Pieces(*known, Rules(*sizes, slots, low, high, *plane))
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
         """Take as many steps as come off at once; None where the first is more than a plain one."""
