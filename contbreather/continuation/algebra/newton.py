@@ -88,22 +88,18 @@ def newton(
             or bound < LARGE * tolerance
             or (abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all()
         ):
-            value = curve.equations(z)
-            solved = not singular or _balances(matrix, value, z, curve.metric)
+            value, solved = curve.equations(z), True
+            if singular:  # the shortest correction may be short far from any solution
+                terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
+                terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
+                # relative to the terms of its row: a solution, where Newton's iteration is blind
+                solved = bool((abs(value) <= 1e-12 * terms).all())
             return Solution(z, solved, iteration, float(abs(value).max()), moved)
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
         # and no curvature is in the way where it is so much shorter than the one before
         reuse = z.size > FEW and moved <= min(_REUSED * size, 1e-2 * previous)
         previous = moved
     return Solution(z, False, most, float(abs(curve.equations(z)).max()), moved)
-
-
-def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
-    """Compare what is left of singular equations with their terms."""
-    terms = abs(matrix) @ (abs(z) + metric**-0.5)
-    terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
-    # relative to the terms of its row: a solution, where Newton's iteration is blind
-    return bool((abs(value) <= 1e-12 * terms).all())
 
 
 def chord(

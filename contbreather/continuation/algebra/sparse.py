@@ -326,6 +326,7 @@ class _LongRows:
         self._rows[long] = 1e-6
         ordered = scaled(matrix, self._rows)[:, self._order]
         self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
+        self.perm_r, self.perm_c = self._lu.perm_r, self._order[self._lu.perm_c]
 
     def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
         rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
@@ -334,14 +335,6 @@ class _LongRows:
         x = self._lu.solve(rows * right)
         x[self._order] = x.copy()
         return np.asarray(x)
-
-    @property
-    def perm_r(self) -> NDArray[Any]:
-        return np.asarray(self._lu.perm_r)
-
-    @property
-    def perm_c(self) -> NDArray[Any]:
-        return self._order[self._lu.perm_c]
 
     @property
     def U(self) -> Any:

@@ -113,12 +113,9 @@ class Border:
         order = [*self.real, self.pair]
         first, second = sorted((on, kind), key=order.index)
         made_of_both = f"{first}{'-' if first == 'BP' else ''}{second}"
-        place = self.real.get(kind)
-        test = (
-            partial(self.least_of_pairs, on)
-            if place is None
-            else partial(self.least_beside, on, place)
-        )
+        test = partial(self.least_of_pairs, on)
+        if kind in self.real:
+            test = partial(self.least_beside, on, self.real[kind])
         return replace(
             codim_two(on, self.events[kind]),
             kind=self.names.get((first, second), made_of_both),

@@ -9,9 +9,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter, itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +40,7 @@ _CALM, _FLAT = 0.6, 0.35
 _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
-@dataclass(frozen=True)
-class Ends:
+class Ends(NamedTuple):
     """Start or end of the walk on a step: an event at the very start or end, where rounding decides
     the sign of its test, counts as well; on a closed curve only once."""
 
@@ -166,12 +165,12 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
 
     left = list(points)
     while left:
-        point = left.pop(0)
-        curve, together = point.curve, [point]
+        point, length = left[0], left[0].curve.length
+        together = left[:1]
         if point.event and point.event.examine:
-            reach = GAP * (1 + curve.length(point.z))
-            verified = (p for p in left if p.event and p.event.examine)
-            together += [p for p in verified if curve.length(p.z - point.z) <= reach]
+            reach = GAP * (1 + length(point.z))
+            verified = (p for p in left[1:] if p.event and p.event.examine)
+            together += [p for p in verified if length(p.z - point.z) <= reach]
         left = [p for p in left if p not in together]
         best = max(together, key=first_of)
         also = {p.kind: None for p in together if p.located and p.kind != best.kind}
@@ -268,17 +267,18 @@ def _between(
     segment: StepInterpolant, cuts: Sequence[Point], tests: Sequence[StepSamples], ends: Ends
 ) -> Iterator[Point]:
     """Events on the pieces between branch points; a piece as short as rounding has none."""
-    places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
+    places = [segment.first, *sorted(cuts, key=attrgetter("arclength")), segment.last]
     values = [samples.values[0.0] for samples in tests]
     for start, end in itertools.pairwise(places):
         if end.arclength - start.arclength < ASIDE * segment.length:
             continue
         piece = StepInterpolant(start, end, segment.tolerance)
-        middle = piece.provisional(0.5)
         at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
-        for event, value in zip((samples.event for samples in tests), values, strict=True):
-            seen = {0.0: value, 0.5: event.value_or_nan(middle), 1.0: event.value_or_nan(end)}
-            parts.append(part := StepSamples(piece, event, seen))
+        for samples, value in zip(tests, values, strict=True):
+            parts.append(part := StepSamples(piece, samples.event, {0.0: value}))
+            part.glance(0.5)
+            part.glance(1.0)
+            seen = part.values
             # a test this small where curves cross, relative to beside it, vanishes there
             beside = 1e-7 * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:

@@ -164,7 +164,6 @@ class Eigenvalues(CriticalValues):
 
     @property
     def upper(self) -> Values:
-        """The upper ones of the complex pairs."""
         return self.values[self.values.imag > self.split]
 
     @property

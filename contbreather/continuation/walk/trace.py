@@ -333,15 +333,13 @@ class ContinuationIterator:
             shown.advance(piece[-1], len(piece))
             if kept:
                 kept.look(bool(piece.special), so_far)
-            if not unresolved(piece[-1]):
-                continue
-            finer = look(piece[-1])
-            if finer is not None:
-                return finer
-            if not self.unresolved:
+            if unresolved(piece[-1]):
+                if (finer := look(piece[-1])) is not None:
+                    return finer
                 first = next(filter(unresolved, piece))
                 why = {"reason": unresolved(first)}
-                self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
+                found = replace(first, kind="MX", located=False, detail=why)
+                self.unresolved = self.unresolved or (found,)
         return None
 
     def branch(self) -> Branch:
