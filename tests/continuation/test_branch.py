@@ -16,7 +16,7 @@ import contbreather as cb
 from contbreather.continuation import Stop, iterate
 from contbreather.errors import BadInput
 
-from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
+from .zoo import ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
 
 
 @pytest.fixture(scope="module")
@@ -149,16 +149,6 @@ def test_many_branches_are_asked_for_as_one_is() -> None:
     for wrong in (LINE.problem, "line", 3, np.array(1.0)):
         with pytest.raises(BadInput, match="takes several starts, a list of them"):
             cb.trace_many(wrong, "mu")
-
-
-def test_a_branch_in_trouble_says_why() -> None:
-    bad = cb.Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
-    branch = cb.trace(bad, "mu", towards="down")
-    assert "reached the edge of the domain of the equations: the equations are not finite" in repr(
-        branch
-    )
-    assert branch.stop.failed
-    assert not Stop.BOUND.failed
 
 
 def test_both_ends_in_trouble_are_said() -> None:
@@ -298,18 +288,6 @@ def test_a_point_shows_label_and_values(branch: cb.Branch) -> None:
     assert repr(trace_case(BRATU)[0]).startswith("Point(EP1: lam=")
 
 
-def test_a_point_is_a_start(branch: cb.Branch) -> None:
-    again = cb.trace(branch[5], "h", within={"x": (-2, 2)}, events=ALL)
-    assert [p.kind for p in again.special] == ["EP", "LP", "LP", "EP"]
-    other = cb.trace(branch[5], "mu", within={"mu": (0.9, 1.1)})
-    assert (other["h"] == branch[5]["h"]).all()
-
-
-def test_what_an_event_knows_is_read_by_name() -> None:
-    point = trace_case(BRUSSELATOR).first("HB")
-    assert point["omega2"] == pytest.approx(1.0, abs=1e-14)
-
-
 def test_a_point_says_what_it_is_to_its_user() -> None:
     with pytest.raises(BadInput, match="says no more of a point than its values"):
         _ = trace_case(LINE)[0].solution
@@ -339,20 +317,6 @@ def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> N
 def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
     with pytest.raises(BadInput, match="no 'nu'"):
         iterate(LINE.problem, "mu", within={"nu": (0, 1)})
-
-
-def test_events_are_values() -> None:
-    event = cb.Event("GR", lambda point: point["x"], ends="branch")
-    assert replace(event, ends="").kind == "GR"
-    with pytest.raises(TypeError):
-        cb.Event("GR", lambda point: point["x"], True)
-    assert cb.Steps() == cb.Steps(first=0.01)
-
-
-def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    trace_case(CUSP)
-    captured = capsys.readouterr()
-    assert captured.out == captured.err == ""
 
 
 @pytest.mark.parametrize("asked", ["call", "environment"])

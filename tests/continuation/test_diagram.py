@@ -16,7 +16,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
-from contbreather.errors import Interrupted, NotConverged
+from contbreather.errors import Interrupted
 
 from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, scalar
 
@@ -67,13 +67,6 @@ def test_what_was_born_where() -> None:
         (1, "branch 1: EP2", "on"),
         (2, "branch 2: EP2", "on"),
     ]
-
-
-def test_the_second_arm_is_known_as_the_image_of_the_first() -> None:
-    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7})
-    tree = grown(knowing(mine, images=lambda x, p: (-x,)))
-    assert [birth.image_of for birth in tree.births] == [None, None, 1]
-    assert (1, 2, "image") in relations(tree)
 
 
 def two_levels(x: Array, p: Mapping[str, float]) -> Array:
@@ -259,27 +252,6 @@ def test_work_is_bounded_by_the_number_of_branches() -> None:
     assert "points not switched at" in tree.describe()
 
 
-def test_every_branch_ever_new_still_ends() -> None:
-    """An event whose arms lead to problems that nobody can recognise."""
-
-    def problem(level: int) -> Problem:
-        def lift(point: object) -> SwitchingProblem:
-            start = {f"x{level + 1}": point["mu"], "mu": point["mu"]}
-            return SwitchingProblem(problem(level + 1).at(**start), "mu", both=False)
-
-        event = Event("ODD", lambda point: point["mu"] - 0.5)
-        mine = Problem(
-            lambda x, p: np.array([x[0] - p["mu"]]),
-            {f"x{level}": -0.6},
-            {"mu": -0.6},
-            events=(event,),
-        )
-        return knowing(mine, lift={"ODD": lift}.get)
-
-    tree = diagram(problem(0), "mu", within=MU, depth=10**6, most=12)
-    assert len(tree) <= 12
-
-
 class Astray(SwitchingProblem):
     """Two arms, of which the first sets out beside the curve."""
 
@@ -312,11 +284,6 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
     assert kept == sorted(kept)
     assert kept[0] <= 1
     assert kept[-1] == 7
-
-
-def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
-    with pytest.raises(NotConverged, match="is not a solution"):
-        grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
 
 
 # --- what is shown ----------------------------------------------------------------------------

@@ -324,13 +324,6 @@ def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float)
     assert branch.doubtful == ()
 
 
-def test_hopf_and_fold_at_the_start_are_found_once_in_every_direction() -> None:
-    hopf_start = zoo.BRUSSELATOR.problem.at(X=1.0, Y=2.0, B=2.0)
-    for towards in ("up", "down", "both"):
-        branch = trace(hopf_start, "B", events=zoo.ALL, within={"B": (1.0, 3.0)}, towards=towards)
-        assert [point.kind for point in zoo.events_of(branch)] == ["HB"]
-
-
 # --- what an event does to its branch ---------------------------------------------------------
 
 

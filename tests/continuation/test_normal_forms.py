@@ -401,3 +401,23 @@ def test_coefficients_of_functions_that_are_no_polynomials_have_eight_digits() -
     fast = FixedPoint(lambda x, p: -(1 + p["m"]) * np.sin(20 * x) / 20, {"x": 0.0}, {"m": -0.2})
     there = trace(fast, "m", within={"m": (-0.3, 0.2)}).first("PD")
     assert there.detail["c"] == pytest.approx(400 / 6, rel=1e-7)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+@pytest.mark.parametrize("angle", [0.7, 2.9])
+def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: float) -> None:
+    """``z -> e^(i angle) z (1 + m - |z|^2/unit^2)``: d = -2 over the square of the unit."""
+    c, s = math.cos(angle), math.sin(angle)
+
+    def image(u: Array, p: Mapping[str, float]) -> list[Any]:
+        x, y = u
+        grow = 1.0 + p["m"] - (x * x + y * y) / unit**2
+        return [grow * (c * x - s * y), grow * (s * x + c * y)]
+
+    mine = cb.FixedPoint(image, {"x": 0.0, "y": 0.0}, {"m": -0.31})
+    point = cb.trace(mine, "m", within={"m": (-0.4, 0.4)}).first("NS")
+    assert point.detail["angle"] == pytest.approx(angle, abs=1e-9)
+    assert point.detail["criticality"] == "supercritical"
+    d = complex(point.detail["d"]) * unit**2
+    assert d.real == pytest.approx(-2.0, rel=1e-6)  # in units of the eigenvector of length 1
+    assert d.imag == pytest.approx(0.0, abs=1e-6)

@@ -14,7 +14,7 @@ from contbreather.continuation import Problem, Stop, fold, trace
 from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, knowing, scalar, trace_case
+from .zoo import CUSP, ISOLA, LORENZ, STIFF, Case, counted, knowing, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -40,17 +40,6 @@ def coupled_sensitivity(u, p, name):
 def test_a_user_is_asked_for_ten_things_at_most() -> None:
     """What else there is to know of equations are methods of the classes that know it."""
     assert len(fields(Problem)) <= 10
-
-
-def test_a_residual_may_be_a_list() -> None:
-    problem = Problem(lambda u, p: [u[0] - p["mu"]], {"x": 0.0}, {"mu": 0.0})
-    assert trace(problem, "mu", within={"mu": (-1, 1)})["x"][-1] == 1.0
-
-
-def test_at_moves_start_and_parameters() -> None:
-    moved = LINE.problem.at(x=3.0, mu=1.5)
-    assert (moved.start["x"], moved.params["mu"]) == (3.0, 1.5)
-    assert LINE.problem.params["mu"] == 0.0
 
 
 def test_solve_moves_the_start_onto_a_solution() -> None:
@@ -281,6 +270,7 @@ def test_what_is_raised_for_real_numbers_is_a_mistake_and_surfaces() -> None:
 
 
 def scribbling(x, p):
+    """Writes to what it is given, which it returns."""
     x **= 3
     x -= p["mu"]
     p["mu"] = 17.0
@@ -311,3 +301,67 @@ def test_maps_may_write_to_what_they_are_given() -> None:
     assert branch.first("PD")["a"] == pytest.approx(0.3675, abs=1e-12)  # 3 (1 - b)^2 / 4
     arm = cb.switch(branch.first("PD"), within={"a": (0.1, 1.0)})[0]
     assert arm.first("PD")["a"] == pytest.approx(0.9125, abs=1e-12)  # (5 - 6 b + 5 b^2) / 4
+
+
+# --- what counts as a solution --------------------------------------------------------------------
+
+
+def test_equations_without_slope_that_do_not_vanish_end_a_branch_where_they_begin() -> None:
+    def residual(u, p):
+        if np.real(p["mu"]) > 1.5:
+            return np.full(2, 1e6)
+        return np.array([u[0] - p["mu"], u[1] - u[0] ** 2])
+
+    problem, counter = counted(Problem(residual, {"x": 1.0, "y": 1.0}, {"mu": 1.0}))
+    branch = trace(problem, "mu", within={"mu": (0.0, 3.0)})
+    assert branch[-1]["mu"] == pytest.approx(1.5, abs=1e-6)
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert branch.reason == "residual 1e+06"
+    assert abs(branch["residual"]).max() < 1e-15
+    assert counter.calls < 3000
+
+
+@pytest.mark.parametrize("mu", [9e-7, 1e-9])
+def test_just_beyond_a_fold_there_is_no_solution(mu: float) -> None:
+    problem = scalar(lambda x, p: x**2 + p["mu"], 0.0, {"mu": mu})
+    with pytest.raises(NotConverged, match=f"is not a solution: residual {mu:g}"):
+        problem.solve()
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9, 0.3, 1.0])
+def test_small_equations_are_not_solved_for_being_small(x: float) -> None:
+    with pytest.raises(NotConverged, match="is not a solution"):
+        scalar(lambda x, p: 1e-7 * (1 + x**2), x, {"mu": 0.0}).solve()
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_equations_are_solved_whatever_their_size(size: float) -> None:
+    _, found = scalar(lambda x, p: size * (x**2 - 2), 1.0, {"mu": 0.0}).solve()
+    assert found.z[0] == pytest.approx(2**0.5, rel=1e-15)
+
+
+@pytest.mark.parametrize("other", [1.0, 1e6, 1e10])
+def test_an_unknown_is_solved_for_to_the_last_digits_whatever_the_size_of_another(other) -> None:
+    problem = Problem(
+        lambda u, p: np.array([u[0] ** 2 - 2 + 0 * p["mu"], u[1] / other - 1]),
+        {"x": 1.6, "y": other},
+        {"mu": 0.0},
+    )
+    _, found = problem.solve()
+    assert found.z[0] == pytest.approx(2**0.5, rel=1e-14)
+
+
+def test_maps_may_return_one_array_each_time() -> None:
+    room = np.empty(2)
+
+    def henon(u, p):
+        room[:] = 1 - p["a"] * u[0] ** 2 + u[1], 0.3 * u[0]
+        return room
+
+    cycle = cb.FixedPoint(henon, {"x": 0.97, "y": -0.13}, {"a": 1.0}, period=2)
+    branch = trace(cycle, "a", within={"a": (0.5, 1.2)}, events=())
+    assert branch.began is branch.stop is Stop.BOUND
+    x, y = branch["x"], branch["y"]
+    images = 1 - branch["a"] * x**2 + y, 0.3 * x
+    assert np.allclose(1 - branch["a"] * images[0] ** 2 + images[1], x, atol=1e-12)
+    assert not np.allclose(*branch[-1].solution.points)

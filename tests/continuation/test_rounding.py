@@ -205,14 +205,3 @@ def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pit
     (kinds, values), (fine_kinds, fine_values) = (zip(*one, strict=True) for one in found)
     assert kinds == fine_kinds == ("EP", "BP", "BP", "LP", "EP")
     np.testing.assert_allclose(values, fine_values, rtol=0, atol=3e-3)  # of the meshes
-
-
-def test_equations_multiplied_by_a_large_number_have_the_same_fold() -> None:
-    problem = cb.Problem(
-        lambda x, p: 1e9 * np.array([p["mu"] - x[0] ** 2, 1e9 * (x[1] - x[0])]),
-        {"x": 1.0, "y": 1.0},
-        {"mu": 1.0},
-    )
-    branch = cb.trace(problem, "mu", within={"x": (-1, 2)}, events=[cb.fold(), cb.branch_point()])
-    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
-    assert abs(branch.first("LP")["mu"]) < 1e-14

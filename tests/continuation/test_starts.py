@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import Event, Problem, Steps, Stop, trace
-from contbreather.errors import NotConverged
+from contbreather.continuation import Event, Problem, Steps, Stop, fold, trace, user
+from contbreather.errors import BadInput, NotConverged
 
-from .zoo import CUSP, LINE, PITCHFORK, events_of, trace_case
+from .zoo import BRUSSELATOR, CUSP, LINE, PITCHFORK, events_of, trace_case
 
 
 @pytest.mark.parametrize("largest", [0.1, 1e-2, 1e-3])
@@ -24,11 +24,6 @@ def test_an_event_at_the_rim_of_the_domain_is_met_at_any_step(largest: float) ->
     assert branch[-1].label == "GR1"
     assert branch.stop is Stop.EVENT
     assert branch[-1]["x"] == 1e-14
-
-
-def test_the_smallest_tolerance_loses_nothing() -> None:
-    branch = trace_case(CUSP, steps=Steps(tolerance=1e-13, most=np.int64(500)))
-    assert [point.kind for point in events_of(branch)] == ["LP", "LP"]
 
 
 # --- directions -------------------------------------------------------------------------------
@@ -258,3 +253,41 @@ def test_the_domain_of_an_array_is_one_of_its_norm_too() -> None:
     branch = cb.trace(cubes(domain={"u": (0, 9)}), "mu", within={"mu": (0.5, 1e4)}, towards="up")
     assert branch.reason == "the domain of u ends at 9"
     assert np.linalg.norm(branch[-1]["u"]) == pytest.approx(9, rel=1e-15)
+
+
+# --- how close is close -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9, 1e-13])
+def test_events_are_located_as_well_whatever_the_walk_tolerates(tolerance: float) -> None:
+    steps = Steps(tolerance=tolerance)
+    line = trace(
+        CUSP.problem, "h", within={"x": (-2, 2)}, steps=steps, events=[fold(), user("x", 0.2)]
+    )
+    exact = 2 / math.sqrt(27)
+    assert [p["h"] for p in line.special[1:-1]] == pytest.approx([exact, -0.192, -exact], abs=1e-13)
+    point = trace_case(BRUSSELATOR, steps=steps).first("HB")
+    assert point["B"] == pytest.approx(2.0, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("off", "tilt", "good"),
+    [(0.9e-6, 0, True), (1.1e-6, 0, False), (0, 0.9e-3, True), (0, -0.9e-3, True),
+     (0, 1.1e-3, False), (0, -1.1e-3, False)],
+)  # fmt: skip
+def test_a_direction_is_taken_where_it_is_one_of_the_curve(off, tilt, good) -> None:
+    line = Problem(lambda x, p: x - p["m"], {"x": off}, {"m": 0.0})
+    along = np.array([1.0, 1.0 + math.sqrt(2) * tilt])
+    if good:
+        assert trace(line, "m", within={"m": (-1, 1)}, along=along)[-1]["x"] == 1.0
+        return
+    with pytest.raises(BadInput, match="no curve leaves the start in this direction"):
+        trace(line, "m", within={"m": (-1, 1)}, along=along)
+
+
+def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None:
+    fold_at_0 = Problem(lambda x, p: x**2 - p["m"], {"x": 0.0}, {"m": -0.9})
+    branch = trace(fold_at_0, "m", within={"x": (-1, 1)})
+    assert branch.start_correction == pytest.approx(0.9, abs=1e-3)
+    with pytest.raises(NotConverged):
+        trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import contbreather as cb
-from contbreather.continuation import Stop, fold, hopf
+from contbreather.continuation import Stop, hopf
 from contbreather.continuation.branches.duplicates import lies_on
 from contbreather.continuation.branches.switching import (
     ArmsCoincide,
@@ -338,11 +338,6 @@ def test_a_given_direction_at_a_regular_point_is_the_ordinary_walk() -> None:
     assert len(given) == len(usual)
 
 
-def test_a_direction_decides_the_side() -> None:
-    down = cb.trace(zoo.CIRCLE.problem, "mu", along=[0.0, -1.0], within={"x": (0.0, 2.0)})
-    assert down[-1]["mu"] == pytest.approx(-1.0, abs=1e-12)
-
-
 # --- recognising what is known ----------------------------------------------------------------
 
 
@@ -357,8 +352,3 @@ def test_a_large_scale_does_not_blur_what_is_known() -> None:
     branch = cb.trace(mine, "mu", within={"mu": (-1e-6, 1e-6)}, steps=cb.Steps(largest=0.3))
     assert lies_on(moved(branch, [0.5e6, 0.5e-6]), branch)
     assert not lies_on(moved(branch, [0.5e6, 0.5001e-6]), branch)
-
-
-def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> None:
-    branch = cb.trace(zoo.CIRCLE.problem, "mu", events=[fold(), cb.branch_point()])
-    assert {point.kind for point in branch.special} <= {"LP", "EP"}

@@ -313,25 +313,23 @@ def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: fl
     assert branch[-1]["x"] == pytest.approx(0.8**0.5, abs=1e-12)
 
 
-@pytest.mark.parametrize("scales", [{}, {"scales": {"x": 1e-6, "mu": 1e-6}}])
-def test_a_fold_of_tiny_unknowns_is_found_in_any_units(scales: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("unit", "size", "offset", "scales"),
+    [
+        (1e-6, 1.0, 0.0, {}),
+        (1e-6, 1.0, 0.0, {"scales": {"x": 1e-6, "mu": 1e-6}}),
+        (1.0, 1e9, 0.0, {}),
+        *((1.0, 1.0, offset, {}) for offset in (1e3, 1e6, -1e8)),
+    ],
+)
+def test_a_fold_is_found_whatever_the_units_and_sizes(unit, size, offset, scales) -> None:
+    """``unit^2 mu = (x - offset)^2`` for mu in units, times a size."""
+
     def residual(x: Array, p: lines.Params) -> Array:
-        return np.array([p["mu"] - 1e6 * x[0] ** 2])
+        return np.array([size * ((x[0] - offset) ** 2 / unit - p["mu"])])
 
-    tiny = cb.Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
-    branch = cb.trace(
-        tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[cb.fold(), cb.branch_point()]
-    )
-    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-15)
-    assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]
-
-
-@pytest.mark.parametrize("offset", [1e3, 1e6, -1e8])
-def test_a_fold_is_found_where_its_unknown_is_large_beside_it(offset: float) -> None:
-    def residual(x: Array, p: lines.Params) -> Array:
-        return np.array([(x[0] - offset) ** 2 - p["mu"]])
-
-    far = cb.Problem(residual, {"x": offset + 0.7}, {"mu": 0.49})
-    branch = cb.trace(far, "mu", within={"mu": (-1, 1)}, events=[cb.fold(), cb.branch_point()])
-    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-9)
+    mine = cb.Problem(residual, {"x": offset + 0.7 * unit}, {"mu": 0.49 * unit}, **scales)
+    events, within = [cb.fold(), cb.branch_point()], {"mu": (-unit, unit)}
+    branch = cb.trace(mine, "mu", within=within, events=events)
+    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-9 * unit)
     assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]

@@ -48,14 +48,6 @@ def test_a_start_that_is_no_solution_is_refused_with_its_residual() -> None:
     assert refused.value.residual == 2.0
 
 
-def test_a_start_exactly_on_a_fold_is_taken_as_it_is() -> None:
-    case = replace(zoo.CUSP, problem=zoo.CUSP.problem.at(x=-TIP, h=2 * TIP**3))
-    for towards in ("up", "down", "both"):
-        branch = zoo.trace_case(case, towards=towards)
-        assert branch.first("LP")["x"] == pytest.approx(-TIP, abs=1e-15)
-        assert branch.stop is Stop.BOUND
-
-
 @pytest.mark.parametrize("h", [0.384900179, 0.384900180])
 def test_a_fold_typed_with_nine_digits_is_a_start_on_either_side_of_it(h: float) -> None:
     branch = zoo.trace_case(replace(zoo.CUSP, problem=zoo.CUSP.problem.at(x=-0.577350269, h=h)))
@@ -102,12 +94,6 @@ def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: f
     assert branch["x"][-1] == high
     assert ((low <= branch["x"]) & (branch["x"] <= high)).all()
     assert abs(branch["residual"]).max() < 1e-14
-
-
-def test_the_first_of_several_bounds_ends_the_branch() -> None:
-    within = {"x": (-1.0, 1.0), "mu": (-0.25, 0.4)}
-    branch = trace(zoo.LINE.problem, "mu", within=within, steps=Steps(first=1.0, largest=5.0))
-    assert (branch["mu"][0], branch["mu"][-1]) == (-0.25, 0.4)
 
 
 def test_two_bounds_at_one_corner_end_the_branch_there() -> None:
@@ -240,13 +226,6 @@ def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -
             assert np.geterr() == before
 
 
-def test_a_failed_start_still_is_a_branch_of_one_point() -> None:
-    branch = trace(zoo.scalar(lambda x, p: x - abs(p["mu"]), 0.0, {"mu": 0.0}), "mu", towards="up")
-    assert len(branch) == 1
-    assert branch.stop is Stop.NO_CONVERGENCE
-    assert branch.special[0].label == "MX1"
-
-
 def test_equations_that_hold_everywhere_or_twice_end_or_walk_but_never_hang() -> None:
     for equation in (lambda x, p: 0 * x, lambda x, p: (x - p["mu"]) ** 2):
         problem, counter = zoo.counted(zoo.scalar(equation, 0.0, {"mu": 0.0}))
@@ -278,18 +257,6 @@ def test_an_interruption_hands_over_a_piece_of_the_whole_branch(after: int) -> N
     assert branch[-1].label in ("EP1", "EP2")
     assert (np.diff(branch["arclength"]) > 0).all()
     assert {*branch["mu"].round(9)} <= {*traced(sine)["mu"].round(9)}
-
-
-def test_an_interruption_ends_a_loop_of_walks_and_the_finished_ones_are_kept() -> None:
-    done = []
-
-    def study() -> None:
-        for after in (math.inf, 100, math.inf):
-            done.append(traced(zoo.Counted(sine, interrupted=after)).stop)
-
-    with pytest.raises(KeyboardInterrupt):
-        study()
-    assert done == [Stop.BOUND]
 
 
 def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
@@ -363,21 +330,6 @@ def test_isola_is_seen_whole_from_any_of_its_points() -> None:
 
 
 # --- steps ------------------------------------------------------------------------------------
-
-
-def test_steps_keep_to_their_sizes() -> None:
-    steps = Steps(first=0.01, largest=0.05, growth=1.3)
-    branch = trace(zoo.LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="up", steps=steps)
-    lengths = np.diff(branch["arclength"])
-    assert lengths[0] == pytest.approx(0.01)
-    assert lengths.max() <= 0.05 * (1 + 1e-12)
-    assert (lengths[1:] / lengths[:-1]).max() <= 1.3 * (1 + 1e-12)
-
-
-def test_most_ends_a_walk() -> None:
-    branch = trace(zoo.LINE.problem, "mu", steps=Steps(most=7))
-    assert branch.stop is branch.began is Stop.MOST
-    assert len(branch) == 15
 
 
 def test_curvature_shortens_the_steps() -> None:

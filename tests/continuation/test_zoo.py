@@ -174,13 +174,6 @@ def test_without_scales_stiff_events_are_still_told_apart() -> None:
     assert zoo.wrong(zoo.STIFF, branch) == ""
 
 
-def test_an_unknown_may_be_an_array() -> None:
-    branch = zoo.trace_case(zoo.BRATU)
-    assert branch["u"].shape == (len(branch), 19)
-    assert branch[3]["u"].shape == (19,)
-    assert np.allclose(branch["u"], branch["u"][:, ::-1], atol=1e-9)  # the solution is even
-
-
 def test_array_and_numbers_may_be_unknown_together() -> None:
     second = zoo.chebyshev(12)
 
