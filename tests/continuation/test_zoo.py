@@ -115,18 +115,6 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 # --- what each animal is in the zoo for -------------------------------------------------------
 
 
-def test_fold_of_bratu_is_the_closed_form_to_the_accuracy_of_the_collocation() -> None:
-    assert zoo.bratu_fold() == pytest.approx(3.513830719125161, abs=1e-15)
-    errors = []
-    for nodes in (8, 12, 16):
-        problem = zoo.analytic_bratu(zoo.chebyshev(nodes)).at(lam=1.0)
-        branch = zoo.trace_case(replace(zoo.BRATU, problem=problem), events=[fold()])
-        errors.append(abs(branch.first("LP")["lam"] - zoo.bratu_fold()))
-    assert errors[0] < 1e-4
-    assert errors[1] < 1e-6
-    assert errors[2] < 1e-8
-
-
 @pytest.mark.parametrize("nodes", [50, 200])
 def test_fold_of_a_large_system_is_that_of_its_own_recurrence(nodes: int) -> None:
     problem = zoo.analytic_bratu(zoo.mesh(nodes)).at(lam=1.0)

@@ -127,7 +127,8 @@ def _fold_locus(point: Point) -> DefiningSystem:
         locus = systems.rank_locus(systems.singular_in_unknowns)
     else:
         null = np.linalg.svd(matrix)[2][-1] * curve.scales[:n]
-        locus = systems.null_locus(null / (sense(null) * np.linalg.norm(null)))
+        unit = null / (sense(null) * np.linalg.norm(null))
+        locus = DefiningSystem({"null": unit}, systems.turned, systems.slopes_of_turned)
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
 

@@ -178,7 +178,12 @@ class Curve:
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
         except KeyError as error:
-            self.problem.check_asked(error)
+            params = self.problem.params
+            if error.args and error.args[0] not in params:
+                raise BadInput(
+                    f"the equations ask for a parameter {error.args[0]!r}; this problem has "
+                    f"{list(params)}"
+                ) from error
             raise
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:

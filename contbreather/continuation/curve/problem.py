@@ -323,14 +323,6 @@ class Problem(Structure):
             if name not in self.start and name not in self.params:
                 raise BadInput(f"no {name!r} in this problem; it has {self.listed}")
 
-    def check_asked(self, error: KeyError) -> None:
-        """Raise `BadInput` where the equations asked for a parameter that there is not."""
-        if error.args and error.args[0] not in self.params:
-            raise BadInput(
-                f"the equations ask for a parameter {error.args[0]!r}; this problem has "
-                f"{list(self.params)}"
-            ) from error
-
     def normed(self, name: str) -> str | None:
         """The array unknown whose Euclidean norm a name stands for: u for ``norm(u)``."""
         inner = name[len("norm(") : -1]

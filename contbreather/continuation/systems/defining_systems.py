@@ -163,16 +163,12 @@ def overlap(point: Point) -> float:
 #     | F_x          0       F_p    |
 #     | (F_x v)_x   F_x   (F_x v)_p |
 #     | 0          2 v^T      0     |
-def null_locus(null: Array) -> DefiningSystem:
-    """``F_x v = 0, |v| = 1``."""
-    return DefiningSystem({"null": null}, _turned, _slopes_of_turned)
-
-
-def _turned(curve: Curve, z: Array, v: Array) -> Array:
+def turned(curve: Curve, z: Array, v: Array) -> Array:
+    """``F_x v`` and ``|v|^2 - 1``."""
     return np.append(curve.jacobian(z)[:, : curve.size] @ v, v.dot(v) - 1)
 
 
-def _slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
+def slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
     n = curve.size
     rows = np.zeros((n + 1, z.size + n))
     # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
@@ -328,7 +324,6 @@ class Extended:
         self.released, *others = base.free
         self.free = tuple(others)
         self.n = base.size
-        self.extra = sum(np.size(value) for value in locus.extra.values())
         self._curves = {self.free: base}
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
@@ -432,5 +427,6 @@ def _derivative_beneath(
     together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
 ) -> Array:
     rows = _asked_beneath(together, derivative, curve, z, extra)
-    n, m = together.n, together.extra
-    return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
+    n = together.n
+    between = np.zeros((len(rows), curve.size - n - 1))  # its extra unknowns
+    return np.hstack([rows[:, :n], between, rows[:, n:]])

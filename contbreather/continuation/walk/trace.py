@@ -424,7 +424,7 @@ class ContinuationIterator:
     def _located(self, piece: BranchPiece, quiet: Any) -> tuple[Points, Stop | None]:
         """Find what happens on the first step of a piece: its points in order, and whether the walk
         ends with it."""
-        point, begins, last = self.point, self.count == 0, piece.points[0]
+        point, begins, last, curve = self.point, self.count == 0, piece.points[0], self.curve
         # what befell the last step of a piece is not the first one's own
         stop, crossing = (piece.stop, piece.crossing) if len(piece.points) == 1 else (None, None)
         closed, before, after = stop is Stop.CLOSED, self.tests[:, -1], piece.tests[:, 0].copy()
@@ -459,7 +459,10 @@ class ContinuationIterator:
         else:
             for special in found:
                 LOG.info("found %s: %r", special.kind, special)
-                if self._turns_into_image(special):
+                crosses, simpler = special.event and special.event.crosses, curve.problem.simpler
+                # where what has doubled is taken back, solutions are those of a simpler problem:
+                # what is beyond has been walked. Else all of the branch is of that problem
+                if crosses and not begins and simpler(special) and not simpler(point):
                     said = "beyond, the branch goes on as its own image under a symmetry"
                     special = replace(special, detail={**special.detail, "said": said})
                     stop = Stop.EVENT
@@ -478,13 +481,6 @@ class ContinuationIterator:
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
         self.doubtful += [p for p in doubtful if p.arclength < end]
         return Points.of(line), stop
-
-    def _turns_into_image(self, special: Point) -> bool:
-        """Tell whether what was doubled goes on as its own image from here."""
-        crosses, simpler = special.event and special.event.crosses, self.curve.problem.simpler
-        if not crosses or self.count == 0 or simpler(special) is None:
-            return False
-        return simpler(self.point) is None  # else all of the branch is of that problem
 
     # --- end ---
 
