@@ -49,8 +49,8 @@ class LeastSingular:
 
 
 def sense(vector: NDArray[Any]) -> Any:
-    """The sign, of a complex vector the phase, of its first entry that is not much smaller than the
-    largest: what a vector that is known up to it is divided by, so that rounding has no say."""
+    """The sign, or phase, of the first entry of a vector that is not much smaller than the largest:
+    divided by it rounding has no say."""
     size = abs(vector)
     # no fraction of small numbers: entries of vectors are often those of each other
     entry = vector[int((size >= 0.37 * size.max()).argmax())]

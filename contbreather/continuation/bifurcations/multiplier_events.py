@@ -133,8 +133,7 @@ def _examine_rotation(circle: Border, point: Point) -> Examined:
 
 
 def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Array]:
-    """The least singular value of the problem closed with mu, and its vectors; of a small one times
-    the next, for where both vanish two curves cross. On a mesh all are small."""
+    """Least singular value closed with mu, and vectors; of a small problem times the next."""
 
     def make(z: Array) -> tuple[float, Array, Array]:
         matrix, units = curve.jacobian(z), _units(curve)
@@ -267,8 +266,7 @@ def _from_angle(sign: int, angle: float, point: Point) -> float:
 
 
 def _examine_double(on: str, sign: int, point: Point) -> Examined:
-    """Two multipliers there, with one eigenvector; of +1 whether branches cross as well. A curve of
-    NS ends where there are two, too: it comes back with the pair interchanged."""
+    """Two multipliers there with one eigenvector, at +1 whether branches cross as well."""
     values = multipliers_at(point).values
     count = _count(values, sign)
     if count != 2:

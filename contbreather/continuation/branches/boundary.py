@@ -243,11 +243,8 @@ def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Poi
 
 
 def codim_two(kind: str, event: Event) -> CodimensionTwo:
-    """An event of the original problem as one on the boundary of another: PF-GR.
-
-    Where both have a locus, the meeting is located by the conditions of both at once. Where
-    branches cross, so do the boundaries on them: a branch point of the longer problem.
-    """
+    """An event of the original problem on the boundary of another, PF-GR: by the conditions of both
+    at once; where branches cross, as a branch point of the longer problem."""
     name = f"{kind}-{event.kind}"
     if event.crosses:  # to look ahead costs as much as a step
         return CodimensionTwo(

@@ -24,11 +24,10 @@ _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the 
 
 
 def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
-    """Tell whether a solution lies on a branch between its ends, at any place.
+    """Tell whether a solution lies on a branch between its ends; False where it cannot be decided.
 
-    False where it cannot be decided: the branch has other unknowns, or other parameters than the
-    free one differ. `reach` is the distance from a place where curves meet to the point on one of
-    them: what is less close than a thousandth of it is on another one.
+    `reach` is the distance from a place where curves meet to the point on one of them: what is less
+    close than a thousandth of it is on another one.
     """
     z = placed(point, branch.curve)
     if z is None or len(branch) < 2:
@@ -102,8 +101,7 @@ class Duplicate:
 def duplicate_of(
     point: Point, branches: Iterable[Branch], reach: float = math.inf
 ) -> Duplicate | None:
-    """The first of `branches` on which a solution lies, itself or one of its images; `reach` as
-    for `lies_on`."""
+    """The first of `branches` on which a solution lies, itself or one of its images."""
     branches = list(branches)
 
     def number(there: Point) -> int | None:

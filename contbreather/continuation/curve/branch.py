@@ -462,8 +462,8 @@ def with_ends(branch: Branch) -> Branch:
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:
-    low, high = (shift + sense * end for end in (point.bracket or (0.0, 0.0))[::sense])
-    bracket = point.bracket and (low, high)
+    low, high = (point.bracket or (0.0, 0.0))[::sense]
+    bracket = point.bracket and (shift + sense * low, shift + sense * high)
     tangent = None if point.tangent is None else sense * point.tangent
     arclength = shift + sense * point.arclength
     return replace(point, tangent=tangent, arclength=arclength, bracket=bracket)

@@ -419,8 +419,7 @@ class Event:
 
 @dataclass(frozen=True)
 class UnstableDimension:
-    """A recorded column that counts what is unstable: not asked for along the boundary of a
-    bifurcation, where rounding would decide it."""
+    """A recorded count of what is unstable: not asked for where it bifurcates all along."""
 
     of: Callable[[Point], float]  # the number at one point
     # ``rows(points)``: an int array with the numbers of all points of a branch, -1 where one has to
@@ -433,8 +432,7 @@ class UnstableDimension:
 
 @dataclass(frozen=True)
 class Implied:
-    """A recorded column that a symmetry of the solutions settles: drawn and kept beside branches
-    without the symmetry, and left out of tables of special points."""
+    """A recorded column that a symmetry settles: left out of tables of special points."""
 
     of: Callable[[Point], float]  # the number at one point
 
@@ -444,7 +442,7 @@ class Implied:
 
 @dataclass(frozen=True, repr=False)
 class EventWithRule(Event):
-    """An event with a rule of its own for who counts as unstable: the columns that go with it."""
+    """An event with a rule of its own for who counts as unstable, and its columns."""
 
     _: KW_ONLY
     record: Mapping[str, Callable[[Point], float]]  # in place of those of the problem

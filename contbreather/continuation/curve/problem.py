@@ -264,8 +264,7 @@ class Problem(Structure):
     @cached_property
     def x(self) -> Array:
         """The start values as one array."""
-        values = [np.atleast_1d(np.asarray(value, dtype=float)) for value in self.start.values()]
-        return np.concatenate(values)
+        return np.hstack([*self.start.values()], dtype=float, casting="unsafe")
 
     def at(self, **values: Any) -> Problem:
         """Move the start, or the parameters, to other values."""

@@ -234,8 +234,7 @@ def _dipped(samples: StepSamples) -> Iterator[Point]:
 
 
 def _closer(samples: StepSamples) -> Iterator[Point]:
-    """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
-    be further off than they are apart."""
+    """Two zeros close together, on a shorter piece of curve, where its cubic is closer to it."""
     segment = samples.segment
     for left, right in samples.close:
         if any(low < right and left < high for low, high in samples.done):

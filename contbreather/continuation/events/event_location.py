@@ -179,9 +179,8 @@ def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
 def _jumps(
     samples: StepSamples, left: float, right: float, attempt: float = 0.3
 ) -> Iterator[Located]:
-    """Each jump of an integer test in a bracket: by its defining system once that agrees, else by
-    bisection. The system is tried when the bracket has shrunk to `attempt`, and then at every
-    eighth of it."""
+    """Each jump of an integer test in a bracket: by its defining system, tried when the bracket has
+    shrunk to `attempt` and at every eighth of it, else by bisection."""
     middle = 0.5 * (left + right)
     if right - left < attempt:
         attempt = (right - left) / 8

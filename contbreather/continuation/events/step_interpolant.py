@@ -93,9 +93,7 @@ class StepInterpolant:
 
 
 def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
-    """The point halfway between two neighbours of a branch, solved for; None where they are one
-    but for rounding, or none is found: on a branch without its equations, for instance.
-    """
+    """The point halfway between two neighbours of a branch, solved for; None for none."""
     # neighbours closer than this have nothing between them
     if last.arclength - first.arclength <= 1e-8 * (1 + first.curve.length(first.z)):
         return None

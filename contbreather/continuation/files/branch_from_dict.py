@@ -54,12 +54,8 @@ def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
 
 
 def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Branch:
-    """Load a branch from its dict.
-
-    One of the problems has its equations (of a boundary those of the original problem), in place of
-    those in the dict. If all have other names, or the points do not solve them, `BadInput` says
-    what is wrong with the first.
-    """
+    """Load a branch from its dict, with the equations of a problem, of a boundary the original one,
+    in place of its own; if none fits, say what is wrong with the first."""
     origin, groups = None, content.get("groups", {})
     if "origin" in groups:  # it may be on a curve of other equations
         born = _Stored(groups["origin"])

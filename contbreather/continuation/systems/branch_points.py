@@ -200,8 +200,7 @@ class Crossings:
 
 
 def branches_cross(base: Point) -> bool:
-    """Tell whether the derivative in unknowns and both parameters loses one rank: solutions then
-    are no smooth surface, and branches cross for other values of the parameters as well."""
+    """Tell whether the derivative in unknowns and both parameters loses one rank."""
     matrix = base.curve.balanced(base.curve.jacobian(base.z))
     weak = least_singular(matrix)
     return weak.size < _lost(matrix, weak) < weak.second

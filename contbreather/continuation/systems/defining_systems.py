@@ -47,12 +47,8 @@ _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth pow
 
 @dataclass(frozen=True)
 class Singular:
-    """A test by a matrix that is singular at the event.
-
-    Its smallest singular value, with the sign of the determinant, is the test, unless `size` is
-    given; and where between two points the matrix should be singular is looked at, so that two
-    zeros within a step leave their changes of sign.
-    """
+    """A test by a matrix that is singular at the event: its least singular value, with the sign of
+    its determinant, or `size`; where it should be singular between two points is looked at."""
 
     matrix: Callable[[Point], Matrix]
     size: Callable[[Point], float] | None = None
@@ -83,10 +79,7 @@ def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
 
 def singular_between(first: Matrix, *others: Matrix) -> Array:
     """Find the places from the first of several matrices, 0, to the last, 1, where they are
-    singular, in order, by linear interpolation of two or quadratic of three.
-
-    Of steep and shallow singular values side by side the smallest alone shows no two zeros.
-    """
+    singular, by linear interpolation of two or quadratic of three."""
     if isinstance(first, Bordered):
         return _places(inverses_between(first, *others))
     change = _pencil(first, *others)
@@ -225,9 +218,8 @@ def along_by_difference(
     curve: Curve, z: Array, left: Array, right: Array,
     jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
 ) -> Array:  # fmt: skip
-    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
-    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
-    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
+    """``left @ curve.along(z, right)`` by one central difference, to eight digits: a row of
+    Newton's iteration needs no more."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish

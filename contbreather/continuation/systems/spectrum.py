@@ -372,7 +372,7 @@ def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array
 
 
 def conditions_in_plane(square: float) -> DefiningSystem:
-    """Trace and determinant within the plane of a pair are 0 and omega2."""
+    """Trace and determinant within the plane of a pair are 0 and omega2: smooth at zero."""
     return DefiningSystem({"omega2": square}, _conditions, _slopes)
 
 

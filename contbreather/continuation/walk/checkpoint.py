@@ -153,10 +153,10 @@ def checkpoint(
 
 
 def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, Any]:
-    """A branch, or what consists of branches, or anything else that has a dict.
+    """The dict of a branch, of what consists of branches, or of anything else that has one.
 
-    `recorded` asks for the recorded columns of branches, which may take as long as the branches
-    themselves; None does where the dict has no equations that give them later.
+    `recorded` asks for recorded columns, which may take as long as the branches themselves; None
+    does where the dict has no equations that give them later.
     """
     if isinstance(result, Branch):
         return branch_to_dict(result, recorded=recorded)

@@ -195,13 +195,12 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
         solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
-    moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
     off = curve.length(solution.z - curve.start)
     inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
     # so far, relative to 1 + |z|, the nearest solution may be
     if not solution.converged or not inside or off > 0.5 * (1 + curve.length(curve.start)):
         return None
-    return Curve(moved.problem, curve.free), solution.residual
+    return Curve(Point(curve, solution.z).problem, curve.free), solution.residual
 
 
 def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
