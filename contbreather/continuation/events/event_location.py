@@ -244,6 +244,7 @@ def _newton(
     start = np.hstack([guess.x, *locus.extra.values(), guess.z[-1:]])
     # so close, unless the walk asks for a closer one
     solution = newton(both, start, tolerance=min(tolerance, 1e-9))
+    solution.z.flags.writeable = False
     for name, value in locus.extra.items():
         end = at + np.size(value)
         detail[name] = solution.z[at:end] if np.ndim(value) else float(solution.z[at])
