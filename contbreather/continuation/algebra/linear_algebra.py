@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .newton import Undefined
+from .newton import Array, Undefined
 from .sparse import TURNS, Factors, Matrix, any_vector, beside, factorised, is_large, is_sparse
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

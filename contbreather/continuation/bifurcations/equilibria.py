@@ -15,10 +15,9 @@ from operator import attrgetter, itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import least_singular, sense
-from ..algebra.newton import OUT_OF_DOMAIN, Undefined
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import is_sparse
 from ..curve.branch import Points
 from ..curve.point import (
@@ -35,8 +34,6 @@ from ..systems import branch_points, normal_forms, spectrum
 from ..systems import defining_systems as systems
 from ..systems.spectrum import eigenvalues_at
 from .stability_border import Border
-
-Array = NDArray[np.float64]
 
 
 def fold() -> Event:

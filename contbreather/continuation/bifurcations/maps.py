@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...checks import whole
 from ...errors import BadInput
 from ...tables import HtmlRepr, Sheet
+from ..algebra.newton import Array
 from ..algebra.sparse import is_sparse
 from ..branches.switching import SwitchingProblem
 from ..curve.curve import Params
@@ -30,7 +31,6 @@ from ..systems.spectrum import ROUNDING
 from .equilibria import fold
 from .multiplier_events import linked
 
-Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
 
 

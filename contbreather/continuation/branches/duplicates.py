@@ -8,17 +8,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import NotConverged
-from ..algebra.newton import OUT_OF_DOMAIN
+from ..algebra.newton import OUT_OF_DOMAIN, Array
 from ..curve.branch import Branch
 from ..curve.curve import Curve
 from ..curve.point import Point
 from ..events.step_interpolant import StepInterpolant
 from ..systems.branch_points import GAP
-
-Array = NDArray[np.float64]
 
 _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
 

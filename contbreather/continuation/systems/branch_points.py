@@ -11,18 +11,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import NotConverged
 from ..algebra.linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
-from ..algebra.newton import Solution, Undefined, rounding
+from ..algebra.newton import Array, Solution, Undefined, rounding
 from ..algebra.sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 from ..curve.branch import Points
 from ..curve.curve import Curve
 from ..curve.point import DefiningSystem, Event, Many, Point
 from .defining_systems import Singular, signed_smallest, signed_smallest_of
-
-Array = NDArray[np.float64]
 
 # Places closer than this, relative to 1 + |z|, are one, and curves that come as close are taken to
 # cross. The residual between these is its square, 1e-12: as much as differences and long sums leave

@@ -29,13 +29,12 @@ from ..algebra.linear_algebra import (
     inverses_between,
     least_singular,
 )
-from ..algebra.newton import Undefined
+from ..algebra.newton import Array, Undefined
 from ..algebra.sparse import Dense, Matrix, above, beside, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
 
-Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import least_singular, sense, solved
-from ..algebra.newton import OUT_OF_DOMAIN, Undefined
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import (
     Matrix,
     above,
@@ -43,7 +43,6 @@ from ..algebra.sparse import (
 from ..curve.curve import Curve
 from ..curve.point import Point
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Seven-point formulas for a first and a second derivative; the steps they are tried with.

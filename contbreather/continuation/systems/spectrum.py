@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import least_singular
-from ..algebra.newton import Undefined
+from ..algebra.newton import Array, Undefined
 from ..algebra.sparse import (
     Factors,
     Matrix,
@@ -35,7 +35,6 @@ from ..algebra.sparse import (
 from ..curve.curve import Curve
 from ..curve.point import DefiningSystem, Point
 
-Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
 # Eigenvalues, and sums of two, this small against the derivative are rounding: twice what is left
