@@ -35,13 +35,8 @@ _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 
 def multipliers_at(point: Point) -> Multipliers:
     """Multipliers but a trivial one."""
-
-    def make(z: Array) -> Multipliers:
-        return Multipliers(*base.curve.problem.multipliers(base))
-
-    base = point.base_point
-    known: Multipliers = base.curve.cached("multipliers", base.z, make)
-    return known
+    base, ask = point.base_point, point.base_point.curve.problem.multipliers
+    return base.curve.cached("multipliers", base.z, lambda _: Multipliers(*ask(base)))
 
 
 def _pair_followed(point: Point) -> complex | None:
@@ -151,8 +146,7 @@ def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Arra
         value, left, right = by_inverses(regular, B.shape[0], refined=False)
         return value, left / units, right * units
 
-    weak: tuple[float, Array, Array] = curve.cached(f"singular with {mu}", z, make)
-    return weak
+    return curve.cached(f"singular with {mu}", z, make)
 
 
 def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
@@ -174,9 +168,7 @@ def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], N
         right, left = solved(whole, unit, why), solved(turned, unit, why)
         return right[-1], right[:-1], left[:-1]
 
-    found: tuple[Any, NDArray[Any], NDArray[Any]]
-    found = curve.cached("pair", np.append(z, extra), make)
-    return found
+    return curve.cached("pair", np.append(z, extra), make)
 
 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:

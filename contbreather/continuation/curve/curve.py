@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from itertools import count
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from ..algebra.sparse import (
 )
 from ..algebra.walk_kernel import Pieces, Walker, at_a_place
 
+T = TypeVar("T")
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
 
@@ -210,7 +211,7 @@ class Curve:
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
-    def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
+    def cached(self, what: str, z: Array, make: Callable[[Array], T]) -> T:
         """Make something of z once for the latest places: all events ask in turn."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
@@ -219,12 +220,12 @@ class Curve:
             most = 4 if self.size >= FEW else 64  # of few unknowns little is kept
             for oldest in [*recent][:-most]:  # another thread may be at it as well
                 recent.pop(oldest, None)
-        return value
+        made: T = value
+        return made
 
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, ``(n, n + len(free))``; not to be written to."""
-        matrix: Matrix = self.cached("jacobian", z, partial(self.call, self._derivatives))
-        return matrix
+        return self.cached("jacobian", z, partial(self.call, self._derivatives))
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below; once where that is dear."""
@@ -266,12 +267,12 @@ class Curve:
     def spectrum(self, z: Array) -> NDArray[np.complex128]:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
 
-        def eigenvalues(z: Array) -> Any:
+        def eigenvalues(z: Array) -> NDArray[np.complex128]:
             matrix = self.jacobian(z)[:, : self.size]
             dense = matrix.toarray() if is_sparse(matrix) else matrix
             return np.linalg.eigvals(dense).astype(complex)
 
-        return np.asarray(self.cached("spectrum", z, eigenvalues))
+        return self.cached("spectrum", z, eigenvalues)
 
     def jacobians(self, rows: Array) -> Array | None:
         """Derivatives at several z; None of large ones, and of those on boundaries."""
@@ -286,7 +287,7 @@ class Curve:
         if matrices is None:
             return None
         values = self.cached("spectra", rows, lambda _: np.linalg.eigvals(matrices[:, :, :n]))
-        return np.asarray(values, dtype=complex)
+        return values.astype(complex)
 
     def _derivatives(self, z: Array) -> Matrix:
         problem, n = self.problem, self.size

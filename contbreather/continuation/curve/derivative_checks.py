@@ -132,7 +132,7 @@ def advice(curve: Curve) -> str:
                 )
         return ""
 
-    return str(curve.cached("advice", curve.start, made))
+    return curve.cached("advice", curve.start, made)
 
 
 def unlike_scales(curve: Curve, z: Array) -> str:

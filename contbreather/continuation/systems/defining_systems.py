@@ -172,12 +172,8 @@ def slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
 
 def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     """The weak end of the derivative in the unknowns, in their scales and balanced."""
-
-    def make(z: Array) -> LeastSingular:
-        return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
-
-    weak: LeastSingular = curve.cached("weak", z, make)
-    return weak
+    balanced, n = curve.balanced, curve.size
+    return curve.cached("weak", z, lambda z: least_singular(balanced(curve.jacobian(z)[:, :n])))
 
 
 def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:

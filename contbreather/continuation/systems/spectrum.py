@@ -265,8 +265,7 @@ def eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
         sparse = is_sparse(curve.jacobian(z))
         return _near(flow(curve, z)) if sparse else all_eigenvalues(curve, z)
 
-    values: Eigenvalues = curve.cached("eigenvalues", z, make)
-    return values
+    return curve.cached("eigenvalues", z, make)
 
 
 def eigenvalues_at(point: Point) -> Eigenvalues:
