@@ -131,14 +131,6 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
     assert other.first("GR-LP")["mu"] == pytest.approx(point["mu"], abs=1e-12)
 
 
-def test_any_point_of_a_boundary_can_be_its_start(planar: cb.Branch) -> None:
-    line = cb.boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW, events=())
-    again = cb.boundary(line[4], ("b2", "b1"), within=WINDOW, events=())
-    assert abs(again["b1"] - again["b2"] ** 2 / 4).max() < 1e-13
-    assert (again["b2"][0], again["b2"][-1]) == (-1.5, 1.5)
-    assert cb.boundary(line.first("EP"), ("b2", "b1"), within=WINDOW, events=()).free == "b2"
-
-
 # --- size and derivatives ---------------------------------------------------------------------
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.walk import checkpoint
 from contbreather.errors import BadInput, Interrupted
 
-from ..apart import begun, until
 from .zoo import CUSP
 
 FEW = cb.Steps(first=0.1, largest=0.3)
@@ -180,38 +178,6 @@ def test_writing_takes_its_share_of_the_time_and_no_more(
         clock.now += 0.01
         kept.look(i % special == 0, lambda: "a piece")
     assert times == pytest.approx(wanted, abs=0.08)
-
-
-KILLED = """
-import sys
-import numpy as np
-from contbreather.continuation import Problem, Steps, trace
-from contbreather.continuation.walk import checkpoint
-checkpoint.EVERY, checkpoint.SHARE = 0.0, 1.0
-circle = Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0})
-steps = Steps(largest=1e-2, most=10**6)
-trace(circle, "mu", within={"mu": (0.5, 1e6)}, towards="up", steps=steps, save=sys.argv[1])
-"""
-
-
-@pytest.mark.slow
-def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
-    """Fifty times and with more work: tests/campaigns/killed.py."""
-    path = tmp_path / "run.nc"
-    sizes = set[int]()
-    with begun("-c", KILLED, path) as process:
-
-        def rewritten() -> bool:
-            sizes.update({path.stat().st_size} if path.exists() else ())
-            return len(sizes) == 3
-
-        until(lambda: rewritten() or process.poll() is not None)
-        process.send_signal(signal.SIGKILL)
-    branch = cb.load(path, problem=parabola())
-    assert isinstance(branch, cb.Branch)
-    assert np.abs(branch["x"] ** 2 - branch["mu"]).max() < 1e-12
-    longer = cb.extend(branch, within={"mu": (0.5, branch["mu"].max() + 0.1)}, steps=cb.Steps())
-    assert longer["mu"].max() == branch["mu"].max() + 0.1
 
 
 # --- folders ------------------------------------------------------------------------------------

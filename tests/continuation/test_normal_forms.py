@@ -15,7 +15,6 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.continuation import Point, Problem, hopf, trace
@@ -142,37 +141,6 @@ def test_first_lyapunov_coefficient_of_lorenz_says_subcritical_in_three_dimensio
     assert point.detail["l1"] == pytest.approx(wanted, rel=1e-8)
     assert point.detail["omega"] == pytest.approx(float(omega), abs=1e-10)
     assert point.detail["criticality"] == "subcritical"
-
-
-def test_the_limit_cycle_is_as_large_as_the_lyapunov_coefficient_says() -> None:
-    """A simulation of Selkov's oscillator just beyond its Hopf point."""
-    problem = Problem(
-        lambda u, p: np.array([-u[0] + 0.1 * u[1] + u[0] ** 2 * u[1],
-                               p["b"] - 0.1 * u[1] - u[0] ** 2 * u[1]]),
-        {"x": 0.3, "y": 1.5}, {"b": 0.3},
-    )  # fmt: skip
-    branch = trace(problem, "b", events=[hopf()], within={"b": (0.2, 1.2)})
-    point = branch.first("HB")
-    l1, omega = point.detail["l1"], point.detail["omega"]
-    assert point.detail["criticality"] == "supercritical"
-
-    def growth(b: float) -> float:
-        x = b
-        A = np.array([[-1 + 2 * x * b / (0.1 + x * x), 0.1 + x * x],
-                      [-2 * x * b / (0.1 + x * x), -0.1 - x * x]])  # fmt: skip
-        return float(np.linalg.eigvals(A).real.max())
-
-    b = point["b"] + 1e-3
-    y = b / (0.1 + b * b)
-    run = solve_ivp(
-        lambda t, u: problem.residual(u, {"b": b}), (0, 6000), [b + 0.02, y], rtol=1e-8, atol=1e-11,
-        t_eval=np.linspace(5950, 6000, 4000),
-    )  # fmt: skip
-    matrix = point.jacobian()[:, :2]
-    values, vectors = np.linalg.eig(matrix)
-    q = vectors[:, int(values.imag.argmax())]
-    width = (run.y[0].max() - run.y[0].min()) / (4 * abs(q[0]))  # x = 2 Re(q w), |q| = 1
-    assert width == pytest.approx(math.sqrt(-growth(b) / (omega * l1)), rel=0.02)
 
 
 def delayed_logistic(u: Sequence[Any], r: Any = 2) -> list[Any]:
