@@ -263,7 +263,7 @@ def _examine_takens(point: Point) -> Examined:
 
 
 def _examine_double_zero(point: Point) -> Examined:
-    """Both coefficients of a double zero with one eigenvector."""
+    """A double zero with one eigenvector: its coefficients, and whether they are degenerate."""
     base = point.base_point
     try:
         a, b = normal_forms.takens_bogdanov(point)

@@ -58,8 +58,8 @@ class Curve:
         # all that change along it: on a boundary the one that its locus determines is an unknown
         self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
-        self.fixed = dict(zip(problem.params, map(float, problem.params.values()), strict=True))
-        self.start = np.append(problem.x, [*map(self.fixed.__getitem__, free)])
+        self.fixed = {name: float(value) for name, value in problem.params.items()}
+        self.start = np.append(problem.x, [self.fixed[name] for name in free])
         self.slots = {**problem.slots, **dict(zip(free, count(self.size), strict=False))}
         # typical sizes of the entries of z, and weights W of the squared arclength: t^T W is the
         # row whose product with z is the inner product with t.

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Integral
-from operator import attrgetter
 from typing import Self
 
 from ...checks import brief, flag, real
@@ -109,12 +108,12 @@ class Settings:
 def windows(within: Within | None) -> dict[str, tuple[float, float]]:
     if within is None:
         return {}
+    if not isinstance(within, Mapping) or not all(isinstance(name, str) for name in within):
+        raise BadInput(
+            f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
+        )
     pairs = {}
-    for name, window in within.items() if isinstance(within, Mapping) else [(None, None)]:
-        if not isinstance(name, str):
-            raise BadInput(
-                f"within={within!r}: windows by name were expected, for instance {{'a': (0, 1)}}"
-            )
+    for name, window in within.items():
         try:
             low, high = map(real, window)
         except (TypeError, ValueError):
@@ -163,10 +162,9 @@ def active_events(
             problem = replace(problem, record={**problem.record, **event.record}, label=label)
     wanted = active = problem.events
     if events is not None:
-        wanted = active = asked
-        for wall in problem.events:
-            if wall.ends == "domain" and wall.kind not in map(attrgetter("kind"), asked):
-                active = (*active, wall)
+        kinds = [event.kind for event in asked]
+        walls = (e for e in problem.events if e.ends == "domain" and e.kind not in kinds)
+        wanted, active = asked, (*asked, *walls)
     columns, taken = {**problem.record}, {*problem.names, *problem.record}
     for event in wanted:
         for name, column in event.columns(problem).items():

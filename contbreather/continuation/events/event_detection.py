@@ -61,7 +61,8 @@ def find(
     """
     curve = segment.curve
     curve.passes(segment.last.z)
-    tests, counts, crossings, others = [*map(list[StepSamples], 4 * [()])]
+    tests, counts = list[StepSamples](), list[StepSamples]()
+    crossings, others = list[StepSamples](), list[StepSamples]()
     for event, start, end, still in zip(events, before, after, quiet, strict=True):
         samples = StepSamples(segment, event, {0.0: start, 1.0: end})
         # those with a matrix say more of what is between than their values do
@@ -93,14 +94,14 @@ def find(
 
 def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     """Along the curve; at one place, but for rounding, in the order of the events."""
-    order = dict(zip(map(id, events), itertools.count(), strict=False))
+    order = {id(event): i for i, event in enumerate(events)}
     numbered, place, before = list[tuple[int, int, Point]](), 0, -math.inf
     for point in sorted(points, key=attrgetter("arclength")):
         place += point.arclength - before > _AT_END * (1 + point.curve.length(point.z))
         before = point.arclength
         # a branch point that the walk found by itself has no event among them
         numbered.append((place, order.get(id(point.event), -1), point))
-    return [*map(itemgetter(2), sorted(numbered, key=itemgetter(0, 1)))]
+    return [point for *_, point in sorted(numbered, key=itemgetter(0, 1))]
 
 
 def quiet_steps(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -147,7 +147,7 @@ class StepSamples:
     values: dict[float, Value]
     done: list[tuple[float, float]] = field(default_factory=list)
     zeros: list[float] = field(default_factory=list)
-    sure: set[float] = field(default_factory=partial(set, (0.0, 1.0)))
+    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
     close: list[tuple[float, float]] = field(default_factory=list)
     clear: bool = False
 
