@@ -125,7 +125,7 @@ def _fold_locus(point: Point) -> DefiningSystem:
     else:
         null = np.linalg.svd(matrix)[2][-1] * curve.scales[:n]
         unit = null / (sense(null) * np.linalg.norm(null))
-        locus = DefiningSystem({"null": unit}, systems.turned, systems.slopes_of_turned)
+        locus = DefiningSystem({"null": unit}, systems.null_conditions, systems.null_slopes)
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
 
 

@@ -155,12 +155,12 @@ def overlap(point: Point) -> float:
 #     | F_x          0       F_p    |
 #     | (F_x v)_x   F_x   (F_x v)_p |
 #     | 0          2 v^T      0     |
-def turned(curve: Curve, z: Array, v: Array) -> Array:
+def null_conditions(curve: Curve, z: Array, v: Array) -> Array:
     """``F_x v`` and ``|v|^2 - 1``."""
     return np.append(curve.jacobian(z)[:, : curve.size] @ v, v.dot(v) - 1)
 
 
-def slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
+def null_slopes(curve: Curve, z: Array, v: Array) -> Array:
     n = curve.size
     rows = np.zeros((n + 1, z.size + n))
     # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
