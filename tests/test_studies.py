@@ -372,7 +372,7 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         ("[branch", "is not TOML"),
         # types
         ("title = 3\n" + ZONES, "line 1, title: Input should be a valid string, got 3"),
-        ("[chain]\nsite = 0.5\n" + ONE, "line 2, chain.site: Input should be a valid integer, got 0.5"),
+        ("[chain]\nsite = 0.5\n" + ONE, "chain.site: Input should be a valid integer, got 0.5"),
         (ONE + "largest = true", "branch.b.largest: Input should be a valid number, got True"),
         ("branch = 3", "line 1, branch: Input should be a valid dictionary, got 3"),
         (ONE + DRAWN.format("", ""), "f.draws: List should have at least 1 item"),

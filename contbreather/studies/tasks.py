@@ -401,8 +401,8 @@ def is_own(path: Path) -> bool:
     """Tell whether `put_in_place` has written what is there, or nothing is."""
     if not os.path.lexists(path):
         return True
-    files = [path, copy_of(path)]
-    return all(file.is_file() for file in files) and cmp(*files, shallow=False)
+    copy = copy_of(path)
+    return path.is_file() and copy.is_file() and cmp(path, copy, shallow=False)
 
 
 def check_links(files: Iterable[Path]) -> None:

@@ -16,7 +16,7 @@ from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.schema import KINDS, Study
+from contbreather.studies.schema import KINDS, FromPoint, Study
 from contbreather.tables import visible
 
 KeyPath = tuple[str, ...]
@@ -151,8 +151,8 @@ def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
     """Refuse arms, boundaries and figures of nothing or of themselves, and options of other
     pictures; `kinds` are of all results."""
     starts = [name for name, kind in kinds.items() if kind in ("branch", "arms", "boundary")]
-    tables = {("arms", name): arms for name, arms in study.arms.items()}
-    tables |= {("boundary", name): line for name, line in study.boundary.items()}
+    tables: dict[KeyPath, FromPoint] = {("arms", name): one for name, one in study.arms.items()}
+    tables |= {("boundary", name): one for name, one in study.boundary.items()}
     sources = {name: table.of.family for (_, name), table in tables.items()}
     for (kind, name), table in tables.items():
         source, place, origins = sources[name], (kind, name, "of"), [sources[name]]
