@@ -176,7 +176,8 @@ def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> N
             [sys.executable, "-m", "contbreather", *line],
             stdout=out, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path,
         )  # fmt: skip
-    said = "contbreather: --csv zones.csv: standard output goes there; give --csv another file\n"
+    both = "standard output and --csv both name zones.csv; give different names"
+    said = f"contbreather: {both}\n"
     assert (done.returncode, done.stderr) == (BAD_INPUT, said)
     assert (tmp_path / "zones.csv").read_text() == ""
 

@@ -26,8 +26,8 @@ def test_both_arms_are_told_with_normal_form_stability_and_end(run: Run) -> None
         "PF1 at a = 0.777632425944, on symmetric breather in a",
         "Supercritical: (t2 - t1 - pi)^2 / (a - 0.777632) -> 8.761463",
         "Arm 1, EP1 to GR1: stable on the infinite chain.",
-        "Arm 1, GR1: at the limit: site 1 reaches |u| = 1 at t = 0.01765",
-        "Arm 2, GR1: at the limit: site 1 reaches |u| = 1 at t = 3.15925",
+        "Arm 1, GR1: ended at a terminal event (site 1 reaches |u| = 1 at t = 0.01765",
+        "Arm 2, GR1: ended at a terminal event (site 1 reaches |u| = 1 at t = 3.15925",
         "Arm 2, the mirror image of arm 1.",
         "Wrote arms.png.",
     ):
@@ -61,7 +61,7 @@ def test_arms_in_json_are_those_of_the_library(run: Run) -> None:
         assert told["special"][-1]["a"] == pytest.approx(arm[-1]["a"], abs=1e-13)
         assert told["columns"]["c"][-1] == pytest.approx(arm[-1]["c"], abs=1e-12)
         assert told["special"][0]["parent"] == "PF1"
-        assert told["end"].startswith("GR1: at the limit: site 1")
+        assert "(site 1 reaches |u| = 1 at t = " in told["end"]
 
 
 def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(run: Run):

@@ -118,25 +118,17 @@ class Output:
 
         typed = {"--csv": self.csv, "--save": self.library_file}
         typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
-        written = {option: path for option, path in typed.items() if path is not None}
         # what is kept and a figure have names of their sort
         checks = {"--save": target_of, "--output": cb.plotting.canvas.figure_path}
+        written = {option: path for option, path in typed.items() if path is not None}
         for option, path in written.items():
             checks.get(option, writable)(path)
         taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
-        taken[identity(1)] = "standard output"
-        if self.json:
-            taken[1] = "--json"
+        taken |= {identity(1): "standard output"} | ({1: "--json"} if self.json else {})
         for option, path in written.items():
             place = stream_of(path) or identity(path)
-            if place in (1, identity(1)) and place in taken:
-                raise BadInput(
-                    f"{option} {path}: {taken[place]} goes there; give {option} another file"
-                )
-            if place in taken:
-                raise BadInput(
-                    f"{taken[place]} and {option} both name {path}; give different names"
-                )
+            if other := taken.get(place):
+                raise BadInput(f"{other} and {option} both name {path}; give different names")
             taken[place] = option
 
     def leave(self, result: Result, *, cut: bool = False, others: Sequence[str] = ()) -> None:

@@ -390,42 +390,30 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
 
 
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:
-    """Words beside points, as `place_words` takes them, what is special first. What is close to a
-    word of its name, or of its kind on another branch, gets none: a pitchfork is on its branch and
-    on both arms."""
+    """Words beside points, as `place_words` takes them, what is special first. What is close to one
+    of its kind on another branch is named with it: a pitchfork is on its branch and on both arms.
+    Where their labels differ, for each branch numbers its own, by the kind alone."""
     words: list[tuple[Marker, Array, str]] = []
     for mark in marks:
-        if mark.point.kind == "EP" and branches > 1:
+        kind, text = mark.point.kind, name_of(mark.point)
+        if kind == "EP" and branches > 1:
             continue  # with several branches their ends are many, and say nothing: a dot is enough
         place = ax.transData.transform((mark.x, mark.y))
-        for j, (other, there, _) in enumerate(words):
-            elsewhere = other.branch != mark.branch
-            kin = elsewhere and other.point.kind == mark.point.kind
+        for j, (other, there, name) in enumerate(words):
+            # of meetings of two boundaries either may be followed
+            alike = {*kind.split("-")} == {*other.point.kind.split("-")}
             close = np.hypot(*(place - there)) < 12.0 * pixel  # half a word
-            if close and other.colour == mark.colour and (kin or _same_name(other, mark)):
-                if elsewhere and not _is_one(other.point, mark.point):
-                    words[j] = other, there, mark.point.kind  # each branch numbers its own
+            if close and alike and other.branch != mark.branch and other.colour == mark.colour:
+                words[j] = other, there, name if name == text or "-" in kind else kind
                 break
         else:
-            words.append((mark, place, name_of(mark.point)))
+            words.append((mark, place, text))
     words.sort(key=lambda word: word[0].point.kind == "EP")
     end = {"fontsize": "x-small", "color": GREY}
     return [
         (mark.x, mark.y, text, end if mark.point.kind == "EP" else {"color": mark.colour})
         for mark, _, text in words
     ]
-
-
-def _same_name(one: Marker, other: Marker) -> bool:
-    """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
-    kinds = [{*mark.point.kind.split("-")} for mark in (one, other)]
-    return kinds[0] == kinds[1] if len(kinds[0]) > 1 else one.point.label == other.point.label
-
-
-def _is_one(point: Point, other: Point) -> bool:
-    """Tell whether two points are one solution, or an arm's start and the point it left."""
-    first, second = (p.parent or p for p in (point, other))
-    return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
 
 def name_of(point: Point) -> str:

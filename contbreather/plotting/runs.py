@@ -25,7 +25,14 @@ from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILL
 from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
+from contbreather.simulation.simulate import (
+    Record,
+    SimulationRun,
+    SmoothRun,
+    States,
+    completed,
+    let_go,
+)
 from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import Sweep
 
@@ -206,13 +213,17 @@ def _with_record(motion: Any) -> tuple[Any, str]:
     strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
     if not strobed or getattr(motion, "noise", False):  # noise would be another one
         return motion, ""
-    first = max(0, motion.periods - int(LONG))
-    state = State(motion.strobe.u[first], motion.strobe.v[first])
-    again = let_go(
-        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
-        sample=Sample(range(motion.sites)), progress=False,
-    )  # fmt: skip
-    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
+    again = end_of(motion, int(LONG), Sample(range(motion.sites)))
+    cut = again.periods < motion.periods
+    return again, f"the last {again.periods} of {motion.periods} periods" if cut else ""
+
+
+def end_of(run: States, periods: int, sample: Sample) -> Any:
+    """Simulate the last periods of a run, or one, again, with some sites recorded densely."""
+    first = max(0, run.periods - periods)
+    state = State(run.strobe.u[first], run.strobe.v[first])
+    how: dict[str, Any] = {"t0": float(run.times[first]), "sample": sample, "progress": False}
+    return completed(let_go(state, run.conditions, periods=max(1, run.periods - first), **how))
 
 
 def _row_of_grid(motion: Any) -> tuple[range | None, str]:
