@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE
-from contbreather.cli.output import say, to_json
+from contbreather.cli import DONE
+from contbreather.cli.output import to_json
 
 from .typed import Run, table
 
@@ -152,17 +152,6 @@ def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
 # --- boundary, point, branch ----------------------------------------------------------------------
 
 
-def test_boundary_finds_no_pitchfork_of_solutions_that_go_through_a_wall(run) -> None:
-    """At gamma = 0.1 that of the closed form lies above grazing, which ends the branch."""
-    chain = cb.InfiniteChain()
-    p = 1 / (chain.chi(0.1) - 2 * chain.sigma(0.1))
-    beyond = cb.symmetric(p * math.hypot(1 / 9, 2 * chain.sigma(0.1)), 0.1, 0.8, root=1)
-    assert not beyond.admissibility().ok
-    status, _, err = run("boundary PF --k 0.8 --gamma 0.1")
-    assert status == BAD_INPUT
-    assert re.search(r"no PF found .*GR\d", err)
-
-
 def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     b = cb.symmetric(0.8, 0.045, 0.8)
     shown = cells(run("point --a 0.8 --gamma 0.045 --k 0.8")[1])
@@ -172,29 +161,7 @@ def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
 
 
-def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
-    say("word " * 100)
-    lines = capsys.readouterr().out.splitlines()
-    assert 150 < max(map(len, lines)) <= 160
-
-
 # --- titles, and pictures that commands write -----------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("line", "title"),
-    [
-        ("point --a 0.5 --gamma 0.05 --k 0.8", "Symmetric breather"),
-        ("branch --free a --gamma 0.1 --k 0.8", "symmetric breather in a"),
-        ("boundary PF --k 0.8", "PF boundary"),
-        ("zones --k 0.8 --csv z.csv", "Where the curves meet"),
-        ("switch --free a --gamma 0.04 --k 0.8", "asymmetric breather in a"),
-    ],
-)
-def test_tables_have_their_title(run, line: str, title: str) -> None:
-    status, out, _ = run(line)
-    assert status == DONE
-    assert any(re.match(rf"{title}(| .*)$", one.strip()) for one in out.splitlines()), out
 
 
 def test_table_of_arms_holds_the_special_points_of_each(run) -> None:

@@ -54,15 +54,9 @@ class Marker(NamedTuple):
     colour: str
 
 
-class Group(NamedTuple):
-    """Kind and fixed parameters that branches of one colour share."""
-
-    kind: str  # of a boundary; nothing of a branch in one parameter
-    values: tuple[tuple[str, float], ...]  # of fixed parameters that other branches have elsewhere
-
-    def __str__(self) -> str:
-        values = (f"{canvas.symbol(name)} = {x:g}" for name, x in self.values)
-        return ", ".join(filter(None, (self.kind, *values))) or "branch"
+# what branches of one colour share: the kind of a boundary, nothing of a branch in one parameter;
+# the values of fixed parameters that other branches have elsewhere
+Group = tuple[str, tuple[tuple[str, float], ...]]
 
 
 def plot_branches(
@@ -105,7 +99,7 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         pixel, plain = canvas.lay_out(axes), canvas.text_colour(axes)
-        if not any(group.values for group in groups):  # kinds are told by words
+        if not any(values for _, values in groups):  # kinds are told by words
             marks = [mark._replace(colour=plain) for mark in marks]
         words = _words(axes, pixel, marks, len(branches))
         named = len(words) <= MANY if labels is None else labels
@@ -154,7 +148,7 @@ def _colours(
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 
-        order.sort(key=lambda group: (group.kind, [value for _, value in group.values]))
+        order.sort()
         # its yellow is not seen on white
         shades = [to_hex(c) for c in colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))]
         key = dict(zip(order, shades, strict=True))
@@ -178,7 +172,7 @@ def _groups(branches: tuple[Branch, ...]) -> list[Group]:
     common = [name for name in fixed[0] if all(name in params for params in fixed)]
     differ = [name for name in common if len({params[name] for params in fixed}) > 1]
     groups = [
-        Group(kind, tuple((name, float(f"{params[name]:.6g}")) for name in differ))
+        (kind, tuple((name, float(f"{params[name]:.6g}")) for name in differ))
         for kind, params in zip(kinds, fixed, strict=True)
     ]
     return groups if differ or any(kinds) else []
@@ -363,12 +357,16 @@ def _legend_entries(
     between."""
     count = min(len(key), MANY - 1)
     shown = [list(key.items())[i] for i in np.linspace(0, len(key) - 1, count).round().astype(int)]
-    entries: dict[str, dict[str, Any]] = {str(group): {"color": colour} for group, colour in shown}
+    entries: dict[str, dict[str, Any]] = {}
+    for (kind, values), colour in shown:
+        words = (f"{canvas.symbol(name)} = {x:g}" for name, x in values)
+        entries[", ".join(filter(None, (kind, *words))) or "branch"] = {"color": colour}
     if left := len(key) - count:
         entries[f"and {left} more"] = {"linestyle": "none"}
-    for style, words in WORDS.items():
+    for style, stability in WORDS.items():
         if style in styles and styles != {STABLE}:
-            entries[words] = {"color": unknown if style == UNKNOWN else plain, "linestyle": style}
+            colour = unknown if style == UNKNOWN else plain
+            entries[stability] = {"color": colour, "linestyle": style}
     return entries
 
 
@@ -392,7 +390,7 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:
     """Words beside points, as `place_words` takes them, what is special first. What is close to one
     of its kind on another branch is named with it: a pitchfork is on its branch and on both arms.
-    Where their labels differ, for each branch numbers its own, by the kind alone."""
+    Where they are different points, by the kind alone, for each branch numbers its own."""
     words: list[tuple[Marker, Array, str]] = []
     for mark in marks:
         kind, text = mark.point.kind, name_of(mark.point)
@@ -402,9 +400,10 @@ def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> li
         for j, (other, there, name) in enumerate(words):
             # of meetings of two boundaries either may be followed
             alike = {*kind.split("-")} == {*other.point.kind.split("-")}
-            close = np.hypot(*(place - there)) < 12.0 * pixel  # half a word
-            if close and alike and other.branch != mark.branch and other.colour == mark.colour:
-                words[j] = other, there, name if name == text or "-" in kind else kind
+            away = np.hypot(*(place - there)) / pixel
+            near = away < 12.0 and other.branch != mark.branch  # half a word
+            if near and alike and other.colour == mark.colour:
+                words[j] = other, there, name if away < 0.1 else kind
                 break
         else:
             words.append((mark, place, text))

@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from io import StringIO
-from itertools import product
-from operator import itemgetter
 from pathlib import Path
 from string import digits
 from typing import TYPE_CHECKING, Any
@@ -302,9 +300,6 @@ def marker_of(kind: str) -> dict[str, Any]:
 
 # --- words beside points --------------------------------------------------------------------------
 
-# right and up; a word is to the upper right of its point where it covers nothing there
-SIDES = ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
-
 
 def lay_out(ax: Axes) -> float:
     """Let the layout come to rest, so that positions in pixels are final; pixels in a typographic
@@ -315,28 +310,39 @@ def lay_out(ax: Axes) -> float:
 
 
 def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
-    """Write words beside points of finished axes, each in its style, on the side where it covers
-    least of other words and the legend, then of curves. Points outside of the axes get none."""
+    """Write words beside points of finished axes, each in its style: close by, to the upper right
+    before elsewhere, where they cover least of other words and the legend, are nearest to their own
+    point, and cover least of curves. Points outside of the axes get none."""
+    from matplotlib.transforms import Bbox
+
+    def off(box: Bbox, points: Array) -> Array:
+        return np.linalg.norm(np.clip(points, box.min, box.max) - points, axis=-1)
+
     pixel, curves = lay_out(ax), curve_points(ax)
     inner, outer = ax.bbox.padded(-3.0 * pixel), ax.bbox.padded(2.0 * pixel)  # off ticks, at rim
     taken = [word.get_window_extent() for word in (*ax.texts, ax.get_legend()) if word]
-    for x, y, text, style in words:
-        if not outer.contains(*ax.transData.transform((x, y))):
+    angles = np.pi * (0.25 + np.arange(16) / 8.0)
+    sides = np.column_stack([np.cos(angles), np.sin(angles)])
+    placed = list(words)
+    every = ax.transData.transform(np.reshape([word[:2] for word in placed], (-1, 2)))
+    for point, (x, y, text, style) in zip(every, placed, strict=True):
+        if not outer.contains(*point):
             continue
-        look = {"fontsize": "small", **style}
+        look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
         look["fontsize"] = type_size(ax, look["fontsize"])
-        word: Any = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
-        tried = []
-        for gap, (across, up) in product((3.0, 10.0, 20.0), SIDES):  # points
-            level, upright = ("right", "center", "left")[across + 1], ("top", "center", "bottom")
-            place = {"position": (gap * across, gap * up), "ha": level, "va": upright[up + 1]}
-            word.set(**place)
-            box = word.get_window_extent().padded(pixel)
-            hidden = box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4)
-            tried.append((hidden, box.count_contains(curves), len(tried), place, box))
-        *_, place, box = min(tried, key=itemgetter(0, 1, 2))
-        word.set(**place)
-        taken.append(box)
+        word = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
+        half = 0.5 * np.asarray(word.get_window_extent().size)
+        beside = half * np.clip(1.5 * sides, -1.0, 1.0)
+        ways = np.concatenate([gap * pixel * sides + beside for gap in (3, 6, 10, 15, 22, 30)])
+        boxes = [Bbox([point + way - half, point + way + half]).padded(pixel) for way in ways]
+        covered = [
+            (box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4),
+             int(np.sum(off(box, every) <= 1.5 * off(box, point))), box.count_contains(curves))
+            for box in boxes
+        ]  # fmt: skip
+        best = covered.index(min(covered))
+        word.set_position(tuple(ways[best] / pixel))
+        taken.append(boxes[best])
 
 
 def curve_points(ax: Axes) -> Array:

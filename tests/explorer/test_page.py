@@ -259,14 +259,6 @@ def test_lattice_springs_and_walls_are_typed(page: Page, texts: Any, given: Any)
     assert again == pytest.approx(page.explorer.state.curves["branch1"]["p"][upper], rel=1e-7)
 
 
-def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(bare: Page) -> None:
-    typed(bare, damping="0.02")
-    assert "take a ring or another finite lattice" in sentence(bare.forms.troubles["Breather"])
-    typed(bare, damping="", walls="-1")
-    assert "--walls -1: LOW,HIGH" in sentence(bare.forms.troubles["Breather"])
-    bare.forms.breather["walls"].input.value = ""
-
-
 def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp_path: Any) -> None:
     path = tmp_path / "run.nc"
     path.write_text("of last week")
@@ -312,13 +304,6 @@ def test_other_ranges_are_those_of_the_library_which_says_so(bare, form, button,
     press(bare, "Show")
 
 
-def test_the_ring_that_is_judged_has_sites_that_a_page_can_show(bare: Page) -> None:
-    for text, said in (("0", "sites = 0"), ("2001", "at most 2000 sites"), ("400", "")):
-        bare.asked["ring"].input.value = text
-        assert said in sentence(bare.asked["ring"].trouble)
-        assert bool(said) == bool(sentence(bare.asked["ring"].trouble))
-
-
 def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
     tap(page.zones.figure, 0.12, 0.5)
     page.plane.value = "gamma"
@@ -340,14 +325,6 @@ def test_a_value_of_the_slider_is_not_sent_back_rounded(page: Page) -> None:
     assert page.slider.value == sent
     page.explorer.look_at(0.8)
     assert page.slider.value == 0.8
-
-
-def test_what_is_looked_at_is_judged_while_its_zones_are_computed(bare: Page) -> None:
-    tap(bare.zones.figure, 0.08, 0.5)
-    bare.explorer.drawing = "zones at k = 0.8: 3 points"
-    bare.render()
-    assert "k=0.8): stable on the infinite chain (zones at k = 0.8: 3 points)" in bare.status.html
-    bare.explorer.drawing = ""
 
 
 def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
