@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,6 +22,7 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, NUMBERS, OPTIONAL, parameter
 from contbreather.plotting.canvas import save_figure
+from contbreather.plotting.orbits import chosen_sites
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.runs import plot_motion
 from contbreather.plotting.zones import plot_zones
@@ -189,7 +190,7 @@ class Session:
         """Code of what zones are wanted of: what is set, but on the infinite chain, where they have
         no springs, that alone."""
         own = typed if lattice else {"omega": typed.get("omega")}
-        if not lattice and own["omega"] in (None, 1.0):
+        if not lattice and own["omega"] in (None, "", 1.0):
             return ""
         # in one order, and without zeros: what vanishes is not there
         conditions = {name: own[name] for name in sorted(own) if own[name]}
@@ -253,8 +254,9 @@ class Session:
             raise BadInput("choose a breather first: click into a diagram, or type its parameters.")
         return self.state.chosen
 
-    def watch(self, sites: tuple[int, ...], ring: int) -> None:
-        self.change(sites=sites, ring=small(Ring(ring)).sites)
+    def watch(self, sites: Sequence[int], ring: int) -> None:
+        shown = tuple(dict.fromkeys(chosen_sites(sites)))
+        self.change(sites=shown, ring=small(Ring(ring)).sites)
 
     def begin(self, computation: Computation) -> None:
         """Do it in the background.

@@ -378,7 +378,7 @@ class MotionView(OrbitView):
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
-        self.figure.title.text = verdict
+        self.figure.title.text = "\n".join(wrap(verdict, WIDE))
         colours = self._draw({n: (times, its) for n, its in zip(there, u, strict=True)})
         hits = impacts_of(orbit, there)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
