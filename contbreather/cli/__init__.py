@@ -81,7 +81,8 @@ def _sentence(error: Exception) -> str:
     command = getattr(error, "command_chain", None) or ()
     text = " ".join(str(error).split())
     text = text.partition(" Available commands")[0]  # a list that stops after eight
-    return f"{text} See {' '.join(('contbreather', *command))} --help."
+    end = "" if text.endswith(("?", ".")) else "."
+    return f"{text}{end} See {' '.join(('contbreather', *command))} --help."
 
 
 def _refused(reason: object, status: int) -> int:
