@@ -67,52 +67,59 @@ def point(
         on = replace(where, sites=None).on()
     roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**where.given(), **on})
     breather = rooted(roots, root)
-    margins, finite = breather.admissibility(), breather.lattice.sites is not None
-    verdict = breather.stability(threshold=verge) if finite else breather.stability()
     others = [
         {"p": other.p, "phi": other.phi, "admissible": other.admissibility().ok}
         for other in roots if other is not breather
     ]  # fmt: skip
-    # what goes through a wall is no motion of the lattice, be its linearisation what it may
-    judged = margins.ok
+    judged, lines = _judged(breather, verge, None if where.sites is None else ring)
     content: dict[str, Any] = {
         **{name: value for name, value in breather.conditions.params.items() if name in NAMES},
         **model_entry(verge, **on),
         **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
-        "admissible": margins.ok,
-        **{name: getattr(margins, name) for name in ("max_neighbour", "margin", "reason")},
-        **{name: getattr(verdict, name) if judged else None for name in ("stable", "unstable")},
+        **judged,
         "other_roots": others,
+        "root": roots.index(breather) + 1,
     }
-    if finite:
-        content["largest"] = verdict.largest if judged else None
-    else:
-        names = ("certain", "over_reflecting", "multipliers")
-        content |= {name: getattr(verdict, name) for name in names}
-    lines = [margins.reason, verdict.describe()]
-    if where.sites is not None:  # by the paper's rule besides
-        by_rule = breather.stability(sites=ring.sites, threshold=verge)
-        about = {"sites": ring.sites, "threshold": verge, "largest": by_rule.largest}
-        content["ring"] = {**about, "unstable": by_rule.unstable if judged else None}
-        lines.append(by_rule.describe())
-    if not judged:
-        lines[1:] = ["nothing is said of its stability: the lattice has no such motion"]
-    if others:
-        ps = (f"p = {o['p']:.9g} ({'' if o['admissible'] else 'not '}admissible)" for o in others)
-        lines.append(f"further roots of (11): {', '.join(ps)}")
-    content["root"] = roots.index(breather) + 1
     proof = breather.certify() if certify else None
     if proof is not None:
         content["certificate"] = asdict(proof)
     if json:
         to_json(content)
     else:
-        isolated = verdict.multipliers if judged and not finite else ()
+        if others:
+            told = (f"{o['p']:.9g} ({'' if o['admissible'] else 'not '}admissible)" for o in others)
+            lines.append(f"further roots of (11): p = {', p = '.join(told)}")
+        isolated = judged.get("multipliers", ()) if judged["admissible"] else ()
         rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in isolated]
         say(replace(breather.table().further(*rows), title="Symmetric breather"))
         say(*sentences(lines), *([] if proof is None else [proof.table()]))
     if proof is not None and proof.unproved:
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
+
+
+def _judged(breather: Any, verge: float, ring: Any) -> tuple[dict[str, Any], list[str]]:
+    """Judge admissibility and stability, on a ring besides: for JSON, and in sentences."""
+    margins, finite = breather.admissibility(), breather.lattice.sites is not None
+    verdict = breather.stability(threshold=verge) if finite else breather.stability()
+    lines, names = [margins.reason, verdict.describe()], ["stable", "unstable"]
+    names += ["largest"] if finite else []
+    content = {
+        "admissible": margins.ok,
+        **{name: getattr(margins, name) for name in ("max_neighbour", "margin", "reason")},
+        # what goes through a wall is no motion of the lattice, be its linearisation what it may
+        **{name: getattr(verdict, name) if margins.ok else None for name in names},
+    }
+    if not finite:
+        exact = ("certain", "over_reflecting", "multipliers")
+        content |= {name: getattr(verdict, name) for name in exact}
+    if ring is not None:  # by the paper's rule
+        told = breather.stability(sites=ring.sites, threshold=verge)
+        about = {"sites": ring.sites, "threshold": verge, "largest": told.largest}
+        content["ring"] = {**about, "unstable": told.unstable if margins.ok else None}
+        lines.append(told.describe())
+    if not margins.ok:
+        lines[1:] = ["nothing is said of its stability: the lattice has no such motion"]
+    return content, lines
 
 
 # --- curves ---------------------------------------------------------------------------------------
