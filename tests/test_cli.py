@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 import os
 import re
 import subprocess
@@ -12,7 +11,6 @@ from contextlib import chdir, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -31,12 +29,6 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
 
 # --- what is refused ----------------------------------------------------------------------------
-
-
-def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=KeyError("bug")))
-    with pytest.raises(KeyError):
-        run(POINT)
 
 
 # --- point --------------------------------------------------------------------------------------
@@ -64,12 +56,6 @@ def test_point_on_a_ring_follows_the_paper_s_rule(run: Run) -> None:
     assert ring["largest"] == pytest.approx(full.max(), abs=1e-13)
     assert ring["unstable"] == np.sum(full > 1.02)
     assert strict(run(line)[1])["ring"]["threshold"] == 1.005
-
-
-def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(run: Run) -> None:
-    out = run("point --a 0.2 --gamma 0.11 --k 0.8 --json")[1]
-    multipliers = [complex(*pair) for pair in strict(out)["multipliers"]]
-    assert multipliers == cb.symmetric(0.2, 0.11, 0.8).stability().multipliers.tolist()
 
 
 def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Run) -> None:
@@ -259,13 +245,6 @@ def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 
 
-def test_branch_by_the_paper_s_rule(run: Run) -> None:
-    line = "branch --free gamma --a 0.2 --k 0.8 --window 0.08 0.1"
-    special = strict(run(f"{line} --sites 400 --json")[1])["special"]
-    first = next(point["gamma"] for point in special if point["kind"] == "NS")
-    assert first == pytest.approx(0.0915527427, abs=1e-9)
-
-
 def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
     status, out, _ = run(f"{BRANCH} --csv b.csv -o b.pdf --json")
     content, rows = strict(out), table(Path("b.csv"))
@@ -449,19 +428,6 @@ def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> No
     assert "┃" not in out
 
 
-@pytest.mark.parametrize("command", ["boundary", "zones", "branch", "figure", "point"])
-def test_help_fills_its_lines(run: Run, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
-    """No line of prose is broken where the source breaks it: the next word would not fit."""
-    monkeypatch.setenv("COLUMNS", "80")
-    status, out, _ = run(f"{command} --help")
-    assert status == DONE
-    prose = out.split("╭")[0].splitlines()
-    assert len(prose) > 2
-    for line, following in itertools.pairwise(prose):
-        if line.strip() and following.strip():
-            assert len(line.rstrip()) + 1 + len(following.split()[0]) > 80
-
-
 def test_help_shows_a_default_that_says_something(run: Run) -> None:
     """0 does; that something is not asked for, not given or empty does not."""
     shown = set[str]()
@@ -480,15 +446,6 @@ def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
     assert Path("figure4.png").read_bytes().startswith(b"\x89PNG")
     assert "infinite chain (exact)" in " ".join(out.split())
     assert "Wrote figure4.png." in out
-
-
-def test_figure_for_programs(run: Run) -> None:
-    content = strict(run("figure 3 --json --csv m.csv")[1])
-    assert content["written"] == ["m.csv"]
-    assert len(content["rows"]) == 1600
-    assert [float(row["modulus"]) for row in table(Path("m.csv"))] == [
-        row["modulus"] for row in content["rows"]
-    ]
 
 
 def test_help_and_version_are_quick_for_they_load_no_numerics() -> None:

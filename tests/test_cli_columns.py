@@ -32,14 +32,6 @@ def column(rows: list[dict[str, str]], name: str) -> list[float]:
     return [float(row[name]) for row in rows]
 
 
-def test_isolated_multipliers_are_rows_on_the_infinite_chain_only(run) -> None:
-    words = "isolated multiplier of QS"
-    assert words in cells(run("point --a 0.2 --gamma 0.11 --k 0.8")[1])
-    _, out, _ = run("point --a 1.2 --gamma 0.05 --k 0.8 --lattice open:9 --site 4 --walls -2,2")
-    assert words not in cells(out)
-    assert list(cells(out)) == ["a", "gamma", "k", "p", "phi", "chi", "max |u| of its neighbours"]
-
-
 # --- simulate -----------------------------------------------------------------------------------
 
 
@@ -94,16 +86,6 @@ def test_table_of_a_run_gives_each_word_its_own_number(run) -> None:
     assert float(shown["largest multiplier"]) == pytest.approx(evidence["multiplier"], rel=1e-8)
     assert float(shown["participation ratio"]) == pytest.approx(evidence["participation"], rel=1e-3)
     assert float(shown["returns after a period to"]) == pytest.approx(evidence["return"], rel=0.06)
-
-
-def test_json_of_a_run_repeats_what_was_asked(run) -> None:
-    content = json.loads(run(f"{RUN} --periods 3 --json --forcing=-cos(t)")[1])
-    asked = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.02, "sites": 4, "periods": 3}
-    assert {name: content[name] for name in asked} == asked
-    assert content["m"] is None
-    assert "cos" in content["forcing"]
-    smooth = json.loads(run(f"{RUN} --periods 3 --smooth 6 --json")[1])
-    assert (smooth["m"], smooth["damping"]) == (6.0, 0.02)
 
 
 def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run) -> None:
@@ -253,11 +235,6 @@ def test_picture_of_a_diagram_shows_every_branch_by_its_asymmetry(run, pictures)
     for row in rows[::9]:
         place = float(row["a"]), float(row["asymmetry"])
         assert np.abs(data_of(ax) - place).max(axis=1).min() < 0.02
-
-
-def test_help_calls_the_command_by_its_name(run) -> None:
-    out = run("--help")[1]
-    assert re.search(r"Usage: contbreather\b(?!x)", out)
 
 
 # --- every key and heading that a program reads by name ------------------------------------------

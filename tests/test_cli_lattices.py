@@ -76,13 +76,6 @@ def test_point_on_each_lattice_is_the_library_s(run, typed: str) -> None:
     assert lattice.describe() in run(line)[1].lower()
 
 
-def test_a_matrix_may_be_written_with_spaces_or_semicolons(run) -> None:
-    Path("a.csv").write_text("1 -1 0\n\n-1 3 -2\n0 -2 2\n", encoding="utf-8")
-    Path("b.csv").write_text("1; -1; 0\n-1; 3; -2\n0; -2; 2", encoding="utf-8")
-    p = [content(run, f"point --a 0.8 {AT} --lattice {name}.csv")["p"] for name in "ab"]
-    assert p == [cb.symmetric(0.8, 0.05, 0.8, lattice=cb.Lattice(MATRIX)).p] * 2
-
-
 @pytest.mark.parametrize(
     ("typed", "walls"),
     [
@@ -120,15 +113,6 @@ def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str
     assert (columns[free][0], columns[free][-1]) == (0.0, 0.02)
     own = cb.symmetric(0.6, 0.05, 0.8, lattice=LATTICES[lattice], **{free: 0.02})
     assert columns["p"][-1] == pytest.approx(own.p, abs=1e-10)
-
-
-def test_springs_are_a_parameter_on_the_infinite_chain_too(run) -> None:
-    line = f"branch --free spring --a 0.6 {AT} --window 0 0.9"
-    columns = content(run, line)["columns"]
-    for i in (0, -1):
-        own = cb.symmetric(0.6, 0.05, 0.8, spring=columns["spring"][i])
-        assert columns["p"][i] == pytest.approx(own.p, abs=1e-11)
-    assert content(run, f"point --a 0.6 {AT} --spring 0.2")["spring"] == 0.2
 
 
 def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:

@@ -29,7 +29,7 @@ point --a >> parameter --a requires an argument\. See contbreather point --help\
 point --gamma 0.1 --k 0.8 >> --a is missing: the amplitude of the forcing, above 0$
 POINT --sites 2.5 >> --sites: 2\.5 is not a whole number
 POINT --amplitude 3 >> Unknown option.*--amplitude
-POINT more >> Unused Tokens: \['more'\]\. See contbreather point --help
+POINT more >> 'more' belongs to no option; each value follows the name of its own
 figure 4 --walls -2,2 >> Unknown option: --walls\. See contbreather figure --help
 zone >> Unknown command "zone"\. Did you mean "zones"\? See contbreather --help
 branch --gamma 0.1 --k 0.8 >> parameter --free requires an argument

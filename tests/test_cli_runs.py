@@ -105,13 +105,6 @@ def test_branches_of_a_diagram_have_numbers(run: Run) -> None:
         tree["diagram/3"]
 
 
-def test_a_window_without_end_has_no_edge_to_stop_at() -> None:
-    open_ = {"p": (0.0, np.inf)}
-    short = cb.trace(cb.symmetric(0.75, 0.04, 0.8), "a", within={"a": (0.74, 0.76), **open_})
-    longer = cb.extend(short, end="last", within={"a": (0.74, 0.77), **open_})
-    assert longer["a"][-1] == pytest.approx(0.77, abs=1e-12)
-
-
 def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
     ring = "--lattice ring:6 --gamma 0.05 --k 0.8 --damping 0.01"
     run(f"branch --free a {ring} --window 0.05 0.1 --a 0.09 --save ring.nc")

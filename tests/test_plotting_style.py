@@ -193,16 +193,6 @@ def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
         plots.plot_zones([])
 
 
-def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
-    branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.15, 0.3)})
-    for name in ("arclength", "residual"):
-        ax = plots.plot(branch, x=name, y="p").axes
-        column = branch[name]
-        x = np.concatenate([np.atleast_1d(line.get_xdata()) for line in ax.get_lines()])
-        assert x.min() == pytest.approx(column.min(), abs=1e-12)
-        assert x.max() == pytest.approx(column.max(), abs=1e-12)
-
-
 def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     for site in (0.5, "0", None, (0,)):
         with pytest.raises(BadInput, match=r"site = .*: the number of a site was expected"):

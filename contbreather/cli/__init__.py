@@ -78,9 +78,14 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """Say what the parser found, on one line, with the way on."""
+    from cyclopts import UnusedCliTokensError
+
     command = getattr(error, "command_chain", None) or ()
     text = " ".join(str(error).split())
     text = text.partition(" Available commands")[0]  # a list that stops after eight
+    if isinstance(error, UnusedCliTokensError):
+        extra = " ".join(error.unused_tokens or ())
+        text = f"{extra!r} belongs to no option; each value follows the name of its own, as --a 0.2"
     end = "" if text.endswith(("?", ".")) else "."
     return f"{text}{end} See {' '.join(('contbreather', *command))} --help."
 

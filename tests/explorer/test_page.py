@@ -13,7 +13,6 @@ import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.explorer import Explorer
 from contbreather.explorer.page import Page
-from contbreather.explorer.state import Chosen
 from contbreather.explorer.views import letter
 
 from ..apart import HUNG
@@ -340,19 +339,6 @@ def test_of_curves_of_two_problems_those_are_drawn_that_were_ticked_last() -> No
         agree(page)
 
 
-def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
-    assert page.remove.disabled
-    tap(page.zones.figure, 0.08, 0.5)
-    press(page, "Continue")
-    page.remove.clicks += 1
-    assert page.shown.options == []
-    page.undo.clicks += 1
-    assert page.shown.options == ["branch1"]
-    page.undo.clicks += 1
-    assert page.undo.disabled
-    assert page.shown.options == []
-
-
 def test_where_an_impact_vanishes_all_else_is_drawn_and_why_no_multipliers(page: Page) -> None:
     tap(page.zones.figure, 0.08, 0.1)
     press(page, "Continue")
@@ -401,14 +387,6 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.explorer.chosen.code == "branch3.first('LP1')"
 
 
-def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
-    tap(page.zones.figure, 0.08, 0.1)
-    assert "chosen" not in page.zones.figure.title.text
-    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
-    page.explorer.choose(Chosen("...", on_ring))
-    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
-
-
 def test_stable_is_said_of_a_lattice_that_is_named_beside_it(page: Page) -> None:
     """The chain may be stable where a ring is not, for on that waves come back."""
     for lattice, on in (("", "infinite chain"), ("ring:12", "ring of 12")):
@@ -444,18 +422,6 @@ def test_a_simulation_as_it_is_offered_confirms_the_verdict(page: Page, texts: A
     assert f"{away[-1]:.2g} from the breather" in page.run.figure.title.text
     assert page.forms.length["sites"].value == str(on.sites)
     assert page.forms.length["sites"].disabled == (orbit.lattice.sites is not None)
-
-
-def test_motion_is_that_of_the_site_that_hits_wherever_it_is(page: Page) -> None:
-    typed(page, lattice="open:9", site="4", damping="0.02", gamma="0.03")
-    assert page.motion.lines.data["site"] == ["site 4", "site 5", "site 6"]
-    press(page, "Simulate from here")
-    assert page.run.lines.data["site"] == ["site 4", "site 5", "site 6"]
-    for view in (page.motion, page.run):
-        assert max(view.lines.data["ys"][0]) == pytest.approx(1.0, abs=1e-9)
-    title = page.multipliers.figure.title.text
-    assert title.replace("\n", " ") == "over half a period, open chain with free ends, 9 sites"
-    assert max(map(len, title.split("\n"))) <= 33  # it is not cut off
 
 
 def agree(page: Page) -> None:

@@ -92,13 +92,6 @@ def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) 
     np.testing.assert_array_equal(eval(code, made)["a"], branch["a"])
 
 
-def test_figures_are_exported_in_each_format(told: Explorer) -> None:
-    assert told.figure("branches", ".svg").lstrip().startswith(b"<?xml")
-    assert told.figure("motion", ".png").startswith(b"\x89PNG")
-    with pytest.raises(BadInput, match="nothing to draw as zones yet"):
-        told.figure("zones", ".pdf")
-
-
 def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
