@@ -226,17 +226,6 @@ def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictu
     assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
 
 
-def test_picture_of_a_diagram_shows_every_branch_by_its_asymmetry(run, pictures) -> None:
-    run("diagram --free a --gamma 0.04 --k 0.8 -o d.png --csv d.csv")
-    (ax,) = pictures[0].axes
-    assert ax.get_xlabel() == "$a$"
-    rows = table("d.csv")
-    assert {row["branch"] for row in rows} == {"0", "1", "2"}
-    for row in rows[::9]:
-        place = float(row["a"]), float(row["asymmetry"])
-        assert np.abs(data_of(ax) - place).max(axis=1).min() < 0.02
-
-
 # --- every key and heading that a program reads by name ------------------------------------------
 
 SAID = "forcing interrupted written"

@@ -236,11 +236,9 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         lattice, role = motion.conditions.lattice, "moves most"
     else:
         orbit = orbits.drawn_orbit(motion)
-        lattice, role, site = orbit.lattice, "moves most", 0
-        if isinstance(orbit, Orbit):
-            site, role = orbit.section.impacts[0][0], "hits"
-        else:
-            site = int(orbit.swings.argmax())
+        hits = isinstance(orbit, Orbit)
+        site = orbit.section.impacts[0][0] if hits else int(orbit.swings.argmax())
+        lattice, role = orbit.lattice, "hits" if hits else "moves most"
     shape = getattr(lattice, "shape", None)
     if shape is None:
         return None, ""
@@ -255,12 +253,9 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
     """Times, sites in ascending order, and displacements of shape (times, sites)."""
     chosen = None if sites is None else orbits.chosen_sites(sites)
     if isinstance(motion, States):
-        if chosen is not None:
-            chosen = [n % motion.sites for n in chosen]
-        if motion.record is None:
-            there = np.sort(np.arange(motion.sites) if chosen is None else chosen)
-            return motion.times, there, motion.strobe.u[:, there]
-        motion = motion.record
+        chosen = None if chosen is None else [n % motion.sites for n in chosen]
+        every = Record(motion.times, tuple(range(motion.sites)), *motion.strobe)
+        motion = every if motion.record is None else motion.record
     if isinstance(motion, Record):
         wanted = motion.sites if chosen is None else chosen
         if missing := [n for n in wanted if n not in motion.sites]:
