@@ -31,6 +31,12 @@ TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 # --- what is refused ----------------------------------------------------------------------------
 
 
+def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=KeyError("bug")))
+    with pytest.raises(KeyError):
+        run(POINT)
+
+
 # --- point --------------------------------------------------------------------------------------
 
 

@@ -64,6 +64,16 @@ def test_arms_in_json_are_those_of_the_library(run: Run) -> None:
         assert "(site 1 reaches |u| = 1 at t = " in told["end"]
 
 
+def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(run: Run):
+    out = run(f"{SWITCH} --csv arms.csv --save arms.nc")[1]
+    kept = cb.load("arms.nc")["arm1"]
+    label = kept[0].label
+    assert f"Arm 1, {label} to GR1" in out
+    assert f"│   1 │ {label} " in out
+    assert table("arms.csv")[0]["label"] == label
+    assert kept.first(label)["a"] == kept[0]["a"]
+
+
 def test_on_a_ring_the_same_arms_are_shot(run: Run) -> None:
     status, out, _ = run(f"{SWITCH} --sites 20 --window 0.7 0.9")
     assert status == DONE

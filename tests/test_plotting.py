@@ -188,6 +188,15 @@ def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> N
     assert ax.yaxis.get_offset_text().get_text() == ""
 
 
+def test_small_changes_are_not_taken_for_rounding() -> None:
+    line = cb.Problem(lambda x, p: np.array([x[0] - 1 - 1e-6 * p["mu"]]), {"x": 1.0}, {"mu": 0.0})
+    ax = plots.plot(cb.trace(line, "mu", within={"mu": (-1, 1)})).axes
+    ax.figure.draw_without_rendering()
+    low, high = ax.get_ylim()
+    assert high - low < 3e-6
+    assert ax.yaxis.get_offset_text().get_text() == ""
+
+
 def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> None:
     from dataclasses import replace
 

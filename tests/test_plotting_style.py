@@ -28,6 +28,30 @@ HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 
 # What red-blind, green-blind and other eyes see of linear red, green and blue (Machado, Oliveira,
 # Fernandes, IEEE TVCG 15 (2009) 1291, severity 1).
+EYES = {
+    "red-blind": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "green-blind": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "others": np.eye(3),
+}
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_colours_of_lines_are_apart_for_every_eye(eye: str) -> None:
+    srgb = np.array([mpl.colors.to_rgb(colour) for colour in CYCLE])
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(linear @ np.array(EYES[eye]).T, 0, 1) ** (1 / 2.4)
+    gaps = np.linalg.norm(seen[:, None] - seen[None], axis=2)[np.triu_indices(len(CYCLE), 1)]
+    assert gaps.min() > 0.19  # what Okabe and Ito reach
+
+
 def test_the_style_of_the_caller_comes_back() -> None:
     before = mpl.rcParams["axes.linewidth"]
     with style():

@@ -71,13 +71,12 @@ def point(
         {"p": other.p, "phi": other.phi, "admissible": other.admissibility().ok}
         for other in roots if other is not breather
     ]  # fmt: skip
-    judged, lines = _judged(breather, verge, None if where.sites is None else ring)
+    judged, lines = _judged(breather, others, verge, None if where.sites is None else ring)
     content: dict[str, Any] = {
         **{name: value for name, value in breather.conditions.params.items() if name in NAMES},
         **model_entry(verge, **on),
         **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
         **judged,
-        "other_roots": others,
         "root": roots.index(breather) + 1,
     }
     proof = breather.certify() if certify else None
@@ -86,9 +85,6 @@ def point(
     if json:
         to_json(content)
     else:
-        if others:
-            told = (f"{o['p']:.9g} ({'' if o['admissible'] else 'not '}admissible)" for o in others)
-            lines.append(f"further roots of (11): p = {', p = '.join(told)}")
         isolated = judged.get("multipliers", ()) if judged["admissible"] else ()
         rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in isolated]
         say(replace(breather.table().further(*rows), title="Symmetric breather"))
@@ -97,19 +93,24 @@ def point(
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
-def _judged(breather: Any, verge: float, ring: Any) -> tuple[dict[str, Any], list[str]]:
+def _judged(
+    breather: Any, others: list[dict[str, Any]], verge: float, ring: Any
+) -> tuple[dict[str, Any], list[str]]:
     """Judge admissibility and stability, on a ring besides: for JSON, and in sentences."""
     margins, finite = breather.admissibility(), breather.lattice.sites is not None
     verdict = breather.stability(threshold=verge) if finite else breather.stability()
-    lines, names = [margins.reason, verdict.describe()], ["stable", "unstable"]
-    names += ["largest"] if finite else []
+    lines = [margins.reason, verdict.describe()]
+    # what goes through a wall is no motion of the lattice, be its linearisation what it may
+    judge = verdict if margins.ok else None
     content = {
         "admissible": margins.ok,
         **{name: getattr(margins, name) for name in ("max_neighbour", "margin", "reason")},
-        # what goes through a wall is no motion of the lattice, be its linearisation what it may
-        **{name: getattr(verdict, name) if margins.ok else None for name in names},
+        **{name: getattr(judge, name, None) for name in ("stable", "unstable")},
+        "other_roots": others,
     }
-    if not finite:
+    if finite:
+        content["largest"] = getattr(judge, "largest", None)
+    else:
         exact = ("certain", "over_reflecting", "multipliers")
         content |= {name: getattr(verdict, name) for name in exact}
     if ring is not None:  # by the paper's rule
@@ -119,6 +120,11 @@ def _judged(breather: Any, verge: float, ring: Any) -> tuple[dict[str, Any], lis
         lines.append(told.describe())
     if not margins.ok:
         lines[1:] = ["nothing is said of its stability: the lattice has no such motion"]
+    if others:
+        roots = (
+            f"p = {o['p']:.9g} ({'' if o['admissible'] else 'not '}admissible)" for o in others
+        )
+        lines.append(f"further roots of (11): {', '.join(roots)}")
     return content, lines
 
 

@@ -13,6 +13,7 @@ import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.explorer import Explorer
 from contbreather.explorer.page import Page
+from contbreather.explorer.state import Chosen
 from contbreather.explorer.views import letter
 
 from ..apart import HUNG
@@ -385,6 +386,14 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.curve.value == "branch3"
     page.label.value = page.label.options["LP1"]
     assert page.explorer.chosen.code == "branch3.first('LP1')"
+
+
+def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
+    tap(page.zones.figure, 0.08, 0.1)
+    assert "chosen" not in page.zones.figure.title.text
+    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
+    page.explorer.choose(Chosen("...", on_ring))
+    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
 
 
 def test_stable_is_said_of_a_lattice_that_is_named_beside_it(page: Page) -> None:

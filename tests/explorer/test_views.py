@@ -14,7 +14,7 @@ from bokeh.models import GlyphRenderer, HoverTool
 import contbreather as cb
 from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.explorer import views
-from contbreather.explorer.state import Chosen
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import plot
@@ -78,6 +78,20 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: An
         assert line.glyph.line_color == LINES[kind]["color"]
     dashes = [line.glyph.line_dash for line in words.values()]
     assert dashes == ["solid", "dashed", "dashdot", "solid"]
+
+
+def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> None:
+    view, coming = views.ZonesView(LIGHT), "; k = 0.8 is being computed"
+    for plane, fixed, words in (
+        (None, 0.8, f"no diagram yet{coming}"),
+        (diagram, 0.8, "infinite chain, k = 0.8; another lattice is being computed"),
+        (diagram, 0.7, "infinite chain, k = 0.8; k = 0.7 is being computed"),
+        (diagram, 0.8, "infinite chain, k = 0.8"),
+    ):
+        awaited = "k" if "computed" in words else ""
+        view.title(PageState(plane=plane, fixed=("k", fixed), awaited=awaited))
+        lines = view.figure.title.text.split("\n")
+        assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
