@@ -17,7 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
 from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
-from contbreather.plotting.canvas import style, symbol
+from contbreather.plotting.canvas import CYCLE, style, symbol
 from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
 HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}

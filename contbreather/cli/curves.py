@@ -114,17 +114,16 @@ def _judged(
         exact = ("certain", "over_reflecting", "multipliers")
         content |= {name: getattr(verdict, name) for name in exact}
     if ring is not None:  # by the paper's rule
-        told = breather.stability(sites=ring.sites, threshold=verge)
-        about = {"sites": ring.sites, "threshold": verge, "largest": told.largest}
-        content["ring"] = {**about, "unstable": told.unstable if margins.ok else None}
-        lines.append(told.describe())
+        by_rule = breather.stability(sites=ring.sites, threshold=verge)
+        about = {"sites": ring.sites, "threshold": verge, "largest": by_rule.largest}
+        content["ring"] = {**about, "unstable": by_rule.unstable if margins.ok else None}
+        lines.append(by_rule.describe())
     if not margins.ok:
         lines[1:] = ["nothing is said of its stability: the lattice has no such motion"]
     if others:
-        roots = (
-            f"p = {o['p']:.9g} ({'' if o['admissible'] else 'not '}admissible)" for o in others
-        )
-        lines.append(f"further roots of (11): {', '.join(roots)}")
+        roots = [(root["p"], "" if root["admissible"] else "not ") for root in others]
+        told = ", ".join(f"p = {p:.9g} ({no}admissible)" for p, no in roots)
+        lines.append(f"further roots of (11): {told}")
     return content, lines
 
 
