@@ -366,8 +366,8 @@ def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
 
 
 class InKernel(pn.Column):
-    """Page in a notebook. Messages of the browser may come in a thread of their own, and Panel then
-    drops what is drawn by half: so they wait for that."""
+    """Page in a notebook; messages of the browser, which may come in a thread of their own, wait
+    while it draws, for Panel would drop what is drawn by half."""
 
     def __init__(self, page: Page) -> None:
         super().__init__(page.layout, sizing_mode="stretch_width", hooks=[_styled])

@@ -259,13 +259,7 @@ class Session:
         self.change(sites=shown, ring=small(Ring(ring)).sites)
 
     def begin(self, computation: Computation) -> None:
-        """Do it in the background.
-
-        Raises
-        ------
-        BadInput
-            If something is under way.
-        """
+        """Do it in the background, unless something is under way."""
 
         outcome = ""
 
@@ -359,13 +353,7 @@ class Session:
         return self.state.script()
 
     def save(self, path: str | Path) -> Path:
-        """Write all that is seen to one file: zones, curves, the simulation.
-
-        Raises
-        ------
-        BadInput
-            If there are none, or the file cannot be written.
-        """
+        """Write all that is seen to one file: zones, curves, the simulation."""
         state = self.state
         results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
         results |= {code.translate(PLAIN): branch for code, branch in state.curves.items()}
@@ -385,18 +373,7 @@ class Session:
         )
 
     def figure(self, what: str, suffix: str) -> bytes:
-        """The zones, the branches or the simulation as a figure for a journal.
-
-        Parameters
-        ----------
-        what : {'zones', 'branches', 'motion'}
-        suffix : {'.pdf', '.svg', '.png'}
-
-        Raises
-        ------
-        BadInput
-            If there is no such thing yet.
-        """
+        """Draw the "zones", "branches" or "motion" for a journal, as ".pdf", ".svg" or ".png"."""
         state = self.state
         if what == "zones" and state.plane is not None:
             if state.awaited:

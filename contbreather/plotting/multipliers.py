@@ -214,13 +214,8 @@ def band(orbit: Orbit, half: bool = False) -> Array:
 def with_band(
     orbit: Orbit, sites: int | None, half: bool
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Multipliers on its own lattice or on a ring, those of plane waves, and which are not theirs.
-
-    Raises
-    ------
-    BadInput
-        Where an impact vanishes, which has none.
-    """
+    """Multipliers on its own lattice or on a ring, those of plane waves, and which are not theirs;
+    refused where an impact vanishes, which has none."""
     from scipy.spatial import KDTree
 
     mu, waves = np.asarray(orbit.multipliers(sites=sites, half=half)), band(orbit, half)

@@ -180,13 +180,7 @@ def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
 
 
 def card(value: Any) -> str:
-    """A value as HTML, with its picture as SVG inside of it.
-
-    Parameters
-    ----------
-    value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
-        verdict, margins, a cycle of flows, a trajectory, or what is on disk
-    """
+    """Write any result as HTML, with its picture as SVG inside of it."""
     several = value if isinstance(value, ZoneDiagrams) else (value,)
     try:
         picture = "".join(map(_picture, several))

@@ -53,26 +53,14 @@ class Mark(BaseModel):
 
 @dataclass(frozen=True)
 class Task:
-    """One process's work: plain data, so that it goes anywhere.
+    """One process's work: plain data, so that it goes anywhere."""
 
-    Attributes
-    ----------
-    family, label : str
-        Its name in the study, and which of its family it is, "k=0.8"; empty where it is alone.
-    table : BranchTask, Arms, Boundary or ZonesTask
-    values : dict
-        Parameters that the study fixes.
-    chain : Chain
-    needs : Task, optional
-        The one whose result it starts from.
-    """
-
-    family: str
-    label: str
-    table: Any
-    values: Mapping[str, float]
+    family: str  # its name in the study
+    label: str  # which of its family it is, "k=0.8"; empty where it is alone
+    table: Any  # a BranchTask, Arms, Boundary or ZonesTask
+    values: Mapping[str, float]  # parameters that the study fixes
     chain: Chain
-    needs: Task | None = None
+    needs: Task | None = None  # the one whose result it starts from
 
     @property
     def name(self) -> str:
@@ -185,18 +173,8 @@ class NoStart(BadInput):
 
 
 def finish(task: Task, folder: Path) -> str:
-    """Compute a task and keep it in a folder that all workers see.
-
-    Returns
-    -------
-    str
-        Nothing, once the result is on disk; of an optional part why there is none.
-
-    Raises
-    ------
-    ContbreatherError
-        Where there is none; the folder knows why, so that it is not tried again.
-    """
+    """Compute a task and keep it in a folder that all workers see, or the reason why there is no
+    result, so that it is not tried again: returned for an optional part, else raised."""
     try:
         result = computed(task, folder)
     except NoStart as error:
@@ -224,13 +202,7 @@ def finish(task: Task, folder: Path) -> str:
 
 
 def computed(task: Task, folder: Path) -> Any:
-    """Compute the result of a task.
-
-    Raises
-    ------
-    NoStart
-        Where what it starts from is not there.
-    """
+    """Compute the result of a task; `NoStart` where what it starts from is not there."""
     table, chain, values = task.table, task.chain, dict(task.values)
     largest = getattr(table, "largest", None)
     steps = None if largest is None else Steps(largest=largest)
