@@ -90,21 +90,14 @@ class Result(NamedTuple):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Places where results go.
-
-    Parameters
-    ----------
-    csv
-        Write the numbers to this file, in full precision.
-    output
-        Draw to this file: .png, .pdf or .svg.
-    json
-        Print one JSON object, in full precision.
-    """
+    """Places where results go."""
 
     csv: str | None = None
+    """Write the numbers to this file, in full precision."""
     output: Annotated[str | None, Parameter(alias="-o")] = None
+    """Draw to this file: .png, .pdf or .svg."""
     json: bool = False
+    """Print one JSON object, in full precision."""
 
     @property
     def library_file(self) -> str | None:
@@ -158,29 +151,21 @@ class Output:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedOutput(Output):
-    """Places of results that are kept as they are found.
-
-    Parameters
-    ----------
-    save
-        Keep the results in this file while they are computed: show prints them, extend follows
-        branches and boundaries further.
-    """
+    """Places of results that are kept as they are found."""
 
     save: str | None = None
+    """Keep the results in this file while they are computed: show prints them, extend follows
+    branches and boundaries further."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedRun(SavedOutput):
-    """Places where a run goes.
+    """Places where a run goes."""
 
-    Parameters
-    ----------
-    save
-        Keep the run in this file when it has ended, for show and load; --stream keeps one as it
-        goes on.
-    """
+    save: str | None = None
+    """Keep the run in this file when it has ended, for show and load; --stream keeps one as it goes
+    on."""
 
 
 # --- branches -----------------------------------------------------------------------------------

@@ -40,39 +40,26 @@ IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "accele
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """A run as it was typed.
-
-    Parameters
-    ----------
-    periods
-        Length of the run, in periods 2 pi.
-    smooth
-        Smooth walls (21) of this hardness m; rigid ones unless given.
-    start
-        File with the first state; the exact breather unless given.
-    perturb
-        Standard deviation of a random push on it.
-    noise
-        Strength of white noise on every site, all the time.
-    seed
-        Of that push, and of the noise.
-    stream
-        File to keep the run in, run.nc for instance; the same command again goes on with it.
-    impacts
-        Write all impacts to this file.
-    final
-        Write the last state to this file, for --start.
-    """
+    """A run as it was typed."""
 
     periods: float = 200.0
+    """Length of the run, in periods 2 pi."""
     smooth: float | None = None
+    """Smooth walls (21) of this hardness m; rigid ones unless given."""
     start: str | None = None
+    """File with the first state; the exact breather unless given."""
     perturb: float = 0.0
+    """Standard deviation of a random push on it."""
     noise: float = 0.0
+    """Strength of white noise on every site, all the time."""
     seed: Whole = 0
+    """Of that push, and of the noise."""
     stream: str | None = None
+    """File to keep the run in, run.nc for instance; the same command again goes on with it."""
     impacts: str | None = None
+    """Write all impacts to this file."""
     final: str | None = None
+    """Write the last state to this file, for --start."""
 
     def check(self, where: ModelOptions, into: SavedRun) -> None:
         """Refuse what cannot be, before anything is computed."""
