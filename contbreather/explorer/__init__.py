@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import re
+import socket
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -156,16 +157,15 @@ def _panel() -> Any:
 
 
 def _free(address: str, port: int) -> int:
-    from bokeh.server.util import bind_sockets
-
     try:
-        sockets, port = bind_sockets(address, port)
+        info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(info[0], info[1]) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(info[4])
+            return int(probe.getsockname()[1])
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise BadInput(
             f"cannot listen at {address}, port {port}: {reason}; choose another port, or 0 for "
             "any that is free"
         ) from error
-    for one in sockets:  # the server binds them again
-        one.close()
-    return port
