@@ -210,21 +210,17 @@ class BranchWindow:
         """Window of the parameter, where it is looked at unless given."""
         return {self.free: self.window or window_of(self.free)}
 
-    def start(self, where: ModelOptions, root: int | None = None) -> cb.orbits.Orbit:
-        """Find a breather at the value of the free parameter, if one is given, or in its window."""
-        free, on = self.free, where.on(self.free)
-        params = where.given(free)
-        near = (params[free], params[free]) if free in params else self.within[free]
-        return cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
-
     def problem(
         self, where: ModelOptions, root: int | None = None, *, switched: bool = False
     ) -> cb.Problem:
-        """Equations of the breather, with all events; where other branches are `switched` to, on
-        finite lattices those of shooting."""
+        """Equations of a breather at the value of the free parameter, if one is given, or in its
+        window, with all events; where other branches are `switched` to, on finite lattices those of
+        shooting."""
         from contbreather.stability.verdict import THRESHOLD
 
-        breather = self.start(where, root)
+        free, on, params = self.free, where.on(self.free), where.given(self.free)
+        near = (params[free], params[free]) if free in params else self.within[free]
+        breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
         threshold = where.verge(breather.lattice)
         if switched and threshold != THRESHOLD:
             raise BadInput(
@@ -233,7 +229,7 @@ class BranchWindow:
             )
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)
-        return breather.problem_beyond(threshold).having(self.free)
+        return breather.problem_beyond(threshold).having(free)
 
 
 @Parameter(name="*")

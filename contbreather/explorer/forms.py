@@ -31,14 +31,7 @@ def number_or_text(typed: str) -> Any:
     for read in (int, float):
         with suppress(ValueError):
             return read(typed)
-    return typed.strip()
-
-
-def read_all(fields: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: field.value.strip() if name in TEXTS else number_or_text(field.value)
-        for name, field in fields.items()
-    }
+    return typed
 
 
 def text_field(label: str, value: str, hint: str = "") -> Any:
@@ -141,8 +134,12 @@ class PageForms:
     ) -> Any:
         color = "primary" if name in FIRST else "default"
         look = {"sizing_mode": "stretch_width", "margin": (3, 5), "color": color}
-        press = partial(tried, lambda: do(**read_all(fields)), trouble.say)
-        self.buttons[name] = button(name, press, **look)
+
+        def read_and_do() -> None:
+            typed = {name: field.value.strip() for name, field in fields.items()}
+            do(**{n: text if n in TEXTS else number_or_text(text) for n, text in typed.items()})
+
+        self.buttons[name] = button(name, partial(tried, read_and_do, trouble.say), **look)
         return self.buttons[name]
 
     def _breather(self) -> Any:
