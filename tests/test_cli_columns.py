@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE
-from contbreather.cli.output import say, to_json
+from contbreather.cli import DONE
+from contbreather.cli.output import to_json
 
 from .typed import Run, table
 
 RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
-ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 3"  # sets out a quarter of a period late
+ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1"  # sets out a quarter of a period late
 
 
 def cells(out: str) -> dict[str, str]:
@@ -32,21 +32,13 @@ def column(rows: list[dict[str, str]], name: str) -> list[float]:
     return [float(row[name]) for row in rows]
 
 
-def test_isolated_multipliers_are_rows_on_the_infinite_chain_only(run) -> None:
-    words = "isolated multiplier of QS"
-    assert words in cells(run("point --a 0.2 --gamma 0.11 --k 0.8")[1])
-    _, out, _ = run("point --a 1.2 --gamma 0.05 --k 0.8 --lattice open:9 --site 4 --walls -2,2")
-    assert words not in cells(out)
-    assert list(cells(out)) == ["a", "gamma", "k", "p", "phi", "chi", "max |u| of its neighbours"]
-
-
 # --- simulate -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
 def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> None:
     """Of a run that sets out at t0 = pi/2, whole or from a folder."""
-    assert run(f"{ELASTIC} --periods 6 --csv s.csv {stream}")[0] == DONE
+    assert run(f"{ELASTIC} --sites 3 --periods 6 --csv s.csv {stream}")[0] == DONE
     rows, b = table("s.csv"), cb.symmetric(0.2, 0.08, 1.0)
     assert column(rows, "period") == list(range(7))
     assert column(rows, "time") == pytest.approx(
@@ -60,7 +52,7 @@ def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> Non
 @pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
 def test_every_column_of_the_impacts_is_what_it_says(run, stream: str) -> None:
     """By what impacts are: the wall at the place, the law of restitution, time and phase."""
-    assert run(f"{ELASTIC} --periods 6 --impacts i.csv {stream}")[0] == DONE
+    assert run(f"{ELASTIC} --sites 3 --periods 6 --impacts i.csv {stream}")[0] == DONE
     rows, b = table("i.csv"), cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3))
     assert list(rows[0]) == [
         "time", "period", "phase", "site", "wall", "before", "after", "acceleration",
@@ -96,38 +88,6 @@ def test_table_of_a_run_gives_each_word_its_own_number(run) -> None:
     assert float(shown["returns after a period to"]) == pytest.approx(evidence["return"], rel=0.06)
 
 
-def test_json_of_a_run_repeats_what_was_asked(run) -> None:
-    content = json.loads(run(f"{RUN} --periods 3 --json --forcing=-cos(t)")[1])
-    asked = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.02, "sites": 4, "periods": 3}
-    assert {name: content[name] for name in asked} == asked
-    assert content["m"] is None
-    assert "cos" in content["forcing"]
-    smooth = json.loads(run(f"{RUN} --periods 3 --smooth 6 --json")[1])
-    assert (smooth["m"], smooth["damping"]) == (6.0, 0.02)
-
-
-def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run) -> None:
-    from contbreather.cli.simulate import RunSummary, of_run
-
-    state = cb.symmetric(0.2, 0.04, 0.8).state(6)
-    own = cb.simulate(state, a=0.2, gamma=0.04, k=0.8, damping=0.02, periods=20)
-    motion, section, where = of_run(RunSummary(own)).draw().axes
-    names = [text.get_text() for text in motion.get_legend().get_texts()]
-    assert names == ["$u_{0}$", "$u_{1}$", "$u_{3}$"]
-    times = motion.get_lines()[0].get_xdata()
-    assert (times[0], times[-1]) == pytest.approx((14.0, 20.0), abs=0.02)
-    shown = motion.get_lines()[2].get_ydata()
-    assert shown[0] == pytest.approx(own.strobe.u[14, 3], abs=1e-12)
-    np.testing.assert_array_equal(section.get_lines()[0].get_xdata(), own.strobe.u[10:, 0])
-    assert len(where.get_lines()[0].get_xdata()) == 21
-    titles = [ax.get_title(loc="left") for ax in (motion, section, where)]
-    assert titles == [
-        "(a) the last periods",
-        "(b) once in a period, later half",
-        "(c) where the energy is",
-    ]
-
-
 # --- numbers that are none ------------------------------------------------------------------------
 
 
@@ -152,17 +112,6 @@ def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
 # --- boundary, point, branch ----------------------------------------------------------------------
 
 
-def test_boundary_finds_no_pitchfork_of_solutions_that_go_through_a_wall(run) -> None:
-    """At gamma = 0.1 that of the closed form lies above grazing, which ends the branch."""
-    chain = cb.InfiniteChain()
-    p = 1 / (chain.chi(0.1) - 2 * chain.sigma(0.1))
-    beyond = cb.symmetric(p * math.hypot(1 / 9, 2 * chain.sigma(0.1)), 0.1, 0.8, root=1)
-    assert not beyond.admissibility().ok
-    status, _, err = run("boundary PF --k 0.8 --gamma 0.1")
-    assert status == BAD_INPUT
-    assert re.search(r"no PF found .*GR\d", err)
-
-
 def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     b = cb.symmetric(0.8, 0.045, 0.8)
     shown = cells(run("point --a 0.8 --gamma 0.045 --k 0.8")[1])
@@ -172,29 +121,7 @@ def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
 
 
-def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
-    say("word " * 100)
-    lines = capsys.readouterr().out.splitlines()
-    assert 150 < max(map(len, lines)) <= 160
-
-
 # --- titles, and pictures that commands write -----------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("line", "title"),
-    [
-        ("point --a 0.5 --gamma 0.05 --k 0.8", "Symmetric breather"),
-        ("branch --free a --gamma 0.1 --k 0.8", "symmetric breather in a"),
-        ("boundary PF --k 0.8", "PF boundary"),
-        ("zones --k 0.8 --csv z.csv", "Where the curves meet"),
-        ("switch --free a --gamma 0.04 --k 0.8", "asymmetric breather in a"),
-    ],
-)
-def test_tables_have_their_title(run, line: str, title: str) -> None:
-    status, out, _ = run(line)
-    assert status == DONE
-    assert any(re.match(rf"{title}(| .*)$", one.strip()) for one in out.splitlines()), out
 
 
 def test_table_of_arms_holds_the_special_points_of_each(run) -> None:
@@ -230,6 +157,21 @@ def pictures(monkeypatch) -> list:
 
     monkeypatch.setattr(canvas, "save_figure", keep)
     return drawn
+
+
+def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run, pictures) -> None:
+    """And its states once a period: those of the table."""
+    assert run(f"{ELASTIC} --sites 6 --periods 20 -o p.png --csv s.csv")[0] == DONE
+    motion, section, where = pictures[0].axes
+    names = [text.get_text() for text in motion.get_legend().get_texts()]
+    assert names == ["$u_{0}$", "$u_{1}$", "$u_{3}$"]
+    rows, times = table("s.csv"), motion.get_lines()[0].get_xdata()
+    assert (times[0], times[-1]) == pytest.approx((14.25, 20.25), abs=0.02)
+    assert motion.get_lines()[2].get_ydata()[0] == pytest.approx(float(rows[14]["u_3"]), abs=1e-12)
+    assert section.get_lines()[0].get_xdata().tolist() == column(rows[10:], "u_0")
+    assert len(where.get_lines()[0].get_xdata()) == 21
+    titles = ["(a) the last periods", "(b) once in a period, later half", "(c) where the energy is"]
+    assert [ax.get_title(loc="left") for ax in (motion, section, where)] == titles
 
 
 def data_of(ax) -> np.ndarray:
@@ -275,22 +217,6 @@ def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictu
         assert np.abs(data_of(below) - there).max(axis=1).min() < 1e-9
     flat = [line for line in below.get_lines() if len(line.get_xdata()) > 1]
     assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
-
-
-def test_picture_of_a_diagram_shows_every_branch_by_its_asymmetry(run, pictures) -> None:
-    run("diagram --free a --gamma 0.04 --k 0.8 -o d.png --csv d.csv")
-    (ax,) = pictures[0].axes
-    assert ax.get_xlabel() == "$a$"
-    rows = table("d.csv")
-    assert {row["branch"] for row in rows} == {"0", "1", "2"}
-    for row in rows[::9]:
-        place = float(row["a"]), float(row["asymmetry"])
-        assert np.abs(data_of(ax) - place).max(axis=1).min() < 0.02
-
-
-def test_help_calls_the_command_by_its_name(run) -> None:
-    out = run("--help")[1]
-    assert re.search(r"Usage: contbreather\b(?!x)", out)
 
 
 # --- every key and heading that a program reads by name ------------------------------------------

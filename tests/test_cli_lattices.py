@@ -76,21 +76,6 @@ def test_point_on_each_lattice_is_the_library_s(run, typed: str) -> None:
     assert lattice.describe() in run(line)[1].lower()
 
 
-def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall(run) -> None:
-    line = f"point --a 1.2 {AT} --lattice grid:5x5 --site 2"
-    found = content(run, line)
-    assert found["admissible"] is False
-    assert [found[name] for name in ("stable", "unstable", "largest")] == [None] * 3
-    assert "Nothing is said of its stability" in run(line)[1]
-
-
-def test_a_matrix_may_be_written_with_spaces_or_semicolons(run) -> None:
-    Path("a.csv").write_text("1 -1 0\n\n-1 3 -2\n0 -2 2\n", encoding="utf-8")
-    Path("b.csv").write_text("1; -1; 0\n-1; 3; -2\n0; -2; 2", encoding="utf-8")
-    p = [content(run, f"point --a 0.8 {AT} --lattice {name}.csv")["p"] for name in "ab"]
-    assert p == [cb.symmetric(0.8, 0.05, 0.8, lattice=cb.Lattice(MATRIX)).p] * 2
-
-
 @pytest.mark.parametrize(
     ("typed", "walls"),
     [
@@ -130,22 +115,6 @@ def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str
     assert columns["p"][-1] == pytest.approx(own.p, abs=1e-10)
 
 
-def test_springs_are_a_parameter_on_the_infinite_chain_too(run) -> None:
-    line = f"branch --free spring --a 0.6 {AT} --window 0 0.9"
-    columns = content(run, line)["columns"]
-    for i in (0, -1):
-        own = cb.symmetric(0.6, 0.05, 0.8, spring=columns["spring"][i])
-        assert columns["p"][i] == pytest.approx(own.p, abs=1e-11)
-    assert content(run, f"point --a 0.6 {AT} --spring 0.2")["spring"] == 0.2
-
-
-def test_boundary_with_damping_ends_at_the_chain_without(run) -> None:
-    line = "boundary PF --pair damping a --gamma 0.04 --k 0.8 --lattice ring:20 --window 0 0.04"
-    found = content(run, f"{line} --damping 0.02")
-    ends = [(one["label"], round(one["a"], 8)) for one in found["special"]]
-    assert ends == [("EP1", 0.77763243), ("EP2", 0.79129918)]
-
-
 def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:
     lattice = f"{AT} --lattice open:9 --window 0.7 0.95"
     found = content(run, f"switch --free a {lattice}")
@@ -154,14 +123,6 @@ def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:
     assert [arm["image_of"] for arm in found["arms"]] == [None, 1]
     tree = content(run, f"diagram --free a {lattice}")
     assert [branch["depth"] for branch in tree["branches"]] == [0, 1, 1]
-
-
-def test_a_threshold_is_of_any_finite_lattice(run) -> None:
-    line = f"point --a 0.6 {AT} --lattice open:9"
-    largest = content(run, line)["largest"]
-    assert largest == pytest.approx(1.00954865, abs=1e-8)
-    assert content(run, f"{line} --threshold 1.02")["unstable"] == 0
-    assert content(run, f"{line} --threshold 1.005")["unstable"] == 4
 
 
 @pytest.mark.parametrize(
@@ -194,34 +155,11 @@ def test_a_run_between_far_walls_and_one_without_a_lattice(run) -> None:
     assert smooth["lattice"] == "open chain with free ends, 9 sites"
 
 
-def test_masses_and_drive_of_a_graph_are_those_of_its_nodes() -> None:
-    lattice = cb.Lattice.from_graph(star())
-    assert np.array_equal(lattice.masses, [1, 1, 1, 2, 1])
-    assert np.array_equal(lattice.drive, [1, 1, 1, 1, 0])
-    own = cb.Lattice.from_graph(star(), masses=[1, 2, 3, 4, 5])
-    assert np.array_equal(own.masses, [1, 2, 3, 4, 5])
-
-
 # --- rings ---------------------------------------------------------------------------------------
 
 
 def on_ring(a: float, gamma: float) -> cb.Orbit:
     return cb.symmetric(a, gamma, 0.8, lattice=cb.Ring(20))
-
-
-def test_branch_is_of_the_ring_in_every_column_and_label(run) -> None:
-    line = "branch --free gamma --a 0.3 --k 0.8 --window 0 0.15"
-    found = content(run, f"{line} {RING}")
-    assert (found["sites"], found["threshold"]) == (20, 1.02)
-    gamma, p, counts = (np.array(found["columns"][name]) for name in ("gamma", "p", "unstable"))
-    (place,) = (one["gamma"] for one in found["special"] if one["kind"] == "NS")
-    for i in range(0, gamma.size, 3):
-        breather = on_ring(0.3, float(gamma[i]))
-        verdict = breather.stability(threshold=1.02)
-        assert p[i] == pytest.approx(breather.p, abs=1e-12)
-        assert counts[i] == verdict.unstable or abs(gamma[i] - place) < 1e-9
-        assert (verdict.unstable > 0) == (gamma[i] > place) or abs(gamma[i] - place) < 1e-9
-    assert "ring of 20, threshold 1.02" in run(f"{line} {RING}")[1]
 
 
 def test_boundary_is_of_the_ring(run) -> None:
@@ -233,15 +171,3 @@ def test_boundary_is_of_the_ring(run) -> None:
         largest = on_ring(float(a), float(gamma)).stability().largest
         assert largest == pytest.approx(1.02, abs=1e-9)
     assert "ring of 20, threshold 1.02" in run(f"boundary PF {line} {RING}")[1]
-
-
-def test_zones_are_of_the_ring(run) -> None:
-    line = f"zones --k 0.8 --gamma-window 0.03 0.06 --a-window 0.2 0.5 {RING}"
-    found = content(run, line)
-    assert (found["sites"], found["threshold"]) == (20, 1.02)
-    lines = [one for one in found["zones"][0]["curves"] if one["curve"] == "NS"]
-    assert lines
-    for line in lines:
-        middle = len(line["a"]) // 2
-        largest = on_ring(line["a"][middle], line["gamma"][middle]).stability().largest
-        assert largest == pytest.approx(1.02, abs=1e-9)

@@ -9,17 +9,15 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import Any
 from unittest.mock import Mock
 
 import pytest
 
 import contbreather.__main__ as entry
-from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
-from contbreather.cli.process import CutShort, computing, interruptible
+from contbreather.cli.process import CutShort
 from contbreather.errors import Interrupted, NotConverged
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
@@ -56,10 +54,6 @@ def test_every_end_has_its_status_and_its_words(monkeypatch, capsys, how, status
     assert capsys.readouterr() == ("", f"contbreather: {words}\n")
 
 
-def test_statuses_are_those_that_scripts_know() -> None:
-    assert (DONE, FAILED, BAD_INPUT, INTERRUPTED) == (0, 1, 2, 130)
-
-
 @pytest.mark.apart
 def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     monkeypatch, capsys
@@ -74,75 +68,7 @@ def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
-@pytest.mark.apart
-def test_before_anything_is_imported_ctrl_c_ends_the_process(monkeypatch) -> None:
-    heard: dict[str, Any] = {}
-
-    def run() -> int:
-        heard["handler"] = signal.getsignal(signal.SIGINT)
-        return DONE
-
-    monkeypatch.setattr(cli, "main", run)
-    said, left = [], []
-    monkeypatch.setattr(os, "write", lambda number, words: said.append((number, words)))
-    monkeypatch.setattr(os, "_exit", left.append)
-    assert entry.main() == DONE
-    heard["handler"](signal.SIGINT, None)
-    assert said == [(2, b"contbreather: interrupted\n")]
-    assert left == [130]
-
-
 # --- the watch ------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def spoken(monkeypatch) -> list[str]:
-    words: list[str] = []
-    monkeypatch.setattr(os, "write", lambda number, line: words.append(line.decode()))
-    return words
-
-
-class Left(Exception):
-    """In place of the end of the process."""
-
-
-@pytest.fixture
-def leaving(monkeypatch) -> None:
-    def left(status: int) -> None:
-        raise Left(status)
-
-    monkeypatch.setattr(os, "_exit", left)
-
-
-@pytest.mark.apart
-def test_in_somebody_elses_process_it_is_an_exception_from_the_start(spoken, leaving) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), interruptible(alone=False):
-        signal.raise_signal(signal.SIGINT)
-    assert spoken == []
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def interrupted_after_computing(*then: Callable[[], Any], alone: bool = True) -> None:
-    with interruptible(alone=alone):
-        with computing():
-            pass
-        signal.raise_signal(signal.SIGINT)
-        for step in then:
-            step()
-
-
-@pytest.mark.apart
-def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
-    done: list[str] = []
-
-    def compute() -> None:
-        with computing():
-            done.append("computed")
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted_after_computing(compute)
-    assert done == []
 
 
 # --- what is written ------------------------------------------------------------------------------
@@ -176,7 +102,8 @@ def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> N
             [sys.executable, "-m", "contbreather", *line],
             stdout=out, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path,
         )  # fmt: skip
-    said = "contbreather: --csv zones.csv: standard output goes there; give --csv another file\n"
+    both = "standard output and --csv both name zones.csv; give different names"
+    said = f"contbreather: {both}\n"
     assert (done.returncode, done.stderr) == (BAD_INPUT, said)
     assert (tmp_path / "zones.csv").read_text() == ""
 

@@ -25,18 +25,17 @@ START = {  # what lines begin with, by a word
 REFUSED = r"""
 # by the parser
 point --a half --gamma 0.1 --k 0.8 >> --a: unable to convert "half"
-point --a >> --a takes a value, and none was given; see contbreather point --help
+point --a >> parameter --a requires an argument\. See contbreather point --help\.$
 point --gamma 0.1 --k 0.8 >> --a is missing: the amplitude of the forcing, above 0$
 POINT --sites 2.5 >> --sites: 2\.5 is not a whole number
 POINT --amplitude 3 >> Unknown option.*--amplitude
-POINT more >> 'more' belongs to no option; values follow the name of theirs
-figure 4 --walls -2,2 >> Unknown option: --walls; see contbreather figure --help
+POINT more >> 'more' belongs to no option; each value follows the name of its own
+figure 4 --walls -2,2 >> Unknown option: --walls\. See contbreather figure --help
 zone >> Unknown command "zone"\. Did you mean "zones"\? See contbreather --help
-branch --gamma 0.1 --k 0.8 >> --free is missing; see contbreather branch --help
-boundary --k 0.8 >> --kind is missing
-run >> STUDY is missing; see contbreather run --help
+branch --gamma 0.1 --k 0.8 >> parameter --free requires an argument
+run >> parameter STUDY requires an argument
 BRANCH --towards left >> "both", "up", "down"
-BRANCH --window 0.5 >> --window takes 2 values, .* and 1 was given
+BRANCH --window 0.5 >> --window requires 2 positional arguments\. Only got 1
 atlas --k 0.8 --workers 0 >> Invalid value "0" for --workers\. Must be >= 1
 # of the chain
 point --a 0.5 --gamma 0.25 --k 0.8 >> 0 <= gamma < 1/4
@@ -118,7 +117,6 @@ LOST --stream f.nc --periods 2.5 >> periods = 2\.5: a whole number
 LOST --periods 1e11
     >> the states of 20 sites once in each would be 3\.2e\+04 GB.* may have 1; .* --stream
 LOST --smooth 0.3 >> m = 0\.3: the hardness .* 0\.5 <= m .* any real one
-LOST --perturb -1 >> --perturb = -1\.0: a size
 LOST --perturb 5 >> lies outside the walls
 LOST --perturb 1e308 >> inf of the state is not finite
 LOST --perturb 0.1 --seed -1 >> --seed = -1: a whole number
@@ -155,10 +153,10 @@ LOST --start two.csv --csv ./two.csv
 BRANCH --lattice falling.csv --csv falling.csv >> --lattice and --csv both name falling\.csv
 show words.txt --csv words.txt >> RUN and --csv both name
 LOST --csv words.txt --impacts same.txt >> give different names
-BRANCH --csv - --json >> --json goes there; give
-BRANCH --csv /proc/self/fd/1 --json >> --json goes there; give
-LOST --final=- --json >> --final -: --json goes there
-LOST --impacts - --csv /dev/fd/1 >> --csv goes there; give
+BRANCH --csv - --json >> --json and --csv both name
+BRANCH --csv /proc/self/fd/1 --json >> --json and --csv both name
+LOST --final=- --json >> --json and --final both name -
+LOST --impacts - --csv /dev/fd/1 >> --csv and --impacts both name
 BRANCH --save - >> cannot keep results in /dev/stdout: .* name a file
 # of studies
 run nowhere.toml >> nowhere\.toml

@@ -8,10 +8,6 @@ import re
 import subprocess
 from pathlib import Path
 
-import cyclopts
-import pytest
-from cyclopts.completion import ShellDetectionError
-
 import contbreather as cb
 from contbreather.cli import main
 
@@ -44,35 +40,7 @@ def test_the_logger_says_the_same_in_python_and_nothing_unless_asked(caplog) -> 
     assert {record.levelname for record in steps} == {"DEBUG"}
 
 
-@pytest.fixture
-def written_once(monkeypatch) -> None:
-    """The words of a shell, which are not ours, take a second each time: the same ones again."""
-    write = cyclopts.App.generate_completion
-    made: dict[str, str] = {}
-
-    def kept(app: cyclopts.App, *, shell: str) -> str:
-        return made[shell] if shell in made else made.setdefault(shell, write(app, shell=shell))
-
-    monkeypatch.setattr(cyclopts.App, "generate_completion", kept)
-
-
-@pytest.mark.usefixtures("written_once")
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_the_tab_key_is_taught_once(shell, tmp_path: Path, monkeypatch, capsys) -> None:
-    for name in ("XDG_DATA_HOME", "XDG_CONFIG_HOME", "ZDOTDIR"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("HOME", str(tmp_path))
-    left = []
-    for _ in range(2):
-        assert main(["--install-completion", "--shell", shell]) == 0
-        left.append({path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()})
-        path = Path(capsys.readouterr().out.split(";")[0].removeprefix("Wrote "))
-        assert "--window" in path.read_text()
-    assert left[0] == left[1]
-
-
-@pytest.mark.usefixtures("written_once")
-def test_bash_completes_commands_and_options(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_tab_key_is_taught_once_and_completes(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.delenv("XDG_DATA_HOME", raising=False)
     monkeypatch.setenv("HOME", str(tmp_path))
     left = []
@@ -88,14 +56,3 @@ def test_bash_completes_commands_and_options(tmp_path: Path, monkeypatch, capsys
     )
     run = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["boundary", "--towards"]
-
-
-def test_a_shell_that_is_not_known_is_refused_in_a_sentence(monkeypatch, capsys) -> None:
-    def lost(*_: object, **__: object) -> None:
-        raise ShellDetectionError("no shell")
-
-    monkeypatch.setattr(cyclopts.App, "install_completion", lost)
-    assert main(["--install-completion"]) == 2
-    assert capsys.readouterr().err == (
-        "contbreather: this shell is not known; name one, as in --install-completion --shell bash\n"
-    )

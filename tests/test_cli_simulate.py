@@ -70,13 +70,6 @@ def test_rests_on_a_wall_are_counted_after_chatters_whose_last_impacts_are_not(r
     assert "rest on a wall" not in run(f"{STABLE} --periods 5")[1]
 
 
-def test_elastic_breather_is_not_started_at_its_impact(run):
-    line = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 8 --periods 20 --json"
-    content = json.loads(run(line)[1])
-    assert content["lost_after"] is None
-    assert content["final"]["t"] == pytest.approx(20.25 * 2.0 * np.pi, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("periods", "length", "few"),
     [
@@ -89,14 +82,6 @@ def test_length_is_said_as_it_was(run, periods, length, few):
     _, out, _ = run(f"{STABLE} --sites 4 --periods {periods}")
     assert out.startswith(f"Ring of 4, rigid walls, {length}\n")
     assert f"No verdict: {few}, give at least 100." in out
-
-
-def test_smooth_run_too_short_for_a_verdict_has_no_empty_table(run):
-    _, out, _ = run(f"{STABLE} --sites 4 --smooth 6 --periods 1")
-    assert out.splitlines() == [
-        "Ring of 4, smooth walls, m = 6, 1 period",
-        "No verdict: 1 period is too few, give at least 100.",
-    ]
 
 
 def test_smooth_ring_settles_on_the_orbit_that_shooting_finds(run):
@@ -189,16 +174,6 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
     whole = json.loads(run(f"{STABLE} --periods 150 --json")[1])
     assert status == DONE
     assert np.array_equal(state_of(json.loads(out)), state_of(whole))
-
-
-def test_interrupted_run_writes_what_it_has(run, monkeypatch):
-    interrupt(monkeypatch, 10)
-    status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
-    content = json.loads(out)
-    assert status == INTERRUPTED
-    assert content["interrupted"] is True
-    assert 0 < content["periods"] < 1000
-    assert len(table("s.csv")) == content["periods"] + 1
 
 
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):

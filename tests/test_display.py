@@ -265,13 +265,6 @@ def test_one_row_beyond_a_table_is_counted_and_none_is_not(more: int) -> None:
     assert shown.endswith(f"<p>and {more} more</p>" if more > 0 else "</table>")
 
 
-def test_the_table_of_a_branch_has_its_special_points(values) -> None:
-    shown = values["Branch"]._repr_html_()
-    for point in values["Branch"].special:
-        assert f">{point.label}</th>" in shown
-        assert f"{point['a']:.6g}"[:6] in shown
-
-
 def test_what_a_user_calls_things_is_text_in_a_page_not_markup() -> None:
     label = "<script>alert(1)</script>"
     mine = cb.Problem(**LINE, start={"x": 0.0}, params={"mu": 0.0}, label=label)

@@ -56,7 +56,7 @@ def test_the_explorer_begins_with_an_admissible_breather_that_its_sliders_reach(
     assert cb.symmetric(**first).admissibility().ok
     assert Session().state.fixed == ("k", first["k"])
     typed = PageForms(Session()).breather
-    assert {name: float(typed[name].input.value) for name in NEEDED} == first
+    assert {name: float(typed[name].value) for name in NEEDED} == first
     for name in NEEDED:
         low, high, step = NUMBERS[name].slider
         assert all(map(NUMBERS[name].holds, (low, high)))

@@ -160,20 +160,9 @@ def test_points_of_several_branches_in_a_corner_are_named_once_by_their_kind() -
     assert min(apart) > 10 * ax.get_figure().dpi / 72
 
 
-def test_one_point_of_two_branches_is_named_once() -> None:
-    """Both branches find it, each to its own rounding."""
-    pitchfork = cb.Problem(
-        lambda x, p: np.array([x[0] * (p["mu"] - x[0] ** 2)]), {"x": 0.0}, {"mu": -1.0}
-    )
-    events, within = [cb.branch_point()], {"mu": (-1, 1), "x": (-1, 1)}
-    flat = cb.trace(pitchfork, "mu", within=within, events=events)
-    bent = cb.trace(pitchfork.at(x=0.5, mu=0.25), "mu", within=within, events=events)
-    assert [p.kind for b in (flat, bent) for p in b.special].count("BP") == 2
-    assert [text.get_text() for text in words(plots.plot(flat, bent).axes)] == ["BP1"]
-
-
 def test_a_fold_that_two_branches_number_otherwise_is_named_once() -> None:
-    """The same curve, walked from either end."""
+    """The same curve, walked from either end: what is the first of one is the second of the other,
+    and each finds it to its own rounding."""
     cubic = cb.Problem(lambda x, p: p["mu"] + x - x**3 / 3, {"x": -2.1}, {"mu": -1.0})
     ways = [
         cb.trace(start, "mu", towards=way, within={"mu": (-1, 1)}, events=[cb.fold()])
@@ -295,6 +284,9 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
             "a branch, zones or an orbit, say, was expected, got a Curve",
         ),
         (lambda b, z: plots.plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
+        (lambda b, z: plots.plot_diagram([b], y="q"), "no branch has a column 'q'; there are"),
+        (lambda b, z: plots.plot_diagram([b], y=3), "a function of a point, was expected, got"),
+        (lambda b, z: plots.plot_diagram([]), "no branch to draw"),
         (
             lambda b, z: plots.save_figure("x.png", plots.plot(b)),
             r"first, save_figure\(figure, 'x.png'\)",
@@ -322,6 +314,17 @@ def test_plot_draws_anything_that_was_computed(in_a: Branch, diagram: Zones) -> 
     left, right = plots.plot([diagram, diagram])
     assert left.figure is right.figure
     assert left.axes is not right.axes
+
+
+def test_a_figure_of_any_number_that_points_have(in_a: Branch) -> None:
+    def height(point: cb.continuation.Point) -> float:
+        return float(point.displacement(1, 0.0))
+
+    ax = plots.plot_diagram([in_a], y=height).axes
+    assert ax.get_ylabel() == "height"
+    x, y = ax.get_lines()[0].get_data()
+    here = in_a[int(np.argmin(abs(in_a["a"] - x[0])))]
+    assert y[0] == pytest.approx(height(here), abs=1e-9)
 
 
 # --- zones --------------------------------------------------------------------------------------

@@ -88,18 +88,6 @@ def test_arms_that_asymmetry_does_not_part_are_drawn_by_a_time() -> None:
     assert "asymmetry" not in doubled.names
 
 
-def test_a_curve_of_a_recorded_column_bends_between_its_points() -> None:
-    """On a ring p is measured, not solved for."""
-    start = cb.symmetric(0.5, 0.04, 0.8, lattice=RING)
-    branch = cb.trace(start.unfolded(), "a", within={"a": (0.1, 0.7)})
-    x, y = np.hstack([line.get_data() for line in curves(plot(branch).axes)])
-    assert len(x) > 3 * len(branch)
-    # p of the closed form, p chi = 1 - a f(phi)
-    chi, q = RING.chi(0.04), 0.2 / 1.8
-    off = np.abs(x - np.hypot(1 - y * chi, y * q))
-    assert off.max() < 2e-3
-
-
 # --- into axes that show something already --------------------------------------------------------
 
 
@@ -137,15 +125,6 @@ def test_a_sweep_is_drawn_over_its_branch(loop: Any, branch: cb.Branch) -> None:
     fork = plot(branch, y="asymmetry").axes
     plot_sweep(loop, y="tilt", ax=fork)  # which is t2 - t1 - pi, too
     assert fork.get_ylabel() == "asymmetry"
-
-
-def test_empty_axes_with_a_label_are_for_whoever_draws_first(branch: cb.Branch) -> None:
-    _, (ax,) = cb.plotting.new_figure()
-    ax.set_ylabel("half the momentum")
-    plot(branch, ax=ax)
-    ax.set_ylabel("half the momentum")
-    with pytest.raises(cb.BadInput, match="these axes show half the momentum"):
-        plot(branch, ax=ax)
 
 
 # --- arrays ---------------------------------------------------------------------------------------

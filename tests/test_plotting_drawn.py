@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -156,12 +155,6 @@ def test_a_title_names_the_forcing_where_it_is_not_the_paper_s(on: dict[str, Any
 # --- branches -----------------------------------------------------------------------------------
 
 
-def test_legend_of_a_branch_calls_solid_stable_and_dashed_unstable(in_a: Branch) -> None:
-    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plots.plot(in_a).axes).items()}
-    assert shown["stable"] is None
-    assert shown["unstable"] is not None
-
-
 def test_special_points_have_the_colour_of_their_branch_and_ends_are_small_and_grey(in_a) -> None:
     ax = plots.plot(in_a).axes
     line = next(line for line in ax.get_lines() if line.get_linestyle() != "None")
@@ -194,12 +187,6 @@ def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
     words = {text.get_text(): text.get_color() for text in ax.texts if text.get_text()}
     assert hue(words["1.0628"]) == REDDISH
     assert hue(words["0.6158"]) == "grey"
-
-
-def test_axes_name_the_map_whose_multipliers_are_shown(unstable_pair) -> None:
-    for half, name in ((True, r"$\mu$"), (False, r"$\mu^2$")):
-        ax = plots.plot_multipliers(unstable_pair, half=half, sites=40).axes
-        assert (ax.get_xlabel(), ax.get_ylabel()) == (f"Re {name}", f"Im {name}")
 
 
 def test_a_motion_that_returns_has_the_dots_of_its_orbit() -> None:
@@ -326,17 +313,6 @@ def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word)
     np.testing.assert_array_equal(drawn, [*own[:3], *own[2:]])
 
 
-def test_sweep_of_one_value_is_a_point(state) -> None:
-    (line,) = plots.plot_sweep(sim.sweep(state, "a", [0.2], periods=5, **SET)).axes.get_lines()
-    assert line.get_xdata().tolist() == [0.2]
-
-
-def test_unknown_column_of_a_sweep_is_refused(state) -> None:
-    loop = sim.sweep(state, "a", [0.2], periods=5, **SET)
-    with pytest.raises(cb.BadInput, match=r"y must be 'p', 'amplitude', .*, got 'height'"):
-        plots.plot_sweep(loop, y="height")
-
-
 def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     outcomes = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
     u, v = sim.Axis("u", 1, [-0.5, 0.0, 0.5]), sim.Axis("v", 0, [-1.0, 1.0])
@@ -367,15 +343,6 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{0}$")
 
 
-def test_basin_of_a_simulation_is_saved(state, tmp_path) -> None:
-    u, v = sim.Axis("u", 0, [-0.5, 0.5]), sim.Axis("v", 0, [-1.0, 0.0, 1.0])
-    with ThreadPoolExecutor(1) as one:
-        basin = sim.attraction(state, u, v, periods=20, executor=one, **SET)
-    names = [t.get_text() for t in plots.plot_basin(basin).axes.get_legend().get_texts()]
-    assert len(names) == len(np.unique(basin.outcome))
-    assert plots.save_figure(plots.plot_basin(basin), tmp_path / "basin.svg").stat().st_size > 1000
-
-
 # --- canvas -------------------------------------------------------------------------------------
 
 
@@ -384,13 +351,6 @@ def test_a_figure_has_300_dots_to_the_inch(tmp_path: Path) -> None:
 
     height, width, _ = imread(plots.save_figure(plots.new_figure(2)[0], tmp_path / "x.png")).shape
     assert (width, height) == pytest.approx((8.5 / 2.54 * 300, 13 / 2.54 * 300), abs=1)
-
-
-def test_text_stays_text_in_vector_files(tmp_path: Path) -> None:
-    figure, (ax,) = plots.new_figure()
-    ax.set_xlabel("amplitude")
-    assert ">amplitude<" in plots.save_figure(figure, tmp_path / "x.svg").read_text()
-    assert b"/FontFile2" in plots.save_figure(figure, tmp_path / "x.pdf").read_bytes()  # TrueType
 
 
 def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:

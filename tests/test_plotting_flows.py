@@ -157,21 +157,11 @@ def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest,
     np.testing.assert_allclose(bottom, -np.sqrt(mu), atol=1e-6)
 
 
-def test_the_first_state_is_what_cycles_are_drawn_by(cycles) -> None:
-    assert plots.plot(cycles).axes.get_ylabel() == "$x$"
-
-
 def test_special_points_of_cycles_are_marked_on_both_sides_and_named_once(rest, cycles) -> None:
     ax = plots.plot(cycles).axes
     stars = [line for line in ax.get_lines() if line.get_marker() == "*"]
     assert len(stars) == 2
     assert sorted(word.get_text() for word in ax.texts if word.get_text()) == ["HB1"]
-
-
-def test_a_diagram_has_equilibria_and_cycles(rest, cycles) -> None:
-    assert (
-        len(lines(plots.plot_diagram([rest, cycles], y="y").axes)) == 4
-    )  # solid, dashed; two sides
 
 
 def test_an_orbit_of_a_flow_is_drawn_over_time_and_as_a_phase_portrait(cycles) -> None:
@@ -240,15 +230,6 @@ def test_multipliers_of_cycles_are_drawn_along_their_branch_and_in_the_plane(cyc
     np.testing.assert_allclose(dots.get_ydata(), np.exp(-4 * np.pi * dots.get_xdata()), atol=1e-6)
     (word,) = (w for w in plots.plot_multipliers(cycles[-1], digits=5).axes.texts if w.get_text())
     assert word.get_text() == f"{math.exp(-4 * math.pi * cycles['mu'][-1]):.5f}"
-
-
-def test_multipliers_far_outside_do_not_hide_those_at_the_circle() -> None:
-    flow = cb.cycle(
-        lambda t, x, p: [*field(t, x, p), p["s"] * x[2]], start={"x": 1.0, "y": 0.0, "z": 0.0},
-        params={"mu": 1.0, "s": 0.9}, settle=0,
-    )  # fmt: skip
-    branch = cb.trace(flow, "s", within={"s": (0.89, 0.91)})
-    assert plots.plot_spectrum(branch).axes.get_yscale() == "symlog"
 
 
 def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 import contbreather as cb
 import contbreather.plotting as plots
-from contbreather.continuation.curve.kinds import LOOKS, MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
@@ -67,11 +66,6 @@ def test_names_are_written_as_in_the_paper() -> None:
         "x12": "$x_{12}$", "period": "period", "max(x)": "max(x)", "2": "2", "": "",
     }  # fmt: skip
     assert {name: symbol(name) for name in written} == written
-
-
-def test_kinds_that_have_an_entry_have_a_marker_each() -> None:
-    assert len({look.marker for look in (*LOOKS.values(), MEETING)}) == len(LOOKS) + 1
-    assert look_of("NS-GR") is look_of("LP-NS") is MEETING
 
 
 # --- sheets ---------------------------------------------------------------------------------------
@@ -199,16 +193,6 @@ def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
         plots.plot_zones([])
 
 
-def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
-    branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.15, 0.3)})
-    for name in ("arclength", "residual"):
-        ax = plots.plot(branch, x=name, y="p").axes
-        column = branch[name]
-        x = np.concatenate([np.atleast_1d(line.get_xdata()) for line in ax.get_lines()])
-        assert x.min() == pytest.approx(column.min(), abs=1e-12)
-        assert x.max() == pytest.approx(column.max(), abs=1e-12)
-
-
 def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     for site in (0.5, "0", None, (0,)):
         with pytest.raises(BadInput, match=r"site = .*: the number of a site was expected"):
@@ -266,11 +250,3 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
     cb.plot(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], ax=below)
     assert below.get_lines()[0].get_ydata() == pytest.approx(np.arange(4.0))
     assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "$u$")
-
-
-def test_words_of_a_legend_and_of_points_are_smaller_than_those_of_their_axes() -> None:
-    _, (axes,) = plots.new_figure()
-    branch = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.1, 0.9)})
-    cb.plot(branch, x="a", y="p", ax=axes)
-    sizes = [word.get_fontsize() for word in (*axes.get_legend().get_texts(), *axes.texts)]
-    assert max(sizes) < axes.xaxis.label.get_fontsize()

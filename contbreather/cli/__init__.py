@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
 from contbreather.cli.process import STATUS as INTERRUPTED
@@ -78,28 +78,16 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """Say what the parser found, on one line, with the way on."""
-    from cyclopts import MissingArgumentError, UnknownCommandError, UnusedCliTokensError
+    from cyclopts import UnusedCliTokensError
 
     command = getattr(error, "command_chain", None) or ()
-    way_on = f"see {' '.join(('contbreather', *command))} --help"
+    text = " ".join(str(error).split())
+    text = text.partition(" Available commands")[0]  # a list that stops after eight
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
-        return (
-            f"{extra!r} belongs to no option; values follow the name of theirs, as in --a 0.2; "
-            f"{way_on}"
-        )
-    if isinstance(error, MissingArgumentError) and error.argument is not None:
-        count, so_far = error.argument.token_count()[0], len(error.tokens_so_far)
-        if error.keyword is None:
-            return f"{error.argument.name} is missing; {way_on}"
-        wanted = "a value" if count == 1 else f"{count} values, apart by blanks"
-        got = f"{so_far} was given" if so_far else "none was given"
-        return f"{error.keyword or error.argument.name} takes {wanted}, and {got}; {way_on}"
-    text = " ".join(str(error).split())
-    if isinstance(error, UnknownCommandError):  # its list of commands stops after eight
-        text = text.partition(" Available commands")[0]
-    asks = text.endswith("?")
-    return f"{text} {way_on.capitalize()}" if asks else f"{text.rstrip('.')}; {way_on}"
+        text = f"{extra!r} belongs to no option; each value follows the name of its own, as --a 0.2"
+    end = "" if text.endswith(("?", ".")) else "."
+    return f"{text}{end} See {' '.join(('contbreather', *command))} --help."
 
 
 def _refused(reason: object, status: int) -> int:
@@ -142,23 +130,6 @@ def application() -> App:
     ):  # fmt: skip
         app.command(command)
 
-    def install(*, shell: Literal["bash", "zsh", "fish"] | None = None) -> None:
-        """Complete commands and options by the tab key, in every new shell.
-
-        Parameters
-        ----------
-        shell
-            The one that this runs in unless given.
-        """
-        from cyclopts.completion import ShellDetectionError
-
-        try:
-            path = app.install_completion(shell=shell)
-        except ShellDetectionError as error:
-            raise BadInput(
-                "this shell is not known; name one, as in --install-completion --shell bash"
-            ) from error
-        print(f"Wrote {path}; a new shell reads it.")
-
-    app.command(install, name="--install-completion")
+    tab = "Complete commands and options by the tab key, in every new shell."
+    app.register_install_completion_command(help=tab)
     return app

@@ -67,77 +67,64 @@ def point(
         on = replace(where, sites=None).on()
     roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**where.given(), **on})
     breather = rooted(roots, root)
-    others = [other for other in roots if other is not breather]
-    finite = breather.lattice.sites is not None
-    verdicts = [breather.stability(threshold=verge) if finite else breather.stability()]
-    if where.sites is not None:  # by the paper's rule besides
-        verdicts.append(breather.stability(sites=ring.sites, threshold=verge))
-    entry = _entry(breather, verdicts, others, model_entry(verge, **on), where.sites)
-    content = {**entry, "root": roots.index(breather) + 1}
+    others = [
+        {"p": other.p, "phi": other.phi, "admissible": other.admissibility().ok}
+        for other in roots if other is not breather
+    ]  # fmt: skip
+    judged, lines = _judged(breather, others, verge, None if where.sites is None else ring)
+    content: dict[str, Any] = {
+        **{name: value for name, value in breather.conditions.params.items() if name in NAMES},
+        **model_entry(verge, **on),
+        **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
+        **judged,
+        "root": roots.index(breather) + 1,
+    }
     proof = breather.certify() if certify else None
     if proof is not None:
         content["certificate"] = asdict(proof)
     if json:
         to_json(content)
     else:
-        judged = breather.lattice.sites is None and content["admissible"]
-        isolated = verdicts[0].multipliers if judged else ()
+        isolated = judged.get("multipliers", ()) if judged["admissible"] else ()
         rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in isolated]
         say(replace(breather.table().further(*rows), title="Symmetric breather"))
-        say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.table()]))
+        say(*sentences(lines), *([] if proof is None else [proof.table()]))
     if proof is not None and proof.unproved:
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
-def _entry(
-    breather: Any, verdicts: list[Any], others: list[Any], on: dict[str, Any], sites: int | None
-) -> dict[str, Any]:
-    verdict, margins = verdicts[0], breather.admissibility()
+def _judged(
+    breather: Any, others: list[dict[str, Any]], verge: float, ring: Any
+) -> tuple[dict[str, Any], list[str]]:
+    """Judge admissibility and stability, on a ring besides: for JSON, and in sentences."""
+    margins, finite = breather.admissibility(), breather.lattice.sites is not None
+    verdict = breather.stability(threshold=verge) if finite else breather.stability()
+    lines = [margins.reason, verdict.describe()]
     # what goes through a wall is no motion of the lattice, be its linearisation what it may
-    judged = margins.ok
-    content: dict[str, Any] = {
-        **{name: value for name, value in breather.conditions.params.items() if name in NAMES},
-        **on,
-        **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
+    judge = verdict if margins.ok else None
+    content = {
         "admissible": margins.ok,
-        "max_neighbour": margins.max_neighbour,
-        "margin": margins.margin,
-        "reason": margins.reason,
-        "stable": verdict.stable if judged else None,
-        "unstable": verdict.unstable if judged else None,
-        "other_roots": [
-            {"p": other.p, "phi": other.phi, "admissible": other.admissibility().ok}
-            for other in others
-        ],
+        **{name: getattr(margins, name) for name in ("max_neighbour", "margin", "reason")},
+        **{name: getattr(judge, name, None) for name in ("stable", "unstable")},
+        "other_roots": others,
     }
-    if breather.lattice.sites is not None:
-        return {**content, "largest": verdict.largest if judged else None}
-    names = ("certain", "over_reflecting", "multipliers")
-    content |= {name: getattr(verdict, name) for name in names}
-    for ring in verdicts[1:]:
-        content["ring"] = {
-            "sites": sites,
-            "threshold": ring.threshold,
-            "largest": ring.largest,
-            "unstable": ring.unstable if judged else None,
-        }
-    return content
-
-
-def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[str]:
-    margins = breather.admissibility()
-    lines = [margins.reason]
-    if margins.ok:
-        lines += [verdict.describe() for verdict in verdicts]
+    if finite:
+        content["largest"] = getattr(judge, "largest", None)
     else:
-        lines.append("nothing is said of its stability: the lattice has no such motion")
+        exact = ("certain", "over_reflecting", "multipliers")
+        content |= {name: getattr(verdict, name) for name in exact}
+    if ring is not None:  # by the paper's rule
+        by_rule = breather.stability(sites=ring.sites, threshold=verge)
+        about = {"sites": ring.sites, "threshold": verge, "largest": by_rule.largest}
+        content["ring"] = {**about, "unstable": by_rule.unstable if margins.ok else None}
+        lines.append(by_rule.describe())
+    if not margins.ok:
+        lines[1:] = ["nothing is said of its stability: the lattice has no such motion"]
     if others:
-        roots = (
-            f"p = {root.p:.9g} ({'' if root.admissibility().ok else 'not '}admissible)"
-            for root in others
-        )
-        lines.append(f"further roots of (11): {', '.join(roots)}")
-    return sentences(lines)
+        roots = [(root["p"], "" if root["admissible"] else "not ") for root in others]
+        told = ", ".join(f"p = {p:.9g} ({no}admissible)" for p, no in roots)
+        lines.append(f"further roots of (11): {told}")
+    return content, lines
 
 
 # --- curves ---------------------------------------------------------------------------------------
@@ -305,27 +292,27 @@ def _lines(
         yield f"{point.detail['criticality'].capitalize()}: {size}."
     yield _table(arms)
     for i, arm in enumerate(arms, start=1):
-        yield from (f"Arm {i}, {line}." for line in (*_stability_lines(arm), *_ends(arm)))
+        said = [*_stability_lines(arm), end_sentences(arm)[-1]]
+        said += [] if arm.image_of is None else [f"the mirror image of arm {arm.image_of + 1}"]
+        yield from (f"Arm {i}, {line}." for line in said)
 
 
 def _table(arms: Sequence[cb.Branch]) -> Sheet:
     from contbreather.tables import Column, Sheet
 
-    free = arms[0].free
-    names = [free, *(name for name in SHOWN if name in arms[0].names)]
-    lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
-    columns = [
-        Column(name, [point.table_value(name) for _, point in lines], spare=name in TIMES)
-        for name in names
-    ]
-    first = Column("arm", [i for i, _ in lines])
-    labels = Column("label", [_name(point) for _, point in lines])
-    return Sheet([first, labels, *columns], title=f"{arms[0].problem.label} in {free}")
+    names = [arms[0].free, *(name for name in SHOWN if name in arms[0].names)]
+    rows = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
+    numbers, points = zip(*rows, strict=True)
+    columns = [Column("arm", numbers), Column("label", [_name(point) for point in points])]
+    for name in names:
+        cells = [point.table_value(name) for point in points]
+        columns.append(Column(name, cells, spare=name in TIMES))
+    return Sheet(columns, title=f"{arms[0].problem.label} in {arms[0].free}")
 
 
 def _name(point: cb.continuation.Point) -> str:
     """The label that the point has in files, too: an arm starts at its EP1."""
-    return point.title if point.located else f"{point.title}?"
+    return point.title + "?" * (not point.located)
 
 
 def _stability_lines(arm: cb.Branch) -> Iterator[str]:
@@ -336,26 +323,15 @@ def _stability_lines(arm: cb.Branch) -> Iterator[str]:
     on = f"the {arm[0].lattice.describe()}"
     if arm[0].lattice.sites is not None:
         on += f" (threshold {THRESHOLD})"
-    marks = [i for i, point in enumerate(arm) if point.kind]
-    for i, j in pairwise(marks):
+    marks = [(i, _name(point)) for i, point in enumerate(arm) if point.kind]
+    for (i, first), (j, last) in pairwise(marks):
         # at special points the count is of a multiplier on the circle: rounding decides it
         inside = arm.points[i + 1 : j] or (between(arm[i], arm[j]),)
         counts = {point["unstable"] for point in inside if point is not None}
         if counts:
             numbers = ", ".join(str(count) for count in sorted(counts))
             word = "stable" if counts == {0} else f"unstable, multipliers outside: {numbers},"
-            yield f"{_name(arm[i])} to {_name(arm[j])}: {word} on {on}"
-
-
-def _ends(arm: cb.Branch) -> Iterator[str]:
-    """Say why it ends where it does; of grazing also which site, and when."""
-    end = arm[-1]
-    if end.kind in ("GR", "VI"):
-        yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
-    else:
-        yield end_sentences(arm)[-1]
-    if arm.image_of is not None:
-        yield f"the mirror image of arm {arm.image_of + 1}"
+            yield f"{first} to {last}: {word} on {on}"
 
 
 def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
@@ -366,7 +342,7 @@ def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
             **branch_entry(arm),
             "label": arm.problem.label,
             "stability": list(_stability_lines(arm)),
-            "end": next(_ends(arm)),
+            "end": end_sentences(arm)[-1],
             "image_of": None if arm.image_of is None else arm.image_of + 1,
         }
         for arm in arms

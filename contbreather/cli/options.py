@@ -70,24 +70,16 @@ Window = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class LatticeOptions:
-    """Lattice and drive of breathers, as they were typed.
-
-    Parameters
-    ----------
-    sites
-        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
-    threshold
-        On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given.
-    set
-        NAME=VALUE of a parameter in the formula.
-    """
+    """Lattice and drive of breathers, as they were typed."""
 
     damping: Annotated[PerSite | None, parameter_help("damping")] = None
     spring: Annotated[PerSite | None, parameter_help("spring")] = None
     omega: Annotated[float | None, parameter_help("omega")] = None
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
+    """A ring of so many sites in place of the infinite chain, judged by the paper's rule."""
     threshold: float | None = None
+    """On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given."""
     site: Annotated[Whole, parameter_help("site")] = CHOICES["site"].default
     walls: Annotated[
         tuple[str, ...], Parameter(allow_leading_hyphen=True), parameter_help("walls")
@@ -96,6 +88,7 @@ class LatticeOptions:
         HARMONIC
     )
     set: tuple[str, ...] = ()
+    """NAME=VALUE of a parameter in the formula."""
 
     @property
     def read(self) -> dict[str, str | None]:
@@ -136,13 +129,10 @@ class _Needed:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ModelOptions(LatticeOptions, _Needed):  # fields of the last base come first
-    """Parameters and lattice of a breather as they were typed.
+    """Parameters and lattice of a breather as they were typed."""
 
-    Parameters
-    ----------
-    sites
-        Short for --lattice ring:N; of a point, that ring as well.
-    """
+    sites: Whole | None = None
+    """Short for --lattice ring:N; of a point, that ring as well."""
 
     def given(self, *free: str) -> dict[str, float]:
         """Return the parameters that were given; all that are needed must be, but for free ones."""
@@ -157,20 +147,15 @@ class ModelOptions(LatticeOptions, _Needed):  # fields of the last base come fir
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ZoneOptions(LatticeOptions):
-    """Windows of zone diagrams, and the lattice of their breathers.
-
-    Parameters
-    ----------
-    past_folds
-        With the lower breathers, too, those behind a fold: all unstable, but they may exist where
-        no upper one does.
-    """
+    """Windows of zone diagrams, and the lattice of their breathers."""
 
     gamma_window: Annotated[Span | None, window_help("gamma")] = None
     a_window: Annotated[Span | None, window_help("a")] = None
     k_window: Annotated[Span | None, window_help("k")] = None
     omega_window: Annotated[Span | None, window_help("omega")] = None
     past_folds: bool = False
+    """With the lower breathers, too, those behind a fold: all unstable, but they may exist where no
+    upper one does."""
 
     def options(self) -> dict[str, Any]:
         """Make all arguments of `zones` of it; say so where a window is cut."""
@@ -214,15 +199,10 @@ def _a_number(name: str, words: str) -> float | None:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class BranchWindow:
-    """Parameter that varies along a branch.
-
-    Parameters
-    ----------
-    free
-        Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's.
-    """
+    """Parameter that varies along a branch."""
 
     free: str
+    """Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's."""
     window: Window = None
 
     @property
@@ -230,21 +210,17 @@ class BranchWindow:
         """Window of the parameter, where it is looked at unless given."""
         return {self.free: self.window or window_of(self.free)}
 
-    def start(self, where: ModelOptions, root: int | None = None) -> cb.orbits.Orbit:
-        """Find a breather at the value of the free parameter, if one is given, or in its window."""
-        free, on = self.free, where.on(self.free)
-        params = where.given(free)
-        near = (params[free], params[free]) if free in params else self.within[free]
-        return cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
-
     def problem(
         self, where: ModelOptions, root: int | None = None, *, switched: bool = False
     ) -> cb.Problem:
-        """Equations of the breather, with all events; where other branches are `switched` to, on
-        finite lattices those of shooting."""
+        """Equations of a breather at the value of the free parameter, if one is given, or in its
+        window, with all events; where other branches are `switched` to, on finite lattices those of
+        shooting."""
         from contbreather.stability.verdict import THRESHOLD
 
-        breather = self.start(where, root)
+        free, on, params = self.free, where.on(self.free), where.given(self.free)
+        near = (params[free], params[free]) if free in params else self.within[free]
+        breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
         threshold = where.verge(breather.lattice)
         if switched and threshold != THRESHOLD:
             raise BadInput(
@@ -253,30 +229,22 @@ class BranchWindow:
             )
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)
-        return breather.problem_beyond(threshold).having(self.free)
+        return breather.problem_beyond(threshold).having(free)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StepSizes:
-    """Lengths of steps along a curve.
-
-    Parameters
-    ----------
-    first
-        Length of the first step, 0.01 unless given.
-    smallest
-        Where a step would have to be shorter the curve ends, 1e-9 unless given.
-    largest
-        No step is longer; 0.1 unless given, on a boundary 0.02.
-    most
-        Number of steps after which the curve ends, in each direction; 2000 unless given.
-    """
+    """Lengths of steps along a curve."""
 
     first: float | None = None
+    """Length of the first step, 0.01 unless given."""
     smallest: float | None = None
+    """Where a step would have to be shorter the curve ends, 1e-9 unless given."""
     largest: float | None = None
+    """No step is longer; 0.1 unless given, on a boundary 0.02."""
     most: Whole | None = None
+    """Number of steps after which the curve ends, in each direction; 2000 unless given."""
 
     def steps(self, **usual: Any) -> cb.Steps:
         """Make them as they were typed, the usual ones otherwise."""
@@ -287,18 +255,12 @@ class StepSizes:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Axes:
-    """Columns that are drawn over each other.
-
-    Parameters
-    ----------
-    x
-        Column of the figure's abscissa, the first parameter that varies unless given.
-    y
-        Column of its ordinate, the first unknown unless given, of a boundary the other parameter.
-    """
+    """Columns that are drawn over each other."""
 
     x: str | None = None
+    """Column of the figure's abscissa, the first parameter that varies unless given."""
     y: str | None = None
+    """Column of its ordinate, the first unknown unless given, of a boundary the other parameter."""
 
     def check(self, figure: str | None) -> None:
         """Refuse columns where nothing is drawn."""

@@ -90,21 +90,14 @@ class Result(NamedTuple):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Places where results go.
-
-    Parameters
-    ----------
-    csv
-        Write the numbers to this file, in full precision.
-    output
-        Draw to this file: .png, .pdf or .svg.
-    json
-        Print one JSON object, in full precision.
-    """
+    """Places where results go."""
 
     csv: str | None = None
+    """Write the numbers to this file, in full precision."""
     output: Annotated[str | None, Parameter(alias="-o")] = None
+    """Draw to this file: .png, .pdf or .svg."""
     json: bool = False
+    """Print one JSON object, in full precision."""
 
     @property
     def library_file(self) -> str | None:
@@ -118,25 +111,17 @@ class Output:
 
         typed = {"--csv": self.csv, "--save": self.library_file}
         typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
-        written = {option: path for option, path in typed.items() if path is not None}
         # what is kept and a figure have names of their sort
         checks = {"--save": target_of, "--output": cb.plotting.canvas.figure_path}
+        written = {option: path for option, path in typed.items() if path is not None}
         for option, path in written.items():
             checks.get(option, writable)(path)
         taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
-        taken[identity(1)] = "standard output"
-        if self.json:
-            taken[1] = "--json"
+        taken |= {identity(1): "standard output"} | ({1: "--json"} if self.json else {})
         for option, path in written.items():
             place = stream_of(path) or identity(path)
-            if place in (1, identity(1)) and place in taken:
-                raise BadInput(
-                    f"{option} {path}: {taken[place]} goes there; give {option} another file"
-                )
-            if place in taken:
-                raise BadInput(
-                    f"{taken[place]} and {option} both name {path}; give different names"
-                )
+            if other := taken.get(place):
+                raise BadInput(f"{other} and {option} both name {path}; give different names")
             taken[place] = option
 
     def leave(self, result: Result, *, cut: bool = False, others: Sequence[str] = ()) -> None:
@@ -166,29 +151,21 @@ class Output:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedOutput(Output):
-    """Places of results that are kept as they are found.
-
-    Parameters
-    ----------
-    save
-        Keep the results in this file while they are computed: show prints them, extend follows
-        branches and boundaries further.
-    """
+    """Places of results that are kept as they are found."""
 
     save: str | None = None
+    """Keep the results in this file while they are computed: show prints them, extend follows
+    branches and boundaries further."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SavedRun(SavedOutput):
-    """Places where a run goes.
+    """Places where a run goes."""
 
-    Parameters
-    ----------
-    save
-        Keep the run in this file when it has ended, for show and load; --stream keeps one as it
-        goes on.
-    """
+    save: str | None = None
+    """Keep the run in this file when it has ended, for show and load; --stream keeps one as it goes
+    on."""
 
 
 # --- branches -----------------------------------------------------------------------------------

@@ -57,13 +57,8 @@ _interrupts = _Interrupts()
 
 @contextlib.contextmanager
 def interruptible(*, alone: bool) -> Iterator[None]:
-    """Take over Ctrl-C for one command line; for good where the process has nothing else to do.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        At the end, if one came that has stopped nothing.
-    """
+    """Take over Ctrl-C for one command line; for good where the process has nothing else to do. One
+    that came and has stopped nothing is raised at the end."""
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the business of the main thread
         return
@@ -99,13 +94,8 @@ def computing() -> Iterator[None]:
 
 
 def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
-    """Compute, and tell whether Ctrl-C has cut it short.
-
-    Raises
-    ------
-    Interrupted
-        If there is nothing yet.
-    """
+    """Compute, and tell whether Ctrl-C has cut it short; raise `Interrupted` if there is nothing
+    yet."""
     try:
         with computing():
             return work(*args, **kwargs), False

@@ -45,13 +45,10 @@ def show(
     into.check({"RUN": run})
     axes.check(into.output)
     results = _opened(run)
-    chosen = dict(results) if name is None else {"": results[name]}
-    result, about = _presented(chosen, axes), {"path": str(results.path)}
-    lines = partial(iter, [results.table()])
-    if len(chosen) == 1:
-        (alone,) = chosen.values()
-        about, lines = {**about, **_entry(alone)}, partial(_lines, alone)
-    into.leave(result._replace(entry=lambda: {**about, **result.entry()}, lines=lines))
+    result = _presented(dict(results) if name is None else {"": results[name]}, axes)
+    if name is None and len(results) > 1:
+        result = result._replace(lines=lambda: [results.table()])
+    into.leave(result._replace(entry=lambda: {"path": str(results.path), **result.entry()}))
 
 
 def extend(
@@ -111,19 +108,14 @@ def _opened(path: str) -> cb.Run:
 def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     """Find the branch, the file it is in, and its name there."""
     branches = [key for key, result in run.items() if isinstance(result, cb.Branch)]
-    if not branches:
-        raise BadInput(
-            f"{run.path} has no branch or boundary to extend, only {', '.join(run)}; a branch of a "
-            "diagram is extended from Python, cb.extend(diagram.branches[0])"
-        )
-    if name is None and len(branches) > 1:
-        there = ", ".join(branches)
-        raise BadInput(f"which branch of {run.path}? There are {there}; give the name of one")
-    name = name or branches[0]
-    branch = run[name]
+    name = branches[0] if name is None and len(branches) == 1 else name
     if name not in branches:
-        raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
-    return branch, *run.place(name)
+        raise BadInput(
+            f"name a branch or a boundary of {run.path} to extend: there is "
+            f"{', '.join(branches) or 'none'}; a branch of a diagram is extended from Python, "
+            "cb.extend(diagram.branches[0])"
+        )
+    return run[name], *run.place(name)
 
 
 def _described(result: Any) -> str:
@@ -166,40 +158,40 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     from contbreather.continuation.branches.diagram import Diagram
 
     results: list[Any] = list(by_name.values())
-    if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
-        return of_zones(results)
+    table, draw = partial(_stacked, by_name), partial(_branches_drawn, results, axes)
     arms = all(isinstance(one, cb.Branch) and one[0].parent and lives_on(one) for one in results)
-    if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
-        return of_arms(results, axes)
     match results:
+        case _ if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
+            result = of_zones(results)
+        case _ if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
+            result = of_arms(results, axes)
         case [cb.Branch() as branch]:
-            return of_branch(branch, axes)
+            result = of_branch(branch, axes)
         case [Diagram() as tree]:
-            return of_diagram(tree)
+            result = of_diagram(tree)
         case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
-            hits = getattr(run, "impacts", {"site": ()})["site"]
-            return of_run(RunSummary(run, int(hits[0]) if len(hits) else 0))  # its site hits first
-    draw = partial(_branches_drawn, results, axes)
-    return Result(partial(_entries, by_name), list, partial(_stacked, by_name), draw)
+            hits = getattr(run, "impacts", {"site": ()})["site"]  # its site hits first
+            result = of_run(RunSummary(run, int(hits[0]) if len(hits) else 0))
+        case [_]:
+            result = Result(dict, list, table, draw)
+        case _:
 
+            def each() -> dict[str, Any]:
+                alone = {name: _presented({"": one}, axes) for name, one in by_name.items()}
+                return {"results": {name: result.entry() for name, result in alone.items()}}
 
-def _entries(by_name: Mapping[str, Any]) -> dict[str, Any]:
-    """Write a result of another sort, or several by their names, for JSON."""
-    if len(by_name) > 1:
-        entries = {
-            name: {**_entry(one), **_presented({"": one}, Axes()).entry()}
-            for name, one in by_name.items()
-        }
-        return {"results": entries}
-    (result,) = by_name.values()
-    special = [point_entry(point) for point in getattr(result, "special", ())]
-    return {"special": special} if special else {}
+            result = Result(each, list, table, draw)
+    if len(results) > 1:
+        return result
+    (alone,) = results
 
+    def entry() -> dict[str, Any]:
+        if isinstance(alone, cb.continuation.Point):
+            return point_entry(alone)
+        about = {"kind": type(alone).__name__, "description": _described(alone)}
+        return {**about, **result.entry()}
 
-def _entry(result: Any) -> dict[str, Any]:
-    if isinstance(result, cb.continuation.Point):
-        return point_entry(result)
-    return {"kind": type(result).__name__, "description": _described(result)}
+    return result._replace(entry=entry, lines=partial(_lines, alone))
 
 
 def _stacked(by_name: Mapping[str, Any]) -> Table:
@@ -207,8 +199,7 @@ def _stacked(by_name: Mapping[str, Any]) -> Table:
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
     heads = [{"name": name} if len(by_name) > 1 else {} for name in by_name]
-    tables = [result.columns() for result in results]
-    return stacked_table(zip(heads, tables, strict=True))
+    return stacked_table(zip(heads, (result.columns() for result in results), strict=True))
 
 
 def _branches_drawn(results: list[Any], axes: Axes) -> Any:

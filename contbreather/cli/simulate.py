@@ -40,43 +40,30 @@ IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "accele
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """A run as it was typed.
-
-    Parameters
-    ----------
-    periods
-        Length of the run, in periods 2 pi.
-    smooth
-        Smooth walls (21) of this hardness m; rigid ones unless given.
-    start
-        File with the first state; the exact breather unless given.
-    perturb
-        Standard deviation of a random push on it.
-    noise
-        Strength of white noise on every site, all the time.
-    seed
-        Of that push, and of the noise.
-    stream
-        File to keep the run in, run.nc for instance; the same command again goes on with it.
-    impacts
-        Write all impacts to this file.
-    final
-        Write the last state to this file, for --start.
-    """
+    """A run as it was typed."""
 
     periods: float = 200.0
+    """Length of the run, in periods 2 pi."""
     smooth: float | None = None
+    """Smooth walls (21) of this hardness m; rigid ones unless given."""
     start: str | None = None
+    """File with the first state; the exact breather unless given."""
     perturb: float = 0.0
+    """Standard deviation of a random push on it."""
     noise: float = 0.0
+    """Strength of white noise on every site, all the time."""
     seed: Whole = 0
+    """Of that push, and of the noise."""
     stream: str | None = None
+    """File to keep the run in, run.nc for instance; the same command again goes on with it."""
     impacts: str | None = None
+    """Write all impacts to this file."""
     final: str | None = None
+    """Write the last state to this file, for --start."""
 
     def check(self, where: ModelOptions, into: SavedRun) -> None:
         """Refuse what cannot be, before anything is computed."""
-        from contbreather.checks import number, whole
+        from contbreather.checks import whole
 
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
@@ -84,19 +71,19 @@ class RunOptions:
         for option, value in {**rigid, "--walls": where.walls}.items():
             if self.smooth is not None and value:
                 raise BadInput(f"{option} goes with rigid walls only: leave out --smooth")
-        if self.noise and self.stream is not None:
+        if self.stream is not None and (self.noise or into.save is not None):
             raise BadInput(
-                "--noise: a stream is without noise; leave --stream out, --save keeps it"
+                "--stream: a stream is without noise and kept in its own file; leave out --noise "
+                "and --save, or --stream"
             )
-        if self.stream is not None and into.save is not None:
-            raise BadInput("--save and --stream: a stream is kept in its file; leave --save out")
-        number("--perturb", self.perturb, 0.0, math.inf, "a size, at least 0")
         whole("--seed", self.seed, 0)
         if where.threshold is not None:
             raise BadInput("--threshold: the verdict on a run has none; leave it out")
 
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
+        import numpy as np
+
         from contbreather.progress import Bar
         from contbreather.simulation.simulate import length_of
 
@@ -104,52 +91,39 @@ class RunOptions:
         with Bar(None, int(length_of(self.periods, 0))) as bar:
             values, on = where.given(), where.on()
             lattice = None if on["lattice"].sites is None else on["lattice"]
-            state, t0 = (
-                _breather(where, on, lattice) if self.start is None else self._read(where, lattice)
-            )
-            pushed, periods = self._pushed(state), self.periods
+            if self.start is None:
+                (u, v), t0 = _breather(where, on, lattice)
+            else:
+                (u, v), t0 = read_state(self.start)
+                if lattice is not None and lattice.sites != len(u):
+                    typed = "--sites" if where.lattice is None else "--lattice"
+                    raise BadInput(
+                        f"{typed} {where.lattice or lattice.sites}: the state in {self.start} has "
+                        f"{len(u)} sites; leave out {typed}"
+                    )
+            if self.perturb:
+                push = np.random.default_rng(self.seed).normal(size=(2, len(u)))
+                with np.errstate(over="ignore"):  # what is not finite is refused as a state
+                    u, v = (u, v) + self.perturb * push
             shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on["forcing"]}
-            shared |= {"t0": t0, "progress": bar}
+            shared |= {"periods": self.periods, "t0": t0, "progress": bar}
             if self.smooth is not None:
-                run = cb.simulation.simulate_smooth(
-                    pushed, m=self.smooth, periods=periods, **shared
-                )
-                return RunSummary(run)
+                return RunSummary(cb.simulation.simulate_smooth((u, v), m=self.smooth, **shared))
             shared["walls"] = on["walls"]
             if self.stream is None:
                 shared |= {"noise": self.noise, "seed": self.seed}
-                return RunSummary(cb.simulate(pushed, periods=periods, **shared), where.site)
-            count: Any = int(periods) if periods.is_integer() else periods
-            recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
-            last = recording.last(2 * JUDGED)
-            summary = RunSummary(last, where.site, recording)
+                return RunSummary(cb.simulate((u, v), **shared), where.site)
+            if self.periods.is_integer():  # whole ones alone are kept
+                shared["periods"] = int(self.periods)
+            recording = cb.simulation.record(self.stream, (u, v), **shared)
+            summary = RunSummary(recording.last(2 * JUDGED), where.site, recording)
             if recording.interrupted:
                 summary.interrupted = True
                 summary.stop = (
-                    f"interrupted after {recording.periods} of {count} periods; the same command "
-                    "goes on"
+                    f"interrupted after {recording.periods} of {shared['periods']} periods; the "
+                    "same command goes on"
                 )
             return summary
-
-    def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
-        (u, v), t0 = read_state(str(self.start))
-        if lattice is not None and lattice.sites != len(u):
-            typed = "--sites" if where.lattice is None else "--lattice"
-            raise BadInput(
-                f"{typed} {where.lattice or lattice.sites}: the state in {self.start} has "
-                f"{len(u)} sites; leave out {typed}"
-            )
-        return (u, v), t0
-
-    def _pushed(self, state: Any) -> Any:
-        import numpy as np
-
-        if not self.perturb:
-            return state
-        push = np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
-        with np.errstate(over="ignore"):  # what is not finite is refused as a state
-            push *= self.perturb
-        return state[0] + push[0], state[1] + push[1]
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:
@@ -313,9 +287,8 @@ def _judged(run: Ran) -> dict[str, Any]:
     if run.stop is cb.simulation.RunStop.CHATTER:
         return _undecided("it ends before a period of too many impacts")
     if half < ENOUGH:
-        length = _length(run)
-        verb = "is" if length == "1 period" else "are"
-        return _undecided(f"no verdict: {length} {verb} too few, give at least {2 * ENOUGH}")
+        few = f"{_in_periods(run.length)} {'is' if run.length == '1' else 'are'} too few"
+        return _undecided(f"no verdict: {few}, give at least {2 * ENOUGH}")
     try:
         verdict: Any = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
@@ -328,14 +301,8 @@ def _undecided(reason: str) -> dict[str, Any]:
     return {"kind": "UNDECIDED", "motion": "UNDECIDED", "reason": reason, "evidence": {}}
 
 
-def _length(run: Ran) -> str:
-    from contbreather.simulation.states import PERIOD
-
-    return _in_periods(run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6))
-
-
-def _in_periods(count: float) -> str:
-    return "1 period" if count == 1 else f"{count:.12g} periods"
+def _in_periods(count: object) -> str:
+    return f"{count} period{'s' * (str(count) != '1')}"
 
 
 def _lines(summary: RunSummary, options: RunOptions) -> Iterator[object]:
@@ -343,7 +310,7 @@ def _lines(summary: RunSummary, options: RunOptions) -> Iterator[object]:
 
     verdict, run = summary.judge(), summary.run
     walls = "rigid walls" if options.smooth is None else f"smooth walls, m = {options.smooth:g}"
-    length = _in_periods(summary.periods) if summary.stream else _length(run)
+    length = _in_periods(summary.periods if summary.stream else run.length)
     lattice = run.conditions.lattice.describe()
     yield f"{lattice[0].upper()}{lattice[1:]}, {walls}, {length}"
     rows = list[tuple[str, str]]()
@@ -410,6 +377,7 @@ def _strobes(summary: RunSummary) -> Iterator[list[float]]:
 def _draw(summary: RunSummary) -> Figure:
     run, site = summary.run, summary.site
     plotting = cb.plotting
+    shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
     titles = ["the last periods", "once in a period, later half", "where the energy is"]
     if getattr(run, "noise", 0.0):  # the last periods cannot be simulated once more by themselves
         del titles[0]
@@ -417,22 +385,11 @@ def _draw(summary: RunSummary) -> Figure:
         figure, panels = plotting.new_figure(len(titles), height=4.5 * len(titles))
         *motion, section, where = panels
         for ax in motion:
-            plotting.plot_motion(_window(run, site), ax=ax)
+            end = plotting.runs.end_of(run, 6, cb.simulation.Sample(shown, 100))
+            plotting.plot_motion(end.record, ax=ax)
         plotting.plot_section(run, site=site, skip=run.periods // 2, ax=section)
         plotting.plot_localisation(run, ax=where)
         for ax, letter, title in zip(panels, "abc", titles, strict=False):
             over = 17 if ax.get_legend() else 3  # points
             ax.set_title(f"({letter}) {title}", loc="left", pad=over)
     return figure
-
-
-def _window(run: Any, site: int) -> Any:
-    """Simulate the last periods again, with some sites recorded densely."""
-    from contbreather.simulation.simulate import completed, let_go
-
-    count = min(6, run.periods)  # periods drawn densely
-    state = cb.simulation.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
-    shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
-    window: dict[str, Any] = {"periods": max(1, count), "sample": cb.simulation.Sample(shown, 100)}
-    window |= {"t0": float(run.times[-1 - count]), "progress": False}
-    return completed(let_go(state, run.conditions, **window)).record

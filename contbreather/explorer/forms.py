@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from functools import partial
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -18,55 +20,24 @@ from contbreather.explorer.state import RING, Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
 from contbreather.parameters import CHOICES, NEEDED, NUMBERS, window_of
 
-Read = Callable[[str], Any]
 # where walks go unless a window is typed
 REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
 FIRST = ("Show", "Continue")  # the buttons that most begin with
+TEXTS = ("forcing", "lattice", "walls", "path")  # fields of words, also where these are digits
 
 
-def a_number(text: str) -> float:
-    """Read a number; what it may be the library says."""
-    try:
-        return float(text)
-    except ValueError:
-        raise BadInput(f"{text!r} is not a number; 0.5, say, is one.") from None
+def number_or_text(typed: str) -> Any:
+    """Read a number as it was typed; what is none the library refuses, and says what it wants."""
+    for read in (int, float):
+        with suppress(ValueError):
+            return read(typed)
+    return typed
 
 
-def a_count(text: str) -> int:
-    """Read a whole number; what it may be the library says."""
-    try:
-        return int(text)
-    except ValueError:
-        raise BadInput(f"{text!r} is not a whole number; 12, say, is one.") from None
-
-
-def some_sites(text: str) -> tuple[int, ...]:
-    return tuple(dict.fromkeys(map(a_count, text.replace(",", " ").split())))
-
-
-def optional(read: Read) -> Read:
-    return lambda text: read(text) if text.strip() else None
-
-
-class Field:
-    """Text field with its label above and, where it is refused, the reason below."""
-
-    def __init__(self, label: str, value: str, read: Read, *, hint: str = "") -> None:
-        self.read = read
-        self.input = pn.widgets.TextInput(
-            label=label, value=value, placeholder=hint, sizing_mode="stretch_width", margin=(2, 5)
-        )
-        self.trouble = ErrorLabel()
-        self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
-
-    @classmethod
-    def of_the_model(cls, name: str, value: str, read: Read = str.strip) -> Field:
-        """Field of a parameter of the model, by its label and default."""
-        if name not in NUMBERS:
-            return cls(CHOICES[name].label, value, read, hint=str(CHOICES[name].default))
-        if name in NEEDED:
-            return cls(NUMBERS[name].label, value, a_number)
-        return cls(NUMBERS[name].label, value, optional(a_number), hint="none")
+def text_field(label: str, value: str, hint: str = "") -> Any:
+    return pn.widgets.TextInput(
+        label=label, value=value, placeholder=hint, sizing_mode="stretch_width", margin=(2, 5)
+    )
 
 
 class Words:
@@ -120,21 +91,9 @@ def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
         say("")
 
 
-def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
-    """Read fields by name; None if any was refused, each of which says so."""
-    values: dict[str, Any] = {}
-    for name, field in fields.items():
-
-        def read(name: str = name, field: Field = field) -> None:
-            values[name] = field.read(field.input.value or "")
-
-        tried(read, field.trouble.say)
-    return values if len(values) == len(fields) else None
-
-
-def in_rows(fields: Iterable[Field], across: int) -> Any:
-    views = [field.view for field in fields]
-    rows = [pn.Row(*views[i : i + across], margin=0) for i in range(0, len(views), across)]
+def in_rows(fields: Iterable[Any], across: int) -> Any:
+    every = [*fields]
+    rows = [pn.Row(*every[i : i + across], margin=0) for i in range(0, len(every), across)]
     return pn.Column(*rows, sizing_mode="stretch_width", margin=0)
 
 
@@ -171,39 +130,38 @@ class PageForms:
         return titled_box(title, *shown, trouble.view)
 
     def _button(
-        self, trouble: ErrorLabel, name: str, do: Callable[..., object], fields: Mapping[str, Field]
+        self, trouble: ErrorLabel, name: str, do: Callable[..., object], fields: Mapping[str, Any]
     ) -> Any:
-        def read_and_do() -> None:
-            typed = read_all(fields)
-            if typed is not None:
-                do(**typed)
-
         color = "primary" if name in FIRST else "default"
         look = {"sizing_mode": "stretch_width", "margin": (3, 5), "color": color}
-        self.buttons[name] = button(name, lambda: tried(read_and_do, trouble.say), **look)
+
+        def read_and_do() -> None:
+            typed = {name: field.value.strip() for name, field in fields.items()}
+            do(**{n: text if n in TEXTS else number_or_text(text) for n, text in typed.items()})
+
+        self.buttons[name] = button(name, partial(tried, read_and_do, trouble.say), **look)
         return self.buttons[name]
 
     def _breather(self) -> Any:
         name, value = self.explorer.state.fixed
         first = {name: f"{NUMBERS[name].first:g}" for name in NEEDED}
         first |= {"site": str(CHOICES["site"].default), name: f"{value:g}"}
-        names = (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "omega", "walls")
-        readers: dict[str, Read] = {"site": a_count}
-        self.breather = {
-            name: Field.of_the_model(name, first.get(name, ""), readers.get(name, str.strip))
-            for name in names
-        }
+        self.breather = {name: text_field(NUMBERS[name].label, first[name]) for name in NEEDED}
+        for name in ("forcing", "lattice", "site", "spring", "damping", "omega", "walls"):
+            entry = CHOICES.get(name) or NUMBERS[name]
+            hint = str(entry.default) if name in CHOICES else "none"
+            self.breather[name] = text_field(entry.label, first.get(name, ""), hint)
         # 1 has the largest p, admissible or not
-        self.breather["root"] = Field("root, by p", "", optional(a_count), hint="upper")
+        self.breather["root"] = text_field("root, by p", "", "upper")
         button = "Show", self.explorer.choose_typed, self.breather
         return self._card("Breather", in_rows(self.breather.values(), 2), button)
 
     def _walks(self) -> Any:
         self.free = pn.widgets.Select(label="in", options=list(NEEDED), sizing_mode="stretch_width")
         low, high = (f"{end:g}" for end in REACH["a"])
-        self.window = {"low": Field("from", low, a_number), "high": Field("to", high, a_number)}
+        self.window = {"low": text_field("from", low), "high": text_field("to", high)}
         self.free.param.watch(self._usual_window, "value")
-        fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
+        fields = pn.Row(self.free, *self.window.values(), margin=0)
 
         def trace(low: float, high: float) -> None:
             self._begin(jobs.traced, self.free.value, (low, high))
@@ -215,7 +173,7 @@ class PageForms:
 
     def _usual_window(self, event: Any) -> None:
         for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
-            field.input.value = f"{end:g}"
+            field.value = f"{end:g}"
 
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
@@ -233,9 +191,9 @@ class PageForms:
 
     def _run(self) -> Any:
         self.length = {
-            "sites": Field("sites", str(RING), a_count),
-            "periods": Field("periods", "100", a_count),
-            "push": Field("push", "1e-6", a_number),
+            "sites": text_field("sites", str(RING)),
+            "periods": text_field("periods", "100"),
+            "push": text_field("push", "1e-6"),
         }
 
         def simulate(**typed: Any) -> None:
@@ -245,7 +203,7 @@ class PageForms:
         return self._card("Simulation", in_rows(self.length.values(), 3), button)
 
     def _keep(self) -> Any:
-        self.file = Field("file", "run.nc", str)
+        self.file = text_field("file", "run.nc")
         self.what = pn.widgets.Select(
             label="figure", options=["zones", "branches", "motion"], width=120
         )
@@ -266,7 +224,7 @@ class PageForms:
             select.param.watch(renamed, "value")
         which = pn.Row(self.what, self.suffix, margin=0)
         button = "Save all curves", self._save, {"path": self.file}
-        return self._card("Keep", self.file.view, button, which, self.figure, self.script)
+        return self._card("Keep", self.file, button, which, self.figure, self.script)
 
     def _figure(self) -> BytesIO:
         trouble = self.troubles["Keep"]
@@ -307,7 +265,7 @@ class PageForms:
         orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
-        self.orbit, sites = orbit, self.length["sites"].input
+        self.orbit, sites = orbit, self.length["sites"]
         size = orbit.lattice.sites
         if size is not None or sites.disabled:  # of the infinite chain the ring that is judged
             sites.value = str(size or self.explorer.state.ring)
@@ -315,7 +273,7 @@ class PageForms:
         entries = {name: getattr(orbit, name) for name in NEEDED} | self.explorer.lives_on(chosen)
         for name, value in entries.items():
             text = f"{value:.10g}" if isinstance(value, float) else str(value)
-            self.breather[name].input.value = "" if value is None else text
+            self.breather[name].value = "" if value is None else text
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:

@@ -8,6 +8,7 @@ way.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from contbreather.checks import number
 from contbreather.continuation.branches.boundary import boundary
 from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.point import Point
@@ -26,6 +28,7 @@ from contbreather.explorer.state import Chosen, small, watched
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits.orbit import Orbit
+from contbreather.parameters import NEEDED
 from contbreather.progress import INTERVAL, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample
@@ -167,7 +170,8 @@ class OnLattice:
 def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
     """Translate typed values into arguments and code: walls as at the command line; None, and empty
     text, for what was not given."""
-    params = {name: value for name, value in values.items() if value not in (None, "")}
+    given = {name: value for name, value in values.items() if value not in (None, "")}
+    params = {**{name: values[name] for name in NEEDED if name in values}, **given}
     codes = {name: repr(value) for name, value in params.items() if (name, value) != ("site", 0)}
     if on.code:
         params["lattice"], codes["lattice"] = on.lattice, on.code
@@ -219,6 +223,7 @@ def simulated(
     """Simulate the lattice from its state, with a push to the site that impacts."""
     if chosen.orbit is None:
         raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
+    push = number("push", push, -math.inf, math.inf, "a change of velocity")
     infinite = chosen.orbit.lattice.sites is None
     orbit = chosen.orbit.on(small(Ring(sites))) if infinite else chosen.orbit
     site, sample = orbit.section.hit[0], Sample(watched(orbit, sampled), MOMENTS)

@@ -93,13 +93,12 @@ class Page:
     def _words(self) -> None:
         sites = ", ".join(map(str, self.explorer.state.sites))
         self.asked = {
-            "sites": forms.Field(
-                "motion of sites", sites, forms.some_sites, hint="around the impact"
-            ),
-            "ring": forms.Field("judge a ring of", str(self.explorer.state.ring), forms.a_count),
+            "sites": forms.text_field("motion of sites", sites, "around the impact"),
+            "ring": forms.text_field("judge a ring of", str(self.explorer.state.ring)),
         }
+        self.asked_trouble = forms.ErrorLabel()
         for field in self.asked.values():
-            field.input.param.watch(self._asked, "value")
+            field.param.watch(self._asked, "value")
         self.words, self.status = forms.Words(), forms.Words()
         self.stop = forms.button(
             "Stop", self.explorer.stop, color="danger", width=90, visible=False
@@ -109,7 +108,7 @@ class Page:
         which = pn.FlexBox(
             self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
         )
-        fields = pn.Row(*(field.view for field in self.asked.values()), margin=0)
+        fields = pn.Row(*self.asked.values(), margin=0)
         parts: dict[str, tuple[Any, ...]] = {
             "zones": (
                 "Zones", pn.Row(self.plane, self.slider, margin=0, sizing_mode="stretch_width"),
@@ -120,7 +119,9 @@ class Page:
                 pn.Row(self.remove, self.undo, margin=0),
             ),
             "profile": ("Profile", self.profile.figure),
-            "motion": ("Motion over a period", fields, self.motion.figure),
+            "motion": (
+                "Motion over a period", fields, self.asked_trouble.view, self.motion.figure,
+            ),
             "multipliers": ("Multipliers", self.multipliers.figure),
             "words": ("What it is", self.words.view),
         }  # fmt: skip
@@ -191,9 +192,9 @@ class Page:
             self.explorer.choose_point(self.curve.value, index)
 
     def _asked(self, _: object) -> None:
-        typed = forms.read_all(self.asked)
-        if typed is not None:
-            forms.tried(lambda: self.explorer.watch(**typed), self.asked["ring"].trouble.say)
+        sites, ring = (field.value.replace(",", " ").split() for field in self.asked.values())
+        typed = [*map(forms.number_or_text, sites)], forms.number_or_text(" ".join(ring))
+        forms.tried(lambda: self.explorer.watch(*typed), self.asked_trouble.say)
 
     @property
     def _served(self) -> bool:
@@ -365,8 +366,8 @@ def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
 
 
 class InKernel(pn.Column):
-    """Page in a notebook. Messages of the browser may come in a thread of their own, and Panel then
-    drops what is drawn by half: so they wait for that."""
+    """Page in a notebook; messages of the browser, which may come in a thread of their own, wait
+    while it draws, for Panel would drop what is drawn by half."""
 
     def __init__(self, page: Page) -> None:
         super().__init__(page.layout, sizing_mode="stretch_width", hooks=[_styled])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,6 +22,7 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, NUMBERS, OPTIONAL, parameter
 from contbreather.plotting.canvas import save_figure
+from contbreather.plotting.orbits import chosen_sites
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.runs import plot_motion
 from contbreather.plotting.zones import plot_zones
@@ -189,7 +190,7 @@ class Session:
         """Code of what zones are wanted of: what is set, but on the infinite chain, where they have
         no springs, that alone."""
         own = typed if lattice else {"omega": typed.get("omega")}
-        if not lattice and own["omega"] in (None, 1.0):
+        if not lattice and own["omega"] in (None, "", 1.0):
             return ""
         # in one order, and without zeros: what vanishes is not there
         conditions = {name: own[name] for name in sorted(own) if own[name]}
@@ -253,17 +254,12 @@ class Session:
             raise BadInput("choose a breather first: click into a diagram, or type its parameters.")
         return self.state.chosen
 
-    def watch(self, sites: tuple[int, ...], ring: int) -> None:
-        self.change(sites=sites, ring=small(Ring(ring)).sites)
+    def watch(self, sites: Sequence[int], ring: int) -> None:
+        shown = tuple(dict.fromkeys(chosen_sites(sites)))
+        self.change(sites=shown, ring=small(Ring(ring)).sites)
 
     def begin(self, computation: Computation) -> None:
-        """Do it in the background.
-
-        Raises
-        ------
-        BadInput
-            If something is under way.
-        """
+        """Do it in the background, unless something is under way."""
 
         outcome = ""
 
@@ -357,13 +353,7 @@ class Session:
         return self.state.script()
 
     def save(self, path: str | Path) -> Path:
-        """Write all that is seen to one file: zones, curves, the simulation.
-
-        Raises
-        ------
-        BadInput
-            If there are none, or the file cannot be written.
-        """
+        """Write all that is seen to one file: zones, curves, the simulation."""
         state = self.state
         results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
         results |= {code.translate(PLAIN): branch for code, branch in state.curves.items()}
@@ -383,18 +373,7 @@ class Session:
         )
 
     def figure(self, what: str, suffix: str) -> bytes:
-        """The zones, the branches or the simulation as a figure for a journal.
-
-        Parameters
-        ----------
-        what : {'zones', 'branches', 'motion'}
-        suffix : {'.pdf', '.svg', '.png'}
-
-        Raises
-        ------
-        BadInput
-            If there is no such thing yet.
-        """
+        """Draw the "zones", "branches" or "motion" for a journal, as ".pdf", ".svg" or ".png"."""
         state = self.state
         if what == "zones" and state.plane is not None:
             if state.awaited:

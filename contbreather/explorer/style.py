@@ -73,12 +73,13 @@ a { color: inherit; font-size: 14px; }
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours by what they are for; the hues are Okabe and Ito's, lighter on dark paper."""
+    """Colours by what they are for, `black` and others by the names that kinds have for them; the
+    hues are Okabe and Ito's, lighter on dark paper."""
 
     text: str
     grid: str
     faint: str
-    line: str
+    black: str
     blue: str
     vermillion: str
     cycle: tuple[str, ...]
@@ -89,11 +90,11 @@ class Theme:
 
 
 LIGHT = Theme(
-    text="#212529", grid="#e9ecef", faint="#8a9097", line=BLACK, blue=BLUE, vermillion=VERMILLION,
+    text="#212529", grid="#e9ecef", faint="#8a9097", black=BLACK, blue=BLUE, vermillion=VERMILLION,
     cycle=CYCLE, stable=SHADES["S"], unstable=SHADES["US"], band="#BFDDF2", paper="#ffffff",
 )  # fmt: skip
 DARK = Theme(
-    text="#dee2e6", grid="#343a40", faint="#868e96", line="#f1f3f5", blue="#56B4E9",
+    text="#dee2e6", grid="#343a40", faint="#868e96", black="#f1f3f5", blue="#56B4E9",
     vermillion="#F5853F",
     cycle=("#56B4E9", "#F5853F", "#2CC295", "#E29DC3", "#F2B84B", "#A8D8F5", "#f1f3f5"),
     stable="#17405a", unstable="#4d3320", band="#274B63", paper="#212529",

@@ -135,11 +135,10 @@ class ZonesView:
             fig, "multi_polygons", "xs", "ys", also=["colour"], fill_color="colour",
             line_color="colour",
         )  # fmt: skip
-        colours = {"black": theme.line, "vermillion": theme.vermillion, "blue": theme.blue}
         self.curves = {
             kind: _drawn(
-                fig, "multi_line", "xs", "ys", color=colours[look_of(kind).colour], line_width=2,
-                line_dash=look_of(kind).line, legend_label=LINES[kind]["label"],
+                fig, "multi_line", "xs", "ys", color=getattr(theme, look_of(kind).colour),
+                line_width=2, line_dash=look_of(kind).line, legend_label=LINES[kind]["label"],
             )
             for kind in KINDS
         }  # fmt: skip
@@ -147,7 +146,7 @@ class ZonesView:
             fig, "text", "x", "y", "text", text_color=theme.text, text_align="center",
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
-        look = {"marker": "hex", "fill_color": theme.paper, "line_color": theme.line}
+        look = {"marker": "hex", "fill_color": theme.paper, "line_color": theme.black}
         self.meetings = _named_marks(fig, theme, **look)
         self.traced = _drawn(fig, "multi_line", "xs", "ys", color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
@@ -304,7 +303,7 @@ def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, .
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
-    mark = MARKS[look_of(point.kind).marker]
+    mark = MARKS.get(look_of(point.kind).marker, "circle")
     return (
         _value(point, x),
         _value(point, y),
@@ -378,7 +377,7 @@ class MotionView(OrbitView):
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
-        self.figure.title.text = verdict
+        self.figure.title.text = "\n".join(wrap(verdict, WIDE))
         colours = self._draw({n: (times, its) for n, its in zip(there, u, strict=True)})
         hits = impacts_of(orbit, there)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))

@@ -54,15 +54,9 @@ class Marker(NamedTuple):
     colour: str
 
 
-class Group(NamedTuple):
-    """Kind and fixed parameters that branches of one colour share."""
-
-    kind: str  # of a boundary; nothing of a branch in one parameter
-    values: tuple[tuple[str, float], ...]  # of fixed parameters that other branches have elsewhere
-
-    def __str__(self) -> str:
-        values = (f"{canvas.symbol(name)} = {x:g}" for name, x in self.values)
-        return ", ".join(filter(None, (self.kind, *values))) or "branch"
+# what branches of one colour share: the kind of a boundary, nothing of a branch in one parameter;
+# the values of fixed parameters that other branches have elsewhere
+Group = tuple[str, tuple[tuple[str, float], ...]]
 
 
 def plot_branches(
@@ -105,7 +99,7 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         pixel, plain = canvas.lay_out(axes), canvas.text_colour(axes)
-        if not any(group.values for group in groups):  # kinds are told by words
+        if not any(values for _, values in groups):  # kinds are told by words
             marks = [mark._replace(colour=plain) for mark in marks]
         words = _words(axes, pixel, marks, len(branches))
         named = len(words) <= MANY if labels is None else labels
@@ -154,7 +148,7 @@ def _colours(
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 
-        order.sort(key=lambda group: (group.kind, [value for _, value in group.values]))
+        order.sort()
         # its yellow is not seen on white
         shades = [to_hex(c) for c in colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))]
         key = dict(zip(order, shades, strict=True))
@@ -178,7 +172,7 @@ def _groups(branches: tuple[Branch, ...]) -> list[Group]:
     common = [name for name in fixed[0] if all(name in params for params in fixed)]
     differ = [name for name in common if len({params[name] for params in fixed}) > 1]
     groups = [
-        Group(kind, tuple((name, float(f"{params[name]:.6g}")) for name in differ))
+        (kind, tuple((name, float(f"{params[name]:.6g}")) for name in differ))
         for kind, params in zip(kinds, fixed, strict=True)
     ]
     return groups if differ or any(kinds) else []
@@ -363,12 +357,16 @@ def _legend_entries(
     between."""
     count = min(len(key), MANY - 1)
     shown = [list(key.items())[i] for i in np.linspace(0, len(key) - 1, count).round().astype(int)]
-    entries: dict[str, dict[str, Any]] = {str(group): {"color": colour} for group, colour in shown}
+    entries: dict[str, dict[str, Any]] = {}
+    for (kind, values), colour in shown:
+        words = (f"{canvas.symbol(name)} = {x:g}" for name, x in values)
+        entries[", ".join(filter(None, (kind, *words))) or "branch"] = {"color": colour}
     if left := len(key) - count:
         entries[f"and {left} more"] = {"linestyle": "none"}
-    for style, words in WORDS.items():
+    for style, stability in WORDS.items():
         if style in styles and styles != {STABLE}:
-            entries[words] = {"color": unknown if style == UNKNOWN else plain, "linestyle": style}
+            colour = unknown if style == UNKNOWN else plain
+            entries[stability] = {"color": colour, "linestyle": style}
     return entries
 
 
@@ -390,42 +388,31 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
 
 
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:
-    """Words beside points, as `place_words` takes them, what is special first. What is close to a
-    word of its name, or of its kind on another branch, gets none: a pitchfork is on its branch and
-    on both arms."""
+    """Words beside points, as `place_words` takes them, what is special first. What is close to one
+    of its kind on another branch is named with it: a pitchfork is on its branch and on both arms.
+    Where they are different points, by the kind alone, for each branch numbers its own."""
     words: list[tuple[Marker, Array, str]] = []
     for mark in marks:
-        if mark.point.kind == "EP" and branches > 1:
+        kind, text = mark.point.kind, name_of(mark.point)
+        if kind == "EP" and branches > 1:
             continue  # with several branches their ends are many, and say nothing: a dot is enough
         place = ax.transData.transform((mark.x, mark.y))
-        for j, (other, there, _) in enumerate(words):
-            elsewhere = other.branch != mark.branch
-            kin = elsewhere and other.point.kind == mark.point.kind
-            close = np.hypot(*(place - there)) < 12.0 * pixel  # half a word
-            if close and other.colour == mark.colour and (kin or _same_name(other, mark)):
-                if elsewhere and not _is_one(other.point, mark.point):
-                    words[j] = other, there, mark.point.kind  # each branch numbers its own
+        for j, (other, there, name) in enumerate(words):
+            # of meetings of two boundaries either may be followed
+            alike = {*kind.split("-")} == {*other.point.kind.split("-")}
+            away = np.hypot(*(place - there)) / pixel
+            near = away < 12.0 and other.branch != mark.branch  # half a word
+            if near and alike and other.colour == mark.colour:
+                words[j] = other, there, name if away < 0.1 else kind
                 break
         else:
-            words.append((mark, place, name_of(mark.point)))
+            words.append((mark, place, text))
     words.sort(key=lambda word: word[0].point.kind == "EP")
     end = {"fontsize": "x-small", "color": GREY}
     return [
         (mark.x, mark.y, text, end if mark.point.kind == "EP" else {"color": mark.colour})
         for mark, _, text in words
     ]
-
-
-def _same_name(one: Marker, other: Marker) -> bool:
-    """Compare labels; of meetings of two boundaries kinds, for either of them may be followed."""
-    kinds = [{*mark.point.kind.split("-")} for mark in (one, other)]
-    return kinds[0] == kinds[1] if len(kinds[0]) > 1 else one.point.label == other.point.label
-
-
-def _is_one(point: Point, other: Point) -> bool:
-    """Tell whether two points are one solution, or an arm's start and the point it left."""
-    first, second = (p.parent or p for p in (point, other))
-    return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
 
 def name_of(point: Point) -> str:

@@ -81,15 +81,16 @@ def plot_multipliers(
     if not hasattr(orbit, "multipliers") or isinstance(orbit, type | Branch | Problem):
         raise no_orbit(orbit, "an orbit or a cycle")
     whole("digits", digits, 0)
+    paired = False
     if isinstance(orbit, Cycle | PeriodicMotion):
         _not_of_cycles(sites, half)
         mu = orbit.others if isinstance(orbit, Cycle) else orbit.multipliers
         if isinstance(orbit, Cycle) and orbit.paired:  # where pairs meet rounding moves them apart
+            paired = True
             root = np.sqrt(orbit.indices**2 - 1)
             mu = np.concatenate([orbit.indices + root, orbit.indices - root])
-        waves, alone = np.empty((0, 0)), np.ones(mu.size, dtype=bool)
-        if isinstance(orbit, Cycle) and orbit.paired:  # those on the circle need no name
-            alone = np.abs(mu) > _ON_CIRCLE
+        # of pairs those on the circle need no name
+        waves, alone = np.empty((0, 0)), (np.abs(mu) > _ON_CIRCLE) | (not paired)
     else:
         ring = 400 if orbit.lattice.sites is None else None
         mu, waves, alone = with_band(orbit, ring if sites is None else sites, half)
@@ -103,7 +104,7 @@ def plot_multipliers(
         name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
-        if isinstance(orbit, Cycle) and orbit.paired:  # open where the Krein signature is -1
+        if paired:  # open where the Krein signature is -1
             on, signs = signatures(orbit)
             index = on[signs < 0]
             side = np.sqrt(1 - index**2) * np.array([[1], [-1]])
@@ -176,16 +177,17 @@ def plot_spectrum(
     elif isinstance(first, Cycle):
         _not_of_cycles(sites, half)
     x = branch.free if x is None else x
-    values = []
-    for point in branch:
+
+    def spectrum(point: Point) -> Array:
         if isinstance(first, Cycle):
-            values.append(np.abs(point.solution.others))
-        elif of_orbits:
-            values.append(np.sort(np.abs(point.solution.multipliers(sites=sites, half=half))))
-        else:
-            values.append(np.sort(point.curve.spectrum(point.z).real))
+            return np.abs(point.solution.others)
+        if of_orbits:
+            return np.sort(np.abs(point.solution.multipliers(sites=sites, half=half)))
+        return np.sort(point.curve.spectrum(point.z).real)
+
+    values = np.array([spectrum(point) for point in branch])
     with canvas.drawing(ax) as (drawn, axes):
-        axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
+        axes.plot(branch[x], values, ".", color=BLUE, markersize=1.6)
         if of_orbits and np.nanmax(values, initial=0.0) > 20.0:  # at VI there are none
             axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle
         axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
@@ -212,13 +214,8 @@ def band(orbit: Orbit, half: bool = False) -> Array:
 def with_band(
     orbit: Orbit, sites: int | None, half: bool
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Multipliers on its own lattice or on a ring, those of plane waves, and which are not theirs.
-
-    Raises
-    ------
-    BadInput
-        Where an impact vanishes, which has none.
-    """
+    """Multipliers on its own lattice or on a ring, those of plane waves, and which are not theirs;
+    refused where an impact vanishes, which has none."""
     from scipy.spatial import KDTree
 
     mu, waves = np.asarray(orbit.multipliers(sites=sites, half=half)), band(orbit, half)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,13 +273,6 @@ def whole_numbers(axis: Axis) -> None:
 # --- flows ----------------------------------------------------------------------------------------
 
 
-class Stretch(NamedTuple):
-    """Flow: its columns by name, the time among them, and whether a condition ended it."""
-
-    columns: Mapping[str, Array]
-    ended: bool
-
-
 def draw_states(
     ax: Axes | None,
     motion: Cycle | Trajectory,
@@ -300,18 +293,15 @@ def draw_states(
     for name in (x, *chosen):
         if name not in (TIME, *names):
             raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")
-    pieces = [
-        Stretch(
-            # a flow of fewer states has none of the others
-            {n: np.full(t.size, np.nan) for n in names} | dict(zip(names, u, strict=False))
-            | {TIME: t}, ended,
-        )
-        for t, u, ended in (_of_cycle(motion) if cycle else _of_run(motion, within))
-    ]  # fmt: skip
+    flows = [*(_of_cycle(motion) if cycle else _of_run(motion, within))]
+    pieces = [  # columns by name, the time among them; a flow of fewer states has no others
+        {n: np.full(t.size, np.nan) for n in names} | dict(zip(names, u, strict=False)) | {TIME: t}
+        for t, u, _ in flows
+    ]
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     together = _of_one_size(
-        {name: np.concatenate([piece.columns[name] for piece in pieces]) for name in chosen}
+        {name: np.concatenate([piece[name] for piece in pieces]) for name in chosen}
     )
     with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = _panels(axes, len(together))
@@ -320,13 +310,13 @@ def draw_states(
             panel = panel_of[name]
             around, i = divmod(i, len(CYCLE))
             colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
-            lines = [(piece.columns[x], piece.columns[name]) for piece in pieces]
+            lines = [(piece[x], piece[name]) for piece in pieces]
             for j, line in enumerate(lines):
                 panel.plot(*line, dashes, color=colour, label=None if j else canvas.symbol(name))
-            for piece, after, line in zip(pieces, following, lines, strict=False):
-                if piece.ended:
+            for (*_, ended), after, line in zip(flows, following, lines, strict=False):
+                if ended:
                     last = line[0][-1], line[1][-1]
-                    first = after.columns[x][0], after.columns[name][0]
+                    first = after[x][0], after[name][0]
                     panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
                     canvas.to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
         for panel in panels:

@@ -13,7 +13,6 @@ import numpy as np
 
 from contbreather.checks import kind_of
 from contbreather.continuation.branches.diagram import Diagram
-from contbreather.continuation.branches.switching import Branches
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.files.result_files import Run as Kept
@@ -181,15 +180,9 @@ def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
 
 
 def card(value: Any) -> str:
-    """A value as HTML, with its picture as SVG inside of it.
-
-    Parameters
-    ----------
-    value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
-        verdict, margins, a cycle of flows, a trajectory, or what is on disk
-    """
+    """Write any result as HTML, with its picture as SVG inside of it."""
+    several = value if isinstance(value, ZoneDiagrams) else (value,)
     try:
-        several = value if isinstance(value, ZoneDiagrams) else (value,)
         picture = "".join(map(_picture, several))
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
@@ -210,18 +203,12 @@ def _picture(value: Any) -> str:
 
 
 def _sentence(value: Any) -> str:
-    match value:
-        case Branch() | Diagram() | Orbit():
-            return value.describe()
-        case Kept():
-            return str(value.path)
-        case Branches():
-            return f"{len(value)} branches"
-        case ZoneDiagrams():
-            return f"{len(value)} zone diagrams"
-        case _:
-            further = value.sentences() if isinstance(value, Zones) else ()
-            return ". ".join([repr(value).strip("<>"), *further])
+    if isinstance(value, Branch | Diagram | Orbit):
+        return value.describe()
+    if isinstance(value, tuple):
+        return f"{len(value)} {'branches' if isinstance(value[0], Branch) else 'zone diagrams'}"
+    further = value.sentences() if isinstance(value, Zones) else ()
+    return ". ".join([repr(value).strip("<>"), *further])
 
 
 def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:

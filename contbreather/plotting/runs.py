@@ -25,7 +25,14 @@ from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILL
 from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun, States, let_go
+from contbreather.simulation.simulate import (
+    Record,
+    SimulationRun,
+    SmoothRun,
+    States,
+    completed,
+    let_go,
+)
 from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import Sweep
 
@@ -206,13 +213,17 @@ def _with_record(motion: Any) -> tuple[Any, str]:
     strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
     if not strobed or getattr(motion, "noise", False):  # noise would be another one
         return motion, ""
-    first = max(0, motion.periods - int(LONG))
-    state = State(motion.strobe.u[first], motion.strobe.v[first])
-    again = let_go(
-        state, motion.conditions, periods=motion.periods - first, t0=float(motion.times[first]),
-        sample=Sample(range(motion.sites)), progress=False,
-    )  # fmt: skip
-    return again, f"the last {again.periods} of {motion.periods} periods" if first else ""
+    again = end_of(motion, int(LONG), Sample(range(motion.sites)))
+    cut = again.periods < motion.periods
+    return again, f"the last {again.periods} of {motion.periods} periods" if cut else ""
+
+
+def end_of(run: States, periods: int, sample: Sample) -> Any:
+    """Simulate the last periods of a run, or one, again, with some sites recorded densely."""
+    first = max(0, run.periods - periods)
+    state = State(run.strobe.u[first], run.strobe.v[first])
+    how: dict[str, Any] = {"t0": float(run.times[first]), "sample": sample, "progress": False}
+    return completed(let_go(state, run.conditions, periods=max(1, run.periods - first), **how))
 
 
 def _row_of_grid(motion: Any) -> tuple[range | None, str]:
@@ -225,11 +236,9 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         lattice, role = motion.conditions.lattice, "moves most"
     else:
         orbit = orbits.drawn_orbit(motion)
-        lattice, role, site = orbit.lattice, "moves most", 0
-        if isinstance(orbit, Orbit):
-            site, role = orbit.section.impacts[0][0], "hits"
-        else:
-            site = int(orbit.swings.argmax())
+        hits = isinstance(orbit, Orbit)
+        site = orbit.section.impacts[0][0] if hits else int(orbit.swings.argmax())
+        lattice, role = orbit.lattice, "hits" if hits else "moves most"
     shape = getattr(lattice, "shape", None)
     if shape is None:
         return None, ""
@@ -244,12 +253,9 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
     """Times, sites in ascending order, and displacements of shape (times, sites)."""
     chosen = None if sites is None else orbits.chosen_sites(sites)
     if isinstance(motion, States):
-        if chosen is not None:
-            chosen = [n % motion.sites for n in chosen]
-        if motion.record is None:
-            there = np.sort(np.arange(motion.sites) if chosen is None else chosen)
-            return motion.times, there, motion.strobe.u[:, there]
-        motion = motion.record
+        chosen = None if chosen is None else [n % motion.sites for n in chosen]
+        every = Record(motion.times, tuple(range(motion.sites)), *motion.strobe)
+        motion = every if motion.record is None else motion.record
     if isinstance(motion, Record):
         wanted = motion.sites if chosen is None else chosen
         if missing := [n for n in wanted if n not in motion.sites]:

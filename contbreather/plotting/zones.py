@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, flag, kind_of
+from contbreather.checks import check_kind, flag, kind_of, one_of
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
@@ -199,27 +199,18 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
+    look: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 2, "clip_on": True}
     for region in regions:
-        if not region.verdict:
-            _name_beyond(ax, region)
-            continue
-        rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
-        shape = Path.make_compound_path(*rings)
-        ax.add_patch(PathPatch(shape, color=SHADES[region.verdict], linewidth=0, zorder=0))
-        if size := next((size for size, room in LETTERS if region.room > room), None):
-            ax.text(
-                region.x, region.y, region.verdict, ha="center", va="center", color=BLACK,
-                fontsize=canvas.type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
-            )  # fmt: skip
-
-
-def _name_beyond(ax: Axes, region: Region) -> None:
-    """Write into a white region which orbit is there, where it is one and there is room."""
-    if len({*region.beyond}) == 1 and region.room > LETTERS[0][1]:
-        ax.text(
-            region.x, region.y, region.beyond[0].replace(": ", ":\n"), ha="center", va="center",
-            color=BLACK, fontsize=canvas.type_size(ax, "x-small"), zorder=2, clip_on=True,
-        )  # fmt: skip
+        word, size = region.verdict, next((size for size, r in LETTERS if region.room > r), None)
+        if word:
+            rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
+            shape = Path.make_compound_path(*rings)
+            ax.add_patch(PathPatch(shape, color=SHADES[word], linewidth=0, zorder=0))
+        elif len({*region.beyond}) == 1 and size == LETTERS[0][0]:  # what is in a white region
+            word, size = region.beyond[0].replace(": ", ":\n"), "x-small"
+        if word and size:
+            look |= {"fontweight": "bold" if region.verdict else "normal", "color": BLACK}
+            ax.text(region.x, region.y, word, fontsize=canvas.type_size(ax, size), **look)
 
 
 # --- words --------------------------------------------------------------------------------------
@@ -344,9 +335,8 @@ def _lines(
             there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)
             raise BadInput(f"at {name} = {value!r}: the atlas has {there}")
     rows = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
-    existing = _words(atlas.kind, "flag_meanings")
-    if unknown := [kind for kind in kinds if kind not in existing]:
-        raise BadInput(f"no surface {unknown[0]!r}; there are {existing}")
+    for kind in kinds:
+        one_of("a kind", kind, _words(atlas.kind, "flag_meanings"))
     space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
     curve, drawn = atlas.curve.to_numpy(), np.array(words(atlas, "kind"))
     lines: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}

@@ -51,44 +51,38 @@ class Report(HtmlRepr):
 
     @property
     def computed(self) -> list[str]:
-        return [*self._reasons("computed")]
+        return [*self._with("computed")]
 
     @property
     def kept(self) -> list[str]:
-        return [*self._reasons("kept")]
+        return [*self._with("kept")]
 
     @property
     def failed(self) -> dict[str, str]:
         """Name of each part without a result, and the reason."""
-        return self._reasons("failed")
+        return self._with("failed")
 
     @property
     def absent(self) -> dict[str, str]:
         """Optional parts to which nothing was there to start from, and why."""
-        return self._reasons("absent")
+        return self._with("absent")
 
-    def _reasons(self, *outcomes: str) -> dict[str, str]:
-        return {name: why for name, (outcome, why) in self.outcomes.items() if outcome in outcomes}
+    def _with(self, outcome: str) -> dict[str, str]:
+        return {name: why for name, (its, why) in self.outcomes.items() if its == outcome}
 
     def table(self) -> Sheet:
         """A line for each part that was computed now, for each without a result with the reason,
         and for each file."""
         words = {"computed": "computed", "absent": "absent, which is optional", "failed": "failed"}
-        rows = [
-            (name, words[outcome], why)
-            for wanted in words
-            for name, (outcome, why) in self.outcomes.items()
-            if outcome == wanted
-        ]
+        rows = [(name, words[it], why) for it in words for name, why in self._with(it).items()]
         rows += [(path.name, "written", "") for path in self.written]
         columns = zip(*rows, strict=True) if rows else ((), (), ())
-        headings = ("name", "outcome", "reason")
         count = len(self.computed)
         title = f"{count} result{'s' * (count != 1)} computed"
         title += f", {len(self.kept)} were there" if self.kept else ""
         title += f", in {self.folder}"
         title += "; interrupted, the same command goes on" if self.interrupted else ""
-        return Sheet([*map(Column, headings, columns)], title)
+        return Sheet([*map(Column, ("name", "outcome", "reason"), columns)], title)
 
 
 def run(
@@ -220,39 +214,37 @@ def cluster(address: str, patience: float = 5.0) -> Iterator[Executor]:
 def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     """Write all atlases, and all figures of which everything is there."""
     missing = report.failed | report.absent
+    atlases: dict[str, Any] = {}
 
-    def named(source: Part) -> list[Task]:
+    def parts_of(source: Part) -> list[Task]:
         return [one for one in tasks if one.family == source.family and source.has(one.values)]
 
     def there(source: Part) -> list[Task]:
-        return [one for one in named(source) if one.name not in missing]
+        return [one for one in parts_of(source) if one.name not in missing]
 
-    def atlas(name: str) -> Any:
-        """Make it of all diagrams, those that failed with their reasons."""
-        table = study.atlas[name]
-        diagrams = [
-            Failed(one.name, BadInput(missing[one.name]))
-            if one.name in missing
-            else load(one.file(report.folder))
-            for one in named(Part(name, {}, ""))
-        ]
-        return surfaces(slices_of(table.given, table.over, study.chain.drive), diagrams)
-
-    for name in study.atlas:
-        if there(Part(name, {}, "")):
-            path = report.folder / f"{name}{ATLAS}"
-            report.written.append(put_in_place(path, partial(save_atlas, atlas=atlas(name))))
+    for name, table in study.atlas.items():
+        if there(every := Part(name, {}, "")):  # made of all diagrams, lost ones with the reason
+            diagrams = [
+                Failed(one.name, BadInput(missing[one.name]))
+                if one.name in missing
+                else load(one.file(report.folder))
+                for one in parts_of(every)
+            ]
+            slices = slices_of(table.given, table.over, study.chain.drive)
+            atlases[name] = surfaces(slices, diagrams)
+            write = partial(save_atlas, atlas=atlases[name])
+            report.written.append(put_in_place(report.folder / f"{name}{ATLAS}", write))
     for name, path in study.pictures(report.folder).items():
         figure, title = study.figure[name], f"figure {name}"
         nothing = [source for source in figure.draws if not there(source)]
-        lost = [one for one in nothing if {task.name for task in named(one)} - {*report.absent}]
+        lost = [one for one in nothing if {task.name for task in parts_of(one)} - {*report.absent}]
         if lost or len(nothing) == len(figure.draws):
             why = f"there is nothing of {', '.join(map(str, lost or nothing))} to draw"
             report.outcomes[title] = "failed" if lost else "absent", why
             continue
         try:
-            if (family := figure.draws[0].family) in study.atlas:
-                drawn: Any = plot_atlas(atlas(family), **figure.options)
+            if (family := figure.draws[0].family) in atlases:
+                drawn: Any = plot_atlas(atlases[family], **figure.options)
             else:
                 parts = [(task, one.arm) for one in figure.draws for task in there(one)]
                 results = (_loaded(task, arm, report.folder) for task, arm in parts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -19,15 +18,13 @@ from pydantic import (
     model_validator,
 )
 
-from contbreather.checks import number, real, spread
-from contbreather.errors import BadInput
+from contbreather.checks import numbers, spread
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
-from contbreather.orbits.zones import fixed_value, model_of
 from contbreather.parameters import CHOICES, NUMBERS, parameter
-from contbreather.stability.verdict import check_threshold, threshold_on
+from contbreather.stability.verdict import threshold_on
 
 _PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
 KINDS = ("branch", "arms", "boundary", "zones", "atlas")  # of results
@@ -69,18 +66,10 @@ def _values(typed: Any) -> list[float]:
                 f"{typed}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
         return spread("values", typed["from"], typed["to"], typed["count"])
-    several = typed if isinstance(typed, list) else [typed]
-    numbers = [number("value", value, -math.inf, math.inf, "a value") for value in several]
-    if not several or len({*numbers}) < len(numbers):
+    values: list[float] = numbers("values", typed if isinstance(typed, list) else [typed]).tolist()
+    if not values or len({*values}) < len(values):
         raise ValueError(f"{typed}: at least one number was expected, each once")
-    return numbers
-
-
-def _window(typed: Any) -> tuple[float, float]:
-    numbers = [real(x) for x in typed] if isinstance(typed, list) else []
-    if len(numbers) != 2 or not numbers[0] < numbers[1]:
-        raise ValueError(f"{typed}: two numbers were expected, the smaller first, [0.0, 0.2]")
-    return numbers[0], numbers[1]
+    return values
 
 
 def _in_range(typed: Any, info: ValidationInfo) -> Any:
@@ -90,11 +79,17 @@ def _in_range(typed: Any, info: ValidationInfo) -> Any:
     return typed
 
 
-Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
+def _name(typed: str) -> str:
+    if not re.fullmatch(r"[\w-]+", typed):
+        raise ValueError("a name of letters, digits, - and _ was expected")
+    return typed
+
+
+Name = Annotated[str, AfterValidator(_name)]
 Source = Annotated[Part, PlainValidator(_part)]
 Values = Annotated[list[float], PlainValidator(_values)]
 Ranged = Annotated[list[float], PlainValidator(_values), AfterValidator(_in_range)]
-Window = Annotated[tuple[float, float], PlainValidator(_window)]
+Window = Annotated[list[float], Field(min_length=2, max_length=2)]
 Loss = Annotated[float | list[float], AfterValidator(_in_range)]
 
 
@@ -122,14 +117,8 @@ class Chain(Table):
 
     @model_validator(mode="after")
     def possible(self) -> Chain:
-        """Make the lattice, the forcing and the conditions, which refuse what cannot be."""
-        verge = self.verge
-        if not self.damping:
-            check_threshold(verge)
-        # zones alone, which say so, are not for springs of the infinite chain
-        out = {"omega", "spring"} if self.place.sites is None else {"omega"}
-        model_of(**{n: v for n, v in self.on.items() if n not in out})
-        _ = self.drive
+        """Make the lattice, its walls and the forcing, which refuse what cannot be."""
+        _ = self.on, self.drive, self.verge
         return self
 
     @property
@@ -148,11 +137,11 @@ class Chain(Table):
     @property
     def on(self) -> dict[str, Any]:
         """Arguments of `symmetric`, but for the forcing."""
-        walls = walls_by(self.walls, self.place.sites)
-        options = {"site": self.site or None, "damping": self.damping or None, "walls": walls}
-        options["spring"] = self.spring  # one of 0 is a parameter, too
-        options["omega"] = self.omega if self.omega != 1.0 else None
-        return {"lattice": self.place, **{n: v for n, v in options.items() if v is not None}}
+        lattice = self.place
+        # a spring of 0 is a parameter, too
+        spring = {} if self.spring is None else {"spring": self.spring}
+        own = {"site": self.site, "walls": walls_by(self.walls, lattice.sites), **spring}
+        return {"lattice": lattice, "damping": self.damping, "omega": self.omega, **own}
 
 
 class GridTask(Table):
@@ -223,15 +212,10 @@ class ZonesTask(GridTask):
 
     @model_validator(mode="after")
     def one_fixed(self) -> ZonesTask:
-        """Refuse any but one parameter with values, and windows of others than its plane's."""
+        """Refuse any but one parameter with values."""
         if len(self.given) != 1:
             fixed = ", ".join(self.given) or "none"
             raise ValueError(f"values of exactly one of k, gamma and a are expected, got {fixed}")
-        ((name, values),) = self.given.items()
-        for value in values:
-            fixed_value(name, value)
-        if wrong := sorted({*self.within} - {*PAIRS[name]}):
-            raise BadInput(f"within: the plane is that of {PAIRS[name]}, which has no {wrong[0]}")
         return self
 
 

@@ -8,6 +8,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from filecmp import cmp
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.settings import Steps
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
-from contbreather.files import named, read_text, writable, write_whole
+from contbreather.files import named, writable, write_whole
 from contbreather.orbits.start_search import find_symmetric
 from contbreather.orbits.zones import zones
 from contbreather.parameters import window_of
@@ -52,26 +53,14 @@ class Mark(BaseModel):
 
 @dataclass(frozen=True)
 class Task:
-    """One process's work: plain data, so that it goes anywhere.
+    """One process's work: plain data, so that it goes anywhere."""
 
-    Attributes
-    ----------
-    family, label : str
-        Its name in the study, and which of its family it is, "k=0.8"; empty where it is alone.
-    table : BranchTask, Arms, Boundary or ZonesTask
-    values : dict
-        Parameters that the study fixes.
-    chain : Chain
-    needs : Task, optional
-        The one whose result it starts from.
-    """
-
-    family: str
-    label: str
-    table: Any
-    values: Mapping[str, float]
+    family: str  # its name in the study
+    label: str  # which of its family it is, "k=0.8"; empty where it is alone
+    table: Any  # a BranchTask, Arms, Boundary or ZonesTask
+    values: Mapping[str, float]  # parameters that the study fixes
     chain: Chain
-    needs: Task | None = None
+    needs: Task | None = None  # the one whose result it starts from
 
     @property
     def name(self) -> str:
@@ -184,18 +173,8 @@ class NoStart(BadInput):
 
 
 def finish(task: Task, folder: Path) -> str:
-    """Compute a task and keep it in a folder that all workers see.
-
-    Returns
-    -------
-    str
-        Nothing, once the result is on disk; of an optional part why there is none.
-
-    Raises
-    ------
-    ContbreatherError
-        Where there is none; the folder knows why, so that it is not tried again.
-    """
+    """Compute a task and keep it in a folder that all workers see, or the reason why there is no
+    result, so that it is not tried again: returned for an optional part, else raised."""
     try:
         result = computed(task, folder)
     except NoStart as error:
@@ -223,13 +202,7 @@ def finish(task: Task, folder: Path) -> str:
 
 
 def computed(task: Task, folder: Path) -> Any:
-    """Compute the result of a task.
-
-    Raises
-    ------
-    NoStart
-        Where what it starts from is not there.
-    """
+    """Compute the result of a task; `NoStart` where what it starts from is not there."""
     table, chain, values = task.table, task.chain, dict(task.values)
     largest = getattr(table, "largest", None)
     steps = None if largest is None else Steps(largest=largest)
@@ -242,13 +215,8 @@ def computed(task: Task, folder: Path) -> Any:
     drive = chain.drive.at(**{name: values.pop(name) for name in table.over})
     on: dict[str, Any] = {**values, **chain.on, "forcing": drive}
     if isinstance(table, ZonesTask):
-        on |= {
-            "past_folds": table.past_folds,
-            "beyond": table.beyond,
-            "threshold": chain.threshold,
-            "within": within,
-        }
-        return zones(**on, progress=False)
+        more = {name: getattr(table, name) for name in ("past_folds", "beyond", "within")}
+        return zones(**on, **more, threshold=chain.threshold, progress=False)
     free, span = table.free, table.window or window_of(table.free)
     near = (values[free], values[free]) if free in values else span
     try:
@@ -306,14 +274,10 @@ class DryRun(HtmlRepr):
     def overview(self) -> list[dict[str, Any]]:
         """Name, kind, conditions and state of each part."""
         return [
-            {
-                "name": task.name,
-                "kind": task.table.kind,
-                "conditions": task.conditions,
-                "state": WORDS[self.outcomes[task.name][0]],
-            }
+            {"name": task.name, "kind": task.table.kind, "conditions": task.conditions,
+             "state": WORDS[self.outcomes[task.name][0]]}
             for task in self.tasks
-        ]
+        ]  # fmt: skip
 
     def table(self) -> Sheet:
         headings, parts = ("name", "conditions", "state"), self.overview()
@@ -358,7 +322,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     place, tasks = place.resolve(), tasks_of(study)
     drawn = [place / f"{name}{ATLAS}" for name in study.atlas] + [*study.pictures(place).values()]
     check_links(file for task in tasks for file in (task.file(place), task.mark_file(place)))
-    check_links(file for path in drawn for file in places(path))
+    check_links(file for path in drawn for file in (path, copy_of(path)))
     if not again:
         _check_replaced(place, tasks, drawn)
     return DryRun(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
@@ -372,8 +336,8 @@ def _check_replaced(place: Path, tasks: Sequence[Task], drawn: Sequence[Path]) -
     foreign = [file for file in files if os.path.lexists(file)]
     foreign += [file for file in drawn if not is_own(file)]
     others = [str(file.relative_to(place)) for file in foreign]
-    for what, names in {"results of other settings": changed,
-                        "files that it did not write": others}.items():  # fmt: skip
+    found = ("results of other settings", changed), ("files that it did not write", others)
+    for what, names in found:
         if names:
             raise BadInput(
                 f"{place} has {what}: {', '.join(names)}. Name another folder, or have them "
@@ -390,35 +354,27 @@ def _setting(setting: tuple[str, Any]) -> str:
 
 
 def put_in_place(path: Path, write: Callable[[Path], object]) -> Path:
-    """Let `write` draw a file, and put it in its place once it is on record as the study's own.
+    """Let `write` draw a file, and put it in its place once a copy is on record as the study's own.
 
     A process may die after each line: there is then no file, or one that is on record.
     """
-    target, draft, record = places(writable(path))
-    draft.parent.mkdir(parents=True, exist_ok=True)
-    write(draft)
+    target, copy = writable(path), copy_of(path)
+    copy.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)  # our own, or it was asked for
-    write_whole(record, lambda file: file.write(_digest(draft).encode()))
-    os.replace(draft, target)
-    return target
+    write(copy)
+    return write_whole(target, lambda file: file.write(copy.read_bytes()))
+
+
+def copy_of(path: Path) -> Path:
+    return path.parent / MARKS / path.name
 
 
 def is_own(path: Path) -> bool:
     """Tell whether `put_in_place` has written what is there, or nothing is."""
     if not os.path.lexists(path):
         return True
-    *_, record = places(path)
-    return path.is_file() and record.is_file() and read_text(record) == _digest(path)
-
-
-def places(path: Path) -> tuple[Path, Path, Path]:
-    """The file, where it is drawn first, and the record of it."""
-    marks = path.parent / MARKS
-    return path, marks / path.name, marks / f"{path.name}.sha256"
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    copy = copy_of(path)
+    return path.is_file() and copy.is_file() and cmp(path, copy, shallow=False)
 
 
 def check_links(files: Iterable[Path]) -> None:

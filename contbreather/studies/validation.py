@@ -6,36 +6,23 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from contbreather.checks import brief
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.schema import KINDS, Study
+from contbreather.studies.schema import KINDS, FromPoint, Study
 from contbreather.tables import visible
 
 KeyPath = tuple[str, ...]
 Fault = tuple[KeyPath, str]  # where it is said, and what is wrong
-WANTED = {  # by what pydantic calls a mistake
-    "string": "a text in quotes",
-    "int": "a whole number",
-    "float": "a number",
-    "finite_number": "a finite number",
-    "bool": "true or false",
-    "list": "a list",
-    "dict": "a table of names and values",
-    "model": "a table of keys",
-    "too_short": "a list of at least {min_length}",
-    "too_long": "a list of at most {max_length}",
-    "string_pattern_mismatch": "a name of letters, digits, - and _",
-}
-_HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?$")
-_KEY = re.compile(r"""\s*([\w.\-"' ]+?)\s*=""")
+# a header of a table, or a key
+_PLACE = re.compile(r"""\s*(?:\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?$|([\w.\-"' ]+?)\s*=)""")
 
 
 def read(path: str | Path) -> Study:
@@ -71,21 +58,13 @@ def read(path: str | Path) -> Study:
         study, faults = _without_mistakes(tables)
     except RecursionError as error:
         raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
-    faults += [*_of_names(study, kinds), *_of_sources(study, dict(kinds))]
-    faults += [*_of_figures(study, dict(kinds))]
-    if "arms" in dict(kinds).values() and study.chain.verge != THRESHOLD:
-        paper = f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms"
-        faults.append((("chain", "threshold"), f"{paper} in a study of their own"))
-    if faults:
-        lines = dict(_lines(text))
-        places = sorted(((_line(lines, at), at, why) for at, why in faults), key=itemgetter(0))
-        said = [
-            visible(f"line {line}{', ' + '.'.join(at) if at else ''}: {why}")
-            for line, at, why in places
-        ]
-        name, count = Path(path).name, len(said)
-        several = "\n  ".join([f"{name} has {count} mistakes:", *said])
-        raise BadInput(f"{name}, {said[0]}" if count == 1 else several)
+    if faults := [*faults, *_of_names(study, kinds), *_of_references(study, dict(kinds))]:
+        lines = _lines(text)
+        # of what is not there the line of the innermost table that is
+        places = sorted((_line(lines, at), ".".join(at), why) for at, why in faults)
+        said = [visible(f"line {n}{', ' * bool(at)}{at}: {why}") for n, at, why in places]
+        several = "\n  ".join([f"{Path(path).name} has {len(said)} mistakes:", *said])
+        raise BadInput(several if said[1:] else f"{Path(path).name}, {said[0]}")
     return study
 
 
@@ -106,7 +85,6 @@ def _without_mistakes(tables: dict[str, Any]) -> tuple[Study, list[Fault]]:
 def _sentences(error: ValidationError) -> Iterator[Fault]:
     for mistake in error.errors(include_url=False):
         place = tuple(str(key) for key in mistake["loc"] if key != "[key]")
-        value = mistake["input"]
         match mistake["type"]:
             case "missing":
                 yield place[:-1], f"{place[-1]} is missing"
@@ -114,12 +92,8 @@ def _sentences(error: ValidationError) -> Iterator[Fault]:
                 yield place, f"unknown here{_guess(place)}"
             case "value_error":
                 yield place, str(mistake["ctx"]["error"])
-            case kind:
-                wanted = WANTED[kind.removesuffix("_type")].format(**mistake.get("ctx", {}))
-                # as TOML has it
-                got = str(value).lower() if isinstance(value, bool) else repr(value)
-                got = "a table" if isinstance(value, dict) else got
-                yield place, f"{wanted} was expected, got {got}"
+            case _:
+                yield place, f"{mistake['msg']}, got {brief(mistake['input'])}"
 
 
 def _guess(place: KeyPath) -> str:
@@ -133,28 +107,21 @@ def _guess(place: KeyPath) -> str:
 # --- lines ------------------------------------------------------------------------------------
 
 
-def _lines(text: str) -> Iterator[tuple[KeyPath, int]]:
-    """Find where tables and keys begin, which tomllib does not keep."""
+def _lines(text: str) -> dict[KeyPath, int]:
+    """Find the first line of each table and key, which tomllib does not keep."""
     table: KeyPath = ()
+    lines: dict[KeyPath, int] = {(): 1}
     for line, content in enumerate(text.splitlines(), start=1):
-        if header := _HEADER.match(content):
-            table = _dotted(header.group(1))
-            yield table, line
-        elif key := _KEY.match(content):
-            yield (*table, *_dotted(key.group(1))), line
-
-
-def _dotted(name: str) -> KeyPath:
-    return tuple(key.strip().strip("\"'") for key in name.split("."))
+        if match := _PLACE.match(content):
+            names = tuple(key.strip(" \"'") for key in match[match.lastindex or 0].split("."))
+            table, place = (names, names) if match[1] else (table, (*table, *names))
+            for size in range(1, len(place) + 1):
+                lines.setdefault(place[:size], line)
+    return lines
 
 
 def _line(lines: Mapping[KeyPath, int], place: KeyPath) -> int:
-    """Find the line of a key or of what is in it, or of the innermost table that is there."""
-    for size in range(len(place), 0, -1):
-        inside = [line for at, line in lines.items() if at[:size] == place[:size]]
-        if inside:
-            return min(inside)
-    return 1
+    return lines[place] if place in lines else _line(lines, place[:-1])
 
 
 # --- how tables fit together ------------------------------------------------------------------
@@ -169,22 +136,25 @@ def _of_names(study: Study, named: Sequence[tuple[str, str]]) -> Iterator[Fault]
     for name, kind in named:
         if known.setdefault(name, kind) != kind:
             yield (kind, name), f"{name!r} is there already, as {known[name]}"
-    files: dict[str, str] = {}
+    files: dict[Path, str] = {}
     for name, picture in study.pictures(Path()).items():
         place, typed = ("figure", name, "file"), study.figure[name].file
-        if files.setdefault(str(picture), name) != name:
-            yield place, f"figure {files[str(picture)]} is written to this file already"
-        if not str(picture).lower().endswith(FIGURES):
+        if files.setdefault(picture, name) != name:
+            yield place, f"figure {files[picture]} is written to this file already"
+        if picture.suffix.lower() not in FIGURES:
             yield place, f"one of {', '.join(FIGURES)} was expected, got {str(picture)!r}"
         if typed and typed != Path(typed).name:
             yield place, f"a name in the folder of the results was expected, got {typed!r}"
 
 
-def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
-    """Refuse arms and boundaries of nothing, or of themselves; `kinds` are of all results."""
+def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
+    """Refuse arms, boundaries and figures of nothing or of themselves, and options of other
+    pictures; `kinds` are of all results."""
     starts = [name for name, kind in kinds.items() if kind in ("branch", "arms", "boundary")]
-    sources = {name: table.of.family for _, name, table in _tables(study, "arms", "boundary")}
-    for kind, name, table in _tables(study, "arms", "boundary"):
+    tables: dict[KeyPath, FromPoint] = {("arms", name): one for name, one in study.arms.items()}
+    tables |= {("boundary", name): one for name, one in study.boundary.items()}
+    sources = {name: table.of.family for (_, name), table in tables.items()}
+    for (kind, name), table in tables.items():
         source, place, origins = sources[name], (kind, name, "of"), [sources[name]]
         while origins[-1] in sources and origins[-1] not in origins[:-1]:
             origins.append(sources[origins[-1]])
@@ -196,10 +166,9 @@ def _of_sources(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
             yield place, f"{wanted!r} was expected"
         elif name in origins:
             yield place, f"it comes from itself, by way of {source!r}"
-
-
-def _of_figures(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
-    """Refuse figures of nothing, and options of other pictures."""
+    if "arms" in kinds.values() and study.chain.verge != THRESHOLD:
+        paper = f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms"
+        yield ("chain", "threshold"), f"{paper} in a study of their own"
     for name, figure in study.figure.items():
         families = [drawing.family for drawing in figure.draws]
         for family in {*families} - {*kinds}:
@@ -215,9 +184,3 @@ def _of_figures(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
                 "x and y are columns of branches, over and at choose surfaces of an atlas; leave "
                 f"{key} out of a figure of {' and '.join(sorted(drawn))}",
             )
-
-
-def _tables(study: Study, *kinds: str) -> Iterator[tuple[str, str, Any]]:
-    for kind in kinds:
-        for name, table in getattr(study, kind).items():
-            yield kind, name, table

@@ -169,19 +169,6 @@ def test_a_port_that_is_taken_is_refused(run: Run) -> None:
     assert "choose another port" in err
 
 
-def test_an_address_that_pages_cannot_name_is_a_sentence(run: Run) -> None:
-    status, out, err = run("explore --headless --address ::1")
-    assert (status, out, len(err.splitlines())) == (2, "", 1)
-    assert "::1" in err
-
-
-def test_a_damaged_file_is_a_sentence_and_status_2(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "run.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    status, out, err = run("explore --headless run.nc")
-    assert (status, out) == (2, "")
-    assert "run.nc" in err
-
-
 def test_without_panel_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "panel", None)
     with pytest.raises(BadInput, match=r"pip install 'contbreather\[explorer\]'"):

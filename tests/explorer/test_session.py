@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
-from contbreather.explorer import Explorer, jobs, session, views
-from contbreather.explorer.jobs import Computation, JobThread, Progress
-from contbreather.explorer.state import PageState, drawn_columns, names, plane_in_words, verdicts
-from contbreather.explorer.style import LIGHT
+from contbreather.explorer import Explorer, jobs, session
+from contbreather.explorer.jobs import Computation, Progress
+from contbreather.explorer.state import drawn_columns, plane_in_words
 
 from ..apart import HUNG
 
@@ -94,13 +92,6 @@ def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) 
     np.testing.assert_array_equal(eval(code, made)["a"], branch["a"])
 
 
-def test_figures_are_exported_in_each_format(told: Explorer) -> None:
-    assert told.figure("branches", ".svg").lstrip().startswith(b"<?xml")
-    assert told.figure("motion", ".png").startswith(b"\x89PNG")
-    with pytest.raises(BadInput, match="nothing to draw as zones yet"):
-        told.figure("zones", ".pdf")
-
-
 def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
@@ -166,20 +157,6 @@ def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> N
     do(explorer, jobs.traced(explorer.chosen, "a", (0.4, 0.6)))
 
 
-def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -> None:
-    queue, seen, go = JobThread(), list[int](), threading.Event()
-
-    def job(i: int) -> Any:
-        return lambda _: (go.wait(HUNG), i)[1]
-
-    for i in range(20):
-        queue.begin(job(i), say=lambda _: None, done=lambda value, *_: seen.append(value))
-    go.set()
-    assert queue.join(HUNG)
-    assert seen[-1] == 19
-    assert len(seen) <= 2
-
-
 def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     explorer = Explorer(k=0.7)
     explorer.look_at(0.7)
@@ -225,15 +202,6 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     explorer.stop()
 
 
-def test_zones_are_those_of_the_ring_that_is_set() -> None:
-    explorer = Explorer(k=0.8)
-    explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
-    assert explorer.wait(HUNG)
-    assert explorer.state.plane is not None
-    assert plane_in_words(explorer.state.plane) == "ring of 9"
-    assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
-
-
 def test_zones_follow_a_chosen_point_to_what_it_lives_on() -> None:
     on = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
     window = {"a": (0.5, 0.52)}
@@ -273,23 +241,6 @@ def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(monkeypatch: 
     assert explorer.state.awaited
     explorer.stop()
     assert explorer.wait(HUNG)
-
-
-def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(diagram: Any) -> None:
-    model = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
-    branch = cb.trace(cb.symmetric(0.74, 0.03, 0.8, **model), "a", towards="up")
-    line = cb.boundary(branch.first("PF"), ("gamma", "a"), steps=cb.Steps(most=2))
-    piece = replace(
-        diagram, curves=dict.fromkeys(diagram.curves, ()) | {"PF": (line,)}, interrupted=True
-    )
-
-    view = views.ZonesView(LIGHT)
-    view.show(piece)
-    view.title(PageState(plane=piece))
-    on = "open chain with free ends, 3 sites, site 1, damping = 0.02, k = 0.8"
-    said = view.figure.title.text.replace("\n", " ").strip()
-    assert said == f"{on}, stopped: curves may be missing"
-    assert view.regions.data["xs"] == []
 
 
 def test_a_place_beyond_grazing_says_what_is_there() -> None:
@@ -432,47 +383,3 @@ def test_a_cycle_is_drawn_by_its_period_with_and_without_its_equations(tmp_path:
 
 
 # --- in words -------------------------------------------------------------------------------------
-
-B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
-
-
-def test_curves_are_named_by_what_not_all_of_them_share() -> None:
-    window = {"a": (0.49, 0.51), "gamma": (0.07, 0.09)}
-    curves = {
-        f"branch{i}": cb.trace(orbit, free, within={free: window[free]})
-        for i, (orbit, free) in enumerate([(B, "a"), (B.on(cb.Ring(12)), "a"), (B, "gamma")])
-    }
-    assert [*names(curves)] == [
-        "branch0: in a, infinite chain, gamma = 0.08",
-        "branch1: in a, ring of 12, gamma = 0.08",
-        "branch2: in gamma, infinite chain, a = 0.5",
-    ]
-    del curves["branch2"]
-    assert [*names(curves)] == ["branch0: infinite chain", "branch1: ring of 12"]
-    del curves["branch1"]
-    assert names(curves) == {"branch0": "branch0"}
-
-
-def test_verdicts_are_those_of_the_library() -> None:
-    said = dict(verdicts(B, 400))
-    assert said["own lattice"] == B.stability().describe()
-    assert said["ring of 400"] == B.stability(sites=400).describe()
-    assert f"{B.stability().over_reflection.growth:.6g}/N" in said["over-reflection"]
-    assert said["admissible"] == B.admissibility().reason
-
-
-def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall() -> None:
-    through = cb.symmetric(a=0.9, gamma=0.08, k=0.8, root=1)
-    said = dict(verdicts(through, 400))
-    assert said["not admissible"] == through.admissibility().reason
-    assert said["stability"].startswith("nothing is said of it")
-    assert len(said) == 2
-
-
-def test_arms_are_described_by_their_impacts() -> None:
-    arm = cb.switch(
-        cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.7, 0.9)}).first("PF")
-    )[0]
-    names = [name for name, _ in arm[3].solution.table().rows]
-    assert names == ["a", "gamma", "k", "t1", "impulse 1", "t2", "impulse 2", "c"]
-    assert "over-reflection" not in dict(verdicts(arm[3].solution, 60))

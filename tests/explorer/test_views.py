@@ -45,37 +45,6 @@ def around(axis: Any, low: float, high: float) -> None:
     assert ends == pytest.approx((low - room, high + room) * 2)
 
 
-def every(theme: Any) -> list[Any]:
-    kinds = views.ZonesView, views.BranchView, views.ProfileView, views.MultipliersView
-    return [*(kind(theme) for kind in kinds), views.MotionView(theme)]
-
-
-@pytest.mark.parametrize("theme", [LIGHT, DARK])
-def test_all_is_drawn_in_the_colours_of_its_theme_in_sizes_that_are_seen(theme: Any) -> None:
-    inks = {one for one in vars(theme).values() if isinstance(one, str)} | {*theme.cycle}
-    for view in every(theme):
-        fig = view.figure
-        for one in glyphs(fig):
-            for name, given in one.glyph.properties_with_values().items():
-                value = getattr(given, "value", given)
-                if name.endswith("color") and str(value).startswith("#"):
-                    assert value in inks, name
-                if name in ("size", "line_width") and isinstance(value, int | float):
-                    assert 1 <= value <= 15
-        for axis in (*fig.xaxis, *fig.yaxis):
-            assert axis.axis_label_text_color == axis.major_label_text_color == theme.text
-            assert axis.axis_line_color == axis.major_tick_line_color == theme.faint
-            assert axis.minor_tick_line_color == fig.outline_line_color == theme.faint
-        assert {line.grid_line_color for line in fig.grid} == {theme.grid}
-        assert fig.title.text_color == theme.text
-        assert fig.background_fill_color is fig.border_fill_color is None
-        assert len(fig.legend) == isinstance(view, views.ZonesView | views.MotionView)
-        for legend in fig.legend:
-            assert legend.label_text_color == theme.text
-            assert legend.background_fill_color == theme.paper
-    assert [legend.orientation for legend in fig.above] == ["horizontal"]
-
-
 def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: Any) -> None:
     ring = np.array([[0.1, 0.2], [0.2, 0.2], [0.2, 0.3], [0.1, 0.2]])
     extra = (
@@ -123,36 +92,6 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> No
         view.title(PageState(plane=plane, fixed=("k", fixed), awaited=awaited))
         lines = view.figure.title.text.split("\n")
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
-
-
-def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, diagram: Any) -> None:
-    view, line = views.ZonesView(LIGHT), diagram["NS"][0]
-    drawn = diagram
-    for k, wanted in ((0.8, [line]), (0.7, [])):
-        there = replace(drawn, fixed=("k", k))
-        view.boundaries([branch, line], there)
-        same(view.traced.data["xs"], [one["gamma"] for one in wanted])
-        same(view.traced.data["ys"], [one["a"] for one in wanted])
-    damped = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(12), damping=0.01)
-    soft = cb.symmetric(0.5, 0.08, 0.8, spring=0.1)
-    for orbit, off in ((B, 5e-10), (B, 2e-9), (None, 0), (B.on(cb.Ring(12)), 0), (damped, 0),
-                       (soft, 0)):  # fmt: skip
-        chosen = None if orbit is None else Chosen("b", orbit)
-        view.choose(chosen, replace(drawn, fixed=("k", 0.8 + off)))
-        there = orbit is B and off < 1e-9
-        assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
-    line = cb.boundary(
-        cb.trace(damped, "a", within={"a": (0.4, 1.2)}).special[-1], ("gamma", "a"),
-        steps=cb.Steps(most=2),
-    )  # fmt: skip
-    for cut in (False, True):
-        there = replace(
-            drawn, curves=dict.fromkeys(drawn.curves, ()) | {"GR": (line,)}, interrupted=cut
-        )
-        view.choose(Chosen("b", damped), there)
-        assert view.here.data == {"x": [0.08], "y": [0.5]}
-        view.title(PageState(plane=there, chosen=Chosen("b", damped)))
-        assert "chosen" not in view.figure.title.text
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
@@ -307,22 +246,6 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(a: float, beyond: b
     view.nothing("too large")
     assert fig.title.text == "too large"
     assert not any(map(len, view.dots.data.values()))
-
-
-def test_of_a_long_line_its_extremes_are_drawn() -> None:
-    times = np.linspace(0.0, 500.0, 100_001)
-    u = np.sin(2 * np.pi * times) * np.exp(-times / 300)
-    seen, drawn = views.thinned(times, u)
-    assert seen.size < 5000
-    assert (seen[0], seen[-1]) == (0.0, 500.0)
-    assert np.all(np.diff(seen) > 0)
-    same(drawn, u[np.searchsorted(times, seen)])
-    for start in range(0, 500, 50):
-        stretch = (times >= start) & (times < start + 50)
-        there = drawn[(seen >= start) & (seen < start + 50)]
-        assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
-    short = views.thinned(times[:1000], u[:1000])
-    same(short[1], u[:1000])
 
 
 def test_a_word_that_would_cover_another_is_left_out_and_its_mark_stays(branch: Any) -> None:
