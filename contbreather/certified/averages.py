@@ -59,17 +59,13 @@ def _coefficients() -> dict[str, list[Ball]]:
         }
 
 
-def _cut(gamma: Value) -> Value:
-    """Bound of the powers beyond J."""
-    value, slope = (arb(0, 5 * arb(9) ** -(J + 1)), arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)))
-    return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
-
-
 def _rest(name: str, gamma: Value) -> Value:
     total = arb(0)
     for c in reversed(_coefficients()[name]):
         total = total * gamma + c
-    return total + _cut(gamma)
+    # bounds of the powers beyond J, and of their slopes
+    value, slope = (arb(0, 5 * arb(9) ** -(J + 1)), arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)))
+    return total + (Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value)
 
 
 def chi(gamma: Value) -> Value:

@@ -113,11 +113,6 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
     return 0.0
 
 
-def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
-    """Test whether there is surely no zero in the box around a point."""
-    return any(not value.contains(0) for value in equations([arb(x, within) for x in point]))
-
-
 def certify_point(
     params: Mapping[str, float], unknowns: Mapping[str, float], kind: str, within: float
 ) -> Certificate:
@@ -129,7 +124,8 @@ def certify_point(
         system = equations(fixed, names, DEFINING.get(kind))
         zero = zero_near(system, point, within)
         if zero is None:
-            none = excluded(system, point, within)
+            box = [arb(x, within) for x in point]
+            none = any(not value.contains(0) for value in system(box))  # surely no zero in it
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
         values = {**fixed, **dict(zip(names, zero, strict=True))}

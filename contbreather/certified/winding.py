@@ -74,10 +74,6 @@ class Rectangle(NamedTuple):
     real: Ball
     imag: Ball
 
-    def common_point(self, other: Rectangle) -> complex:
-        real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
-        return complex(nearest_float(real), nearest_float(imag))
-
 
 # --- sums over aliases --------------------------------------------------------------------------
 
@@ -175,7 +171,10 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
             if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)
-    points = [first.common_point(second) for first, second in pairwise(rectangles)]
+    points = [
+        complex(*(nearest_float(x.intersection(y)) for x, y in zip(*pair, strict=True)))
+        for pair in pairwise(rectangles)
+    ]
     ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))

@@ -50,14 +50,6 @@ def damping_of(k: float) -> float:
     return 2.0 * loss / math.hypot(math.pi, loss)
 
 
-def restitution_of(lam: float) -> float:
-    """k of the smooth wall with the damping lambda, eq. (22)."""
-    lam = parameter("lam", lam)
-    if lam == 2.0:
-        return 0.0
-    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
-
-
 @dataclass(frozen=True)
 class SmoothConditions:
     """Parameters of a lattice with smooth walls; lam and m are those of (21)."""
@@ -79,7 +71,10 @@ class SmoothConditions:
     @property
     def k(self) -> float:
         """Restitution of the impacting limit, (22)."""
-        return restitution_of(self.lam)
+        lam = parameter("lam", self.lam)
+        if lam == 2.0:
+            return 0.0
+        return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
 
     @property
     def params(self) -> dict[str, float]:

@@ -158,16 +158,15 @@ class OrbitMap:
     # --- the reduced matrix ---
 
     @cached_property
-    def _sites(self) -> tuple[Array, Array]:
-        """Sites of the impacts, from the first one on, and distances between any two impacts."""
+    def _sites(self) -> Array:
+        """Sites of the impacts, from the first one on."""
         sites = np.array([kick.site for kick in self.kicks])
-        sites = sites - sites.min()
-        return sites, np.abs(sites[:, None] - sites)
+        return sites - sites.min()
 
     @cached_property
     def _impacts(self) -> Impacts:
         """Arguments of the kernels, with the expansions of their propagators."""
-        m, n, sites = len(self.kicks), self.periods, self._sites[0]
+        m, n, sites = len(self.kicks), self.periods, self._sites
         impacts = Impacts(
             self.scaled,
             self.floor,
@@ -226,7 +225,12 @@ class OrbitMap:
             ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
         """
         if self.gamma == 0.0:
-            return _counted(self._uncoupled())
+            mu = self._uncoupled()
+            size = np.abs(mu)
+            place = int(np.argmin(np.abs(size - 1.0)))
+            least, outside = float(abs(size[place] - 1.0)), mu[size > 1.0 + CERTAIN]
+            pairs, nu = int(np.sum(outside.imag > 0.0)), abs(float(np.angle(mu[place]))) / math.pi
+            return Count(outside.size, least > CERTAIN, least, nu, pairs)
         circle = self._circle
         half_turns, nearest = round(circle.turning / math.pi), int(abs(circle.F).argmin())
         least = float(abs(circle.F[nearest])) / circle.terms
@@ -340,7 +344,7 @@ class OrbitMap:
 
     def on_ring(self, sites: int) -> ModalMap:
         """The map of a ring with so many sites besides those between impacts."""
-        ring = Ring(sites + 2 * int(self._sites[0].max()))
+        ring = Ring(sites + 2 * int(self._sites.max()))
         return section_map(ring, (self.gamma, self.spring, 0.0), self.k, self.kicks, self.period)
 
     def _unit(self, kappa: Array) -> Array:
@@ -414,16 +418,6 @@ def _pair(M: Array) -> Array:
     return np.array([half + root, half - root])
 
 
-def _counted(mu: Array) -> Count:
-    size = np.abs(mu)
-    nearest = int(np.argmin(np.abs(size - 1.0)))
-    distance = float(abs(size[nearest] - 1.0))
-    outside = mu[size > 1.0 + CERTAIN]
-    pairs = int(np.count_nonzero(outside.imag > 0.0))
-    nu = abs(float(np.angle(mu[nearest]))) / math.pi
-    return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
-
-
 def _outside(kappa: Array) -> Array:
     """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
     kappa = kappa[(kappa.imag < ON_CIRCLE) & (kappa.imag > -1.1 * DEEP)]
@@ -433,28 +427,23 @@ def _outside(kappa: Array) -> Array:
 # --- series of the mean propagators ---------------------------------------------------------------
 
 
-def _expansions() -> tuple[Array, Array]:
-    """``[3, ORDERS, a]``: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is this
-    number times that sum S_p."""
+@lru_cache(maxsize=1)
+def series() -> PairSeries:
+    """Tables of all orbits: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is a
+    number times one of the sums S_p."""
     order, a = np.arange(ORDERS)[:, None], np.arange(POWERS)
     which, number = [], []
     # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q
     for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
         # a term without sum, q = 0, is put at the far end where none other is
-        which.append(np.where(q > 0, q + a - 1, -1))
+        which.append(np.where(q > 0, q + a - 1, -1.0))
         number.append(np.where(q > 0, factor * (-1.0) ** a * binomial(q - 1 + a, a), 0.0))
-    return np.stack(which), np.stack(number)
-
-
-@lru_cache(maxsize=1)
-def series() -> PairSeries:
-    which, number = _expansions()
     polynomials = np.zeros((CLOSED, CLOSED + 1))
     for p in range(1, CLOSED + 1):
         polynomials[p - 1, : p + 1] = bernoulli(p)
     j = np.arange(NEAR + 1.0, FAR + 1.0)[:, None]
     powers = j ** -np.arange(CLOSED + 1.0, HIGHEST + 1.0)
-    return PairSeries(number, which.astype(float), polynomials, powers)
+    return PairSeries(np.stack(number), np.stack(which), polynomials, powers)
 
 
 @lru_cache(maxsize=64)

@@ -31,10 +31,6 @@ from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 Array = NDArray[Any]
 
 THRESHOLD = 1.005  # the paper's, for multipliers over the full period 2 pi
-_ABOVE = (
-    "a lattice without damping always has multipliers on the unit circle, so a finite threshold "
-    "above 1 is expected"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,7 +212,12 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
     neutral = map.idle == 1.0  # modes without impacts, on the circle where nothing damps them
     if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
-        wanted = _ABOVE if neutral else "a finite modulus of at least 1 is expected"
+        wanted = "a finite modulus of at least 1 is expected"
+        if neutral:
+            wanted = (
+                "a lattice without damping always has multipliers on the unit circle, so a finite "
+                "threshold above 1 is expected"
+            )
         raise BadInput(f"threshold = {brief(threshold)}: {wanted} (the paper takes 1.005).")
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.simulation import Kind, Rotation, State, judge, simulate, simulate_smooth
-from contbreather.simulation.classify import chaos_or_torus
+from contbreather.simulation import Kind, State, judge, simulate, simulate_smooth
 from contbreather.simulation.integrator import IMPACT
 from contbreather.simulation.periodic import PeriodicMotion
 from contbreather.simulation.states import PERIOD
@@ -40,51 +39,6 @@ def test_a_multiplier_is_outside_by_more_than_rounding_or_integration_leaves(wal
     half = replace(own, symmetric=True)
     assert half.half[0] == 2.0  # of -2: the sign of the half map
     assert half.multipliers[0] == half.largest == 4.0
-
-
-# --- verdicts -----------------------------------------------------------------------------------
-
-STEADY = Rotation(0.2345678, 1e-8, 0.5, 1e-6)
-
-
-TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED
-
-
-@pytest.mark.parametrize(
-    ("turn", "value", "error", "rigid", "smooth"),
-    [
-        ({}, 0.0, 1e-8, TORUS, TORUS), ({}, -1e-2, 1e-5, OPEN, OPEN),
-        ({"error": 1e-6}, 0.0, 1e-8, TORUS, TORUS), ({"error": 1.1e-6}, 0.0, 1e-8, OPEN, OPEN),
-        ({"hole": 1e-3}, 0.0, 1e-8, TORUS, TORUS), ({"hole": 0.9e-3}, 0.0, 1e-8, OPEN, OPEN),
-        ({"drift": 1e-4}, 0.0, 1e-8, TORUS, TORUS), ({"drift": 1.1e-4}, 0.0, 1e-8, OPEN, OPEN),
-        ({}, 1.1e-3, 1e-5, CHAOS, CHAOS), ({}, 0.9e-3, 1e-5, OPEN, OPEN),
-        ({}, 1e-2, 1.9e-3, CHAOS, CHAOS), ({}, 1e-2, 2.1e-3, OPEN, OPEN),
-        ({}, 0.9e-6, 1e-9, TORUS, TORUS), ({}, -1.1e-6, 1e-9, OPEN, TORUS),
-        ({}, 0.9e-5, 1e-9, OPEN, TORUS), ({}, 1.1e-5, 1e-9, OPEN, OPEN),
-        ({}, 4.9e-5, 1e-5, TORUS, TORUS), ({}, 5.1e-5, 1e-5, OPEN, OPEN),
-        ({}, 0.0, 1e-3, TORUS, TORUS), ({}, 0.0, 1.1e-3, OPEN, OPEN),
-        ({"number": 0.25}, 0.0, 1e-6, TORUS, TORUS), ({"number": 0.25}, 0.0, 1.1e-6, OPEN, TORUS),
-        ({"number": 0.25}, 0.0, 1.1e-5, OPEN, OPEN),
-    ],
-)  # fmt: skip
-def test_an_open_motion_is_what_turns_and_exponents_say(turn, value, error, rigid, smooth) -> None:
-    own = replace(STEADY, **turn)
-    values, errors = np.array([value, -1, -2]), np.array([error] * 3)
-    for neutral, kind in ((1e-6, rigid), (1e-5, smooth)):
-        found, words, evidence = chaos_or_torus(own, values, errors, neutral, False)
-        assert found is kind, neutral
-        assert f"largest exponent {value:.2g} ({error:.0e})" in words
-        assert ("rotation number" in words) is (kind is not CHAOS)
-        unsteady = own.error > 1e-6 or own.hole < 1e-3 or own.drift > 1e-4
-        assert ("the section's size changes by" in words) is unsteady
-        alone = abs(value) < max(5 * error, neutral) and error < neutral
-        assert evidence == {
-            "rotation": own.number,
-            "rotation_error": own.error,
-            "exponent": value,
-            "exponent_error": error,
-            "frequencies": float(alone),
-        }
 
 
 # --- runs made by hand --------------------------------------------------------------------------
