@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from contbreather.checks import row, whole
 from contbreather.errors import NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.one_thread import one_thread
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
@@ -186,6 +187,7 @@ def pitchfork_line(
 # --- the first pair to cross ------------------------------------------------------------------
 
 
+@one_thread
 def _first(
     path: Callable[[float], Orbit], sites: int | None, threshold: float, guess: float = 0.02
 ) -> ThresholdPoint:
