@@ -13,7 +13,6 @@ from typing import BinaryIO
 
 import pytest
 
-from contbreather import files
 from contbreather.errors import BadInput
 from contbreather.files import opened, writable, write_whole
 
@@ -200,12 +199,6 @@ def test_another_place_is_advised_to_who_writes_and_not_to_who_reads() -> None:
         opened("a\0b"),
     ):
         pass
-
-
-def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(files, "_mode", lambda *_: stat.S_IFBLK | 0o660)
-    with pytest.raises(BadInput, match="it is a disk"):
-        write_whole(tmp_path / "sda", saying(b"x"))
 
 
 def test_missing_permission_and_read_only_file_systems_have_their_sentence(tmp_path, monkeypatch):
