@@ -50,14 +50,8 @@ DEFINING = {"LP": fold_condition, "PF": pitchfork_condition}
 
 
 def parameters(orbit: Any) -> dict[str, float]:
-    """Parameters of a breather that are exactly what they are given as, by name.
-
-    Raises
-    ------
-    BadInput
-        Unless this is about a symmetric breather with one impacting site on the infinite chain
-        without springs, driven by exact harmonics.
-    """
+    """Parameters of a symmetric breather with one impacting site on the infinite chain without
+    springs, driven by exact harmonics, by name: exactly what they are given as."""
     section = getattr(orbit, "section", None)
     if section is None:
         raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")

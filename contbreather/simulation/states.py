@@ -130,14 +130,7 @@ def conditions_of(
     **numbers: Any,
 ) -> Any:
     """The conditions of a state of so many sites, on a ring unless a lattice is given: of rigid
-    walls, or of smooth ones if there is a hardness m.
-
-    Raises
-    ------
-    BadInput
-        A number that is missing, unknown or out of its range, another number of sites, walls of a
-        site that is not there.
-    """
+    walls, or of smooth ones if there is a hardness m."""
     if "noise" in numbers:  # which only `simulate` has, and takes out before
         raise BadInput(
             f"noise = {brief(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
@@ -239,13 +232,7 @@ def ranged(on: C) -> C:
 
 
 def check_state(state: Any) -> State:
-    """A copy of a state as two float arrays, or what is wrong with it.
-
-    Raises
-    ------
-    BadInput
-        Not a pair of rows of equal length, or not finite.
-    """
+    """A copy of a state as two float arrays, or what is wrong with it."""
     u, v = state_rows(state)
     fast = int(np.abs(v).argmax())
     if abs(v[fast]) > 1e6:  # its energy would blow up

@@ -80,27 +80,9 @@ DEEP = 1.0  # |Im kappa|, |mu| = 535, beyond which a ring is the infinite chain,
 
 @dataclass(frozen=True)
 class OrbitMap:
-    """The map of small perturbations over one period of an orbit with impacts.
+    """The map of small perturbations over one period of an orbit with impacts, `kicks` in order of
+    time, each (site, time, b) with b as in `saltation_entry`.
 
-    Parameters
-    ----------
-    gamma, k : float
-        Coupling and restitution coefficient.
-    kicks : sequence of (site, time, b)
-        The impacts of one period in order; b as in `saltation_entry`.
-    periods : int
-        n, for an orbit of period 2 pi n; or 1/2, for a section that is half a forcing period.
-    spring : float
-        That holds every site to the ground, for such a section.
-
-    Raises
-    ------
-    BadInput
-        Without impacts, times out of order or beyond one period, gamma or k out of range, or a
-        resonance (see `contbreather.lattice.periodic_green`).
-
-    Examples
-    --------
     The symmetric breather hits both walls half a period apart; it is stable below its pitchfork:
 
     >>> [OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, math.pi, b)]).count().count for b in (0.9, 1.1)]
@@ -110,8 +92,8 @@ class OrbitMap:
     gamma: float
     k: float
     kicks: tuple[Saltation, ...]
-    periods: float = 1
-    spring: float = 0.0
+    periods: float = 1  # n, of 2 pi n; or 1/2, of a section that is half a forcing period
+    spring: float = 0.0  # of every site, for such a section
     sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
@@ -217,13 +199,8 @@ class OrbitMap:
 
     def count(self) -> Count:
         """Number of multipliers over the period outside the unit circle, a complex pair counting
-        two: the exact question of stability, answered on the circle itself.
-
-        Returns
-        -------
-        Count
-            ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
-        """
+        two: the exact question of stability, answered on the circle itself, where ``nu`` is 2
+        kappa."""
         if self.gamma == 0.0:
             mu = self._uncoupled()
             size = np.abs(mu)
@@ -315,15 +292,8 @@ class OrbitMap:
         return np.concatenate(mu)
 
     def unstable_multipliers(self) -> Array:
-        """The multipliers outside the unit circle on the infinite chain, largest first.
-
-        Newton's method on D from many starts, held to the winding number.
-
-        Raises
-        ------
-        NotConverged
-            If fewer or more zeros are found than the winding number asks for.
-        """
+        """The multipliers outside the unit circle on the infinite chain, largest first: by Newton's
+        method from many starts, held to the winding number."""
         if self.gamma == 0.0:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]

@@ -103,33 +103,17 @@ class ModalSaltation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModalMap:
-    """The map of a finite lattice over a section.
-
-    Parameters
-    ----------
-    lattice : Ring or Lattice
-    gamma, damping : float
-    z, unseen : ndarray
-        Squared frequencies of the modes that some impact sees, and of all others.
-    turns : sequence of Turn
-        The flights, before the first impact, between them and after the last.
-    blows : sequence of ModalSaltation
-        The impacts in order of time.
-    length : float
-        Of the section, in time.
-    sign : int
-        -1 for half the period of a symmetric orbit.
-    """
+    """The map of a finite lattice over a section."""
 
     lattice: Any
     gamma: float
     damping: float
-    z: FloatArray
-    unseen: FloatArray
-    turns: tuple[Any, ...]
-    blows: tuple[ModalSaltation, ...]
-    length: float
-    sign: int = 1
+    z: FloatArray  # squared frequencies of the modes that some impact sees
+    unseen: FloatArray  # those of all others
+    turns: tuple[Any, ...]  # flights before the first impact, between them and after the last
+    blows: tuple[ModalSaltation, ...]  # the impacts in order of time
+    length: float  # of the section, in time
+    sign: int = 1  # -1 for half the period of a symmetric orbit
 
     @property
     def period(self) -> float:

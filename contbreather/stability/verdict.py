@@ -187,18 +187,9 @@ def check_threshold(threshold: float) -> None:
 
 
 def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
-    """The verdict on an orbit, by its map of small perturbations.
-
-    Parameters
-    ----------
-    map : Any
-    threshold : float
-        On a finite lattice: unstable if a multiplier over the period exceeds it in modulus.
-
-    Raises
-    ------
-    BadInput
-        On a finite lattice, for a threshold below 1, or for 1 where some modes are neutral.
+    """The verdict on an orbit, by its map of small perturbations; on a finite lattice it is
+    unstable if a multiplier over the period exceeds a threshold in modulus, of at least 1, and
+    above that where some modes are neutral.
 
     Examples
     --------
