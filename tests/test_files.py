@@ -138,18 +138,6 @@ def test_standard_output_that_is_closed_is_told(closing: str, said: str) -> None
     assert "Traceback" not in done.stderr
 
 
-def test_temporary_name_is_nobody_s_and_short(tmp_path: Path) -> None:
-    target, seen = tmp_path / ("n" * 255), set()
-
-    def look(file: BinaryIO) -> None:
-        seen.update(path.name for path in tmp_path.iterdir() if path != target)
-
-    for _ in range(5):
-        write_whole(target, look)
-    assert len(seen) == 5
-    assert str(os.getpid()) not in seen
-
-
 def test_link_laid_in_place_of_the_temporary_file_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "urandom", bytes)
     (tmp_path / "victim").write_text("precious")

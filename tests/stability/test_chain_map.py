@@ -84,15 +84,6 @@ def test_several_multipliers_at_1_are_not_outside(gamma):
     assert (count.count, count.certain) == (0, False)
 
 
-@pytest.mark.parametrize("many", [1, 9])
-def test_any_number_of_impacts_is_counted(many):
-    """Alike, as on a ring that is long enough."""
-    kicks = [(0, 0.6 * i, 0.1) for i in range(many)]
-    map, ring = OrbitMap(0.1, 0.8, kicks), on_ring(60, 0.1, 0.8, kicks, 1)
-    outside = int((abs(ring.over_period) > 1.05).sum())
-    assert map.count().count == outside == len(map.unstable_multipliers())
-
-
 def test_symmetric_breather_is_its_half_map_twice():
     gamma, k, b = 0.1, 0.8, 0.7
     map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])

@@ -75,13 +75,6 @@ def test_next_to_no_coupling_they_agree_with_forty_digits(sites, gamma):
     assert apart(half_multipliers(Ring(sites), gamma, 0.7, 0.3), exact) < 1e-10
 
 
-def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
-    mu = half_multipliers(Ring(5), 0.0, 0.8, 1.1)
-    single = np.linalg.eigvals(dense_half_map(1, 0.0, 0.8, 1.1))
-    assert mu.size == 10
-    np.testing.assert_allclose(np.sort(mu.real), np.sort([*single, *np.ones(8)]), atol=1e-14)
-
-
 @pytest.mark.parametrize("sites", [400, 401])
 def test_on_long_rings_trace_and_determinant_vouch_for_them(sites):
     for a, gamma, k in BREATHERS[sites % 2 : 4 : 2]:
