@@ -15,8 +15,6 @@ from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from tests.stability.by_hand import ring_map
 
-UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
-
 ORBIT = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 REFUSED = [
     # couplings
