@@ -18,7 +18,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from contbreather.certified import averages
+from contbreather.certified import averages, winding
 from contbreather.certified.averages import (
     check_forcing,
     equations,
@@ -39,7 +39,6 @@ from contbreather.certified.balls import (
 )
 from contbreather.certified.certificate import Certificate, Covering, Tile
 from contbreather.certified.inside_walls import admissible
-from contbreather.certified.winding import proven_count
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
@@ -145,7 +144,8 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     if kind:
         missing.append("how many multipliers are outside the circle: one is on it")
     else:
-        entries["unstable"], why = proven_count(values)
+        b = saltation_enclosure(values)
+        entries["unstable"], why = winding.count(values["gamma"], values["k"], b)
         missing += [f"how many multipliers are outside the circle: {why}"] if why else []
     return {**entries, "unproved": tuple(missing)}
 
@@ -280,7 +280,7 @@ def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     if not clear.holds:
         why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"
         return replace(piece, admissible=clear.holds, why=why)
-    count = proven_count(values)
+    count = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
     why = f"how many multipliers are outside the circle: {count.reason}" if count.reason else ""
     return replace(piece, admissible=True, unstable=count.unstable, why=why)
 

@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -49,7 +49,6 @@ from typing import NamedTuple
 from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
-from contbreather.certified.averages import saltation_enclosure
 from contbreather.certified.balls import (
     Ball,
     hull,
@@ -154,11 +153,6 @@ def _off_zero(
     """Enclosure of a curve over an arc, None where that holds 0."""
     rectangle = curve(low, high)
     return None if all(part.contains(0) for part in rectangle) else rectangle
-
-
-def proven_count(values: Mapping[str, Ball]) -> ProvenCount:
-    """Count the multipliers outside of a breather, or of all breathers in balls."""
-    return count(values["gamma"], values["k"], saltation_enclosure(values))
 
 
 def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
