@@ -134,13 +134,7 @@ def identity(path: str | Path | int) -> Any:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """An ordinary file to read bytes from.
-
-    Raises
-    ------
-    BadInput
-        If there is none, or it cannot be read, with the system's reason.
-    """
+    """An ordinary file to read bytes from, or a sentence with the system's reason why not."""
     source = named("read", path)
     mode = _mode("read", source)
     if mode and not stat.S_ISREG(mode):

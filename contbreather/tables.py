@@ -60,7 +60,12 @@ class Column:
     right: bool | None = None
 
     def texts(self, digits: int) -> list[str]:
-        return [visible(_text(cell, min(digits, self.digits))) for cell in self.cells]
+        digits = min(digits, self.digits)
+        return [
+            NOTHING if cell is None
+            else visible(cell if isinstance(cell, str) else f"{cell:.{digits}g}")
+            for cell in self.cells
+        ]  # fmt: skip
 
     def width(self, digits: int) -> int:
         return max(map(len, (self.heading, *self.texts(digits))))
@@ -132,9 +137,6 @@ class Sheet:
             console.print(self)
         return drawn.get().rstrip()
 
-    def _repr_html_(self) -> str:
-        return self.html()
-
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self.table(width=options.max_width)
 
@@ -150,6 +152,8 @@ class Sheet:
         rows = "".join(f"<tr>{''.join(_cells(*map(escape, line)))}</tr>" for line in lines[:most])
         left = 0 if most is None else len(lines) - most
         return f"<table>{head}{rows}</table>" + (f"<p>and {left} more</p>" if left > 0 else "")
+
+    _repr_html_ = html
 
     def _room(self, width: int | None) -> tuple[list[Column], int]:
         """The columns that are kept, and the digits of their numbers."""
@@ -187,9 +191,3 @@ def _width(columns: Sequence[Column], digits: int) -> int:
 def _cells(name: str, *others: str) -> Iterable[str]:
     yield f'<th style="text-align:left">{name}</th>'
     yield from (f'<td style="text-align:left">{cell}</td>' for cell in others)
-
-
-def _text(cell: Cell, digits: int) -> str:
-    if cell is None:
-        return NOTHING
-    return cell if isinstance(cell, str) else f"{cell:.{digits}g}"

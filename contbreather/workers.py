@@ -169,8 +169,14 @@ class _Work:
             yield from self._here(math.inf if executor == 1 or cores == 1 else 1.0)
         if executor is None or isinstance(executor, int):
             yield from self._by_processes(min(executor or cores, cores))
-        else:
-            yield from self._by(executor)
+            return
+        # once more, one by one, what was lost with its workers
+        workers = getattr(executor, "_max_workers", None) or cores
+        yield from self._sent(executor, self._chunks(workers))
+        yield from self._sent(executor, [[number] for number in self.left])
+        for number in self.left:
+            self.results[number] = Failed(self.items[number], NotConverged(LOST))
+        yield
 
     def _here(self, worth: float) -> Iterator[None]:
         """In this process, until what is left seems worth the start of others."""
@@ -200,15 +206,6 @@ class _Work:
                 if number not in self.results:
                     self.results[number] = Failed(self.items[number], NotConverged(DIED))
                     yield
-
-    def _by(self, executor: Executor) -> Iterator[None]:
-        """Work by an executor, then once more, one by one, on what was lost with its workers."""
-        workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-        yield from self._sent(executor, self._chunks(workers))
-        yield from self._sent(executor, [[number] for number in self.left])
-        for number in self.left:
-            self.results[number] = Failed(self.items[number], NotConverged(LOST))
-        yield
 
     def _sent(
         self, pool: Executor, chunks: Iterable[Sequence[int]], *, packed: bool = False

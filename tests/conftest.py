@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from threadpoolctl import ThreadpoolController
 
 import contbreather as cb
 from contbreather import machine_code
@@ -42,8 +43,10 @@ def pytest_configure(config: pytest.Config) -> None:
     is behind it. Each worker of xdist has a core: a second thread of the linear algebra that tests
     do themselves would only wait for that of another.
     """
-    for name in () if config.getoption("--as-a-user") else THREADS:
-        os.environ.setdefault(name, "1")
+    if not config.getoption("--as-a-user"):
+        for name in THREADS:
+            os.environ.setdefault(name, "1")
+        ThreadpoolController().limit(limits=1)  # what is loaded by now has not seen that
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -13,7 +13,6 @@ from typing import BinaryIO
 
 import pytest
 
-from contbreather import files
 from contbreather.errors import BadInput
 from contbreather.files import opened, writable, write_whole
 
@@ -139,18 +138,6 @@ def test_standard_output_that_is_closed_is_told(closing: str, said: str) -> None
     assert "Traceback" not in done.stderr
 
 
-def test_temporary_name_is_nobody_s_and_short(tmp_path: Path) -> None:
-    target, seen = tmp_path / ("n" * 255), set()
-
-    def look(file: BinaryIO) -> None:
-        seen.update(path.name for path in tmp_path.iterdir() if path != target)
-
-    for _ in range(5):
-        write_whole(target, look)
-    assert len(seen) == 5
-    assert str(os.getpid()) not in seen
-
-
 def test_link_laid_in_place_of_the_temporary_file_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "urandom", bytes)
     (tmp_path / "victim").write_text("precious")
@@ -200,12 +187,6 @@ def test_another_place_is_advised_to_who_writes_and_not_to_who_reads() -> None:
         opened("a\0b"),
     ):
         pass
-
-
-def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(files, "_mode", lambda *_: stat.S_IFBLK | 0o660)
-    with pytest.raises(BadInput, match="it is a disk"):
-        write_whole(tmp_path / "sda", saying(b"x"))
 
 
 def test_missing_permission_and_read_only_file_systems_have_their_sentence(tmp_path, monkeypatch):

@@ -139,20 +139,6 @@ def test_an_executor_that_is_given_is_asked_again_for_what_it_lost() -> None:
     assert all("of the executor ended" in one.reason for one in found if isinstance(one, Failed))
 
 
-def test_short_items_are_sent_together() -> None:
-    sent: list[int] = []
-
-    class Counting(ThreadPoolExecutor):
-        def submit(self, call: Callable[..., Any], *given: Any, **more: Any) -> Future[Any]:
-            sent.append(len(given[1]))
-            return super().submit(call, *given, **more)
-
-    with Counting(2) as pool:
-        assert list(each(abs, range(1000), executor=pool)) == list(range(1000))
-    assert sent[0] == 8
-    assert (sent[-1], len(sent) < 200) == (1, True)
-
-
 SCRIPT = """
 import os, time
 from pathlib import Path

@@ -59,17 +59,13 @@ def _coefficients() -> dict[str, list[Ball]]:
         }
 
 
-def _cut(gamma: Value) -> Value:
-    """Bound of the powers beyond J."""
-    value, slope = (arb(0, 5 * arb(9) ** -(J + 1)), arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)))
-    return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
-
-
 def _rest(name: str, gamma: Value) -> Value:
     total = arb(0)
     for c in reversed(_coefficients()[name]):
         total = total * gamma + c
-    return total + _cut(gamma)
+    # bounds of the powers beyond J, and of their slopes
+    value, slope = (arb(0, 5 * arb(9) ** -(J + 1)), arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)))
+    return total + (Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value)
 
 
 def chi(gamma: Value) -> Value:
@@ -124,18 +120,12 @@ def first_harmonic(gamma: Ball, n: int) -> Ball:
 
 def free_flight_enclosure(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
     """Site n between two impacts per unit p: ``-s sin y + P(y) + error``, y the time from mid
-    flight.
+    flight; s, P, and the errors of displacement, velocity and acceleration.
 
-    Returns
-    -------
-    s : Ball
-    P : arb_poly
-    errors : list of three Balls
-        Of displacement, velocity and acceleration. Cut off are, beside the powers of w^2 above, the
-        powers of y from 2 POWERS + 1 on. All ``|W| <= 1`` and ``sum of |m_j| <= 1/sqrt(1 - 4
-        gamma)``, so of derivative r there remain less than ``(4/pi)/sqrt(1 - 4 gamma)`` times the
-        sum of ``|y|^(i - r)/(i - r)!`` over odd i > 2 POWERS, which is at most twice its first
-        term.
+    Cut off are, beside the powers of w^2 above, the powers of y from 2 POWERS + 1 on. All ``|W| <=
+    1`` and ``sum of |m_j| <= 1/sqrt(1 - 4 gamma)``, so of derivative r there remain less than
+    ``(4/pi)/sqrt(1 - 4 gamma)`` times the sum of ``|y|^(i - r)/(i - r)!`` over odd i > 2 POWERS,
+    which is at most twice its first term.
     """
     moments = [comb(2 * j, j + n) * (-1) ** n * gamma**j for j in range(J + 1)]
     coefficients = _weights() * arb_mat([[m] for m in moments])

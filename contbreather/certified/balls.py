@@ -120,21 +120,12 @@ def krawczyk(
     With the midpoint m and any matrix Y, each zero z in the box X is in
     ``K = m - Y F(m) + (1 - Y F'(X)) (X - m)``, by the mean value theorem. If K lies in the interior
     of X, X holds exactly one zero: ``z - Y F(z)`` maps X into K and contracts, and F'(z) is regular
-    all over X.
+    all over X. K is given, or None where the test says nothing.
 
-    Parameters
-    ----------
-    equations, box
-        As many equations as unknowns; with `along` one less.
-    along : int, optional
-        The coordinate that is no unknown: the statement is then about all its values in the box.
-        ``F(m)`` is there ``F at its midpoint + F_x(X) (x - its midpoint)``, multiplied by Y before
-        the balls are, so that nothing is lost where the curve is flat in another coordinate.
-
-    Returns
-    -------
-    list of Ball or None
-        K, or None where the test says nothing.
+    One coordinate may be no unknown, `along`, with one equation less: the statement is then about
+    all its values in the box. ``F(m)`` is there ``F at its midpoint + F_x(X) (x - its midpoint)``,
+    multiplied by Y before the balls are, so that nothing is lost where the curve is flat in another
+    coordinate.
     """
     unknown = [i for i in range(len(box)) if i != along]
     middle = [arb(x.mid()) for x in box]

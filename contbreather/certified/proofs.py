@@ -18,7 +18,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from contbreather.certified import averages
+from contbreather.certified import averages, winding
 from contbreather.certified.averages import (
     check_forcing,
     equations,
@@ -39,7 +39,6 @@ from contbreather.certified.balls import (
 )
 from contbreather.certified.certificate import Certificate, Covering, Tile
 from contbreather.certified.inside_walls import admissible
-from contbreather.certified.winding import proven_count
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
@@ -50,14 +49,8 @@ DEFINING = {"LP": fold_condition, "PF": pitchfork_condition}
 
 
 def parameters(orbit: Any) -> dict[str, float]:
-    """Parameters of a breather that are exactly what they are given as, by name.
-
-    Raises
-    ------
-    BadInput
-        Unless this is about a symmetric breather with one impacting site on the infinite chain
-        without springs, driven by exact harmonics.
-    """
+    """Parameters of a symmetric breather with one impacting site on the infinite chain without
+    springs, driven by exact harmonics, by name: exactly what they are given as."""
     section = getattr(orbit, "section", None)
     if section is None:
         raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")
@@ -113,11 +106,6 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
     return 0.0
 
 
-def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
-    """Test whether there is surely no zero in the box around a point."""
-    return any(not value.contains(0) for value in equations([arb(x, within) for x in point]))
-
-
 def certify_point(
     params: Mapping[str, float], unknowns: Mapping[str, float], kind: str, within: float
 ) -> Certificate:
@@ -129,7 +117,8 @@ def certify_point(
         system = equations(fixed, names, DEFINING.get(kind))
         zero = zero_near(system, point, within)
         if zero is None:
-            none = excluded(system, point, within)
+            box = [arb(x, within) for x in point]
+            none = any(not value.contains(0) for value in system(box))  # surely no zero in it
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
         values = {**fixed, **dict(zip(names, zero, strict=True))}
@@ -155,7 +144,8 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     if kind:
         missing.append("how many multipliers are outside the circle: one is on it")
     else:
-        entries["unstable"], why = proven_count(values)
+        b = saltation_enclosure(values)
+        entries["unstable"], why = winding.count(values["gamma"], values["k"], b)
         missing += [f"how many multipliers are outside the circle: {why}"] if why else []
     return {**entries, "unproved": tuple(missing)}
 
@@ -290,7 +280,7 @@ def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     if not clear.holds:
         why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"
         return replace(piece, admissible=clear.holds, why=why)
-    count = proven_count(values)
+    count = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
     why = f"how many multipliers are outside the circle: {count.reason}" if count.reason else ""
     return replace(piece, admissible=True, unstable=count.unstable, why=why)
 

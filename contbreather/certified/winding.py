@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -49,7 +49,6 @@ from typing import NamedTuple
 from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
-from contbreather.certified.averages import saltation_enclosure
 from contbreather.certified.balls import (
     Ball,
     hull,
@@ -73,10 +72,6 @@ class ProvenCount(NamedTuple):
 class Rectangle(NamedTuple):
     real: Ball
     imag: Ball
-
-    def common_point(self, other: Rectangle) -> complex:
-        real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
-        return complex(nearest_float(real), nearest_float(imag))
 
 
 # --- sums over aliases --------------------------------------------------------------------------
@@ -160,11 +155,6 @@ def _off_zero(
     return None if all(part.contains(0) for part in rectangle) else rectangle
 
 
-def proven_count(values: Mapping[str, Ball]) -> ProvenCount:
-    """Count the multipliers outside of a breather, or of all breathers in balls."""
-    return count(values["gamma"], values["k"], saltation_enclosure(values))
-
-
 def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
     """Isolated multipliers of the half map outside the unit circle, a pair counting two."""
     circle = Circle.of(gamma, k, b)
@@ -175,7 +165,10 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
             if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)
-    points = [first.common_point(second) for first, second in pairwise(rectangles)]
+    points = [
+        complex(*(nearest_float(x.intersection(y)) for x, y in zip(*pair, strict=True)))
+        for pair in pairwise(rectangles)
+    ]
     ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))

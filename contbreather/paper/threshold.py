@@ -18,15 +18,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import real, row, whole
-from contbreather.errors import BadInput, NotConverged
+from contbreather.checks import row, whole
+from contbreather.errors import NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.one_thread import one_thread
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import NUMBERS, parameter
 from contbreather.stability.one_impact import half_map
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.stability.zeros import nearest_pair, outermost
 
 Array = NDArray[Any]
@@ -168,7 +169,8 @@ def pitchfork_line(
     >>> round(float(pitchfork_line(0.8, [0.05]).a[0]), 6)  # exact line: 0.803643
     0.803983
     """
-    radius, chain, ring = _radius(threshold), InfiniteChain(), Ring(sites)
+    check_threshold(threshold)
+    radius, chain, ring = math.sqrt(threshold), InfiniteChain(), Ring(sites)
     couplings = row("gamma", gamma, "couplings")
     parameter("k", k)
     amplitudes = []
@@ -185,16 +187,7 @@ def pitchfork_line(
 # --- the first pair to cross ------------------------------------------------------------------
 
 
-def _radius(threshold: float) -> float:
-    """Radius of the circle that multipliers of QS pass; its square they have over 2 pi."""
-    if not 1.0 < real(threshold) < math.inf:
-        raise BadInput(
-            f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
-            "above 1 is expected, 1.005 in the paper"
-        )
-    return math.sqrt(threshold)
-
-
+@one_thread
 def _first(
     path: Callable[[float], Orbit], sites: int | None, threshold: float, guess: float = 0.02
 ) -> ThresholdPoint:
@@ -203,7 +196,8 @@ def _first(
     from scipy.optimize import brentq  # dear to import
 
     lattice: Any = InfiniteChain() if sites is None else Ring(sites)
-    radius = _radius(threshold)
+    check_threshold(threshold)
+    radius = math.sqrt(threshold)  # of QS; its square they have over 2 pi
 
     def map_at(gamma: float) -> Any:  # of the infinite chain's breather, as one of the lattice
         breather = path(gamma)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
-from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
+from contbreather.simulation.measures import exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
 from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go
 from contbreather.simulation.states import ModelParameters, State, start_of
@@ -250,10 +250,18 @@ def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Finding | None, Perio
     slack = 1e-6 if isinstance(run, SmoothRun) else 1e-7
     # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
     for candidate in dict.fromkeys((1, n)):
-        motion = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
-        if motion is not None and motion.largest < 1.0 + slack:
+        if gaps[candidate - 1] >= NEARBY:
+            continue
+        try:
+            how: dict[str, Any] = {"periods": candidate, "t0": float(run.times[0])}
+            motion = closing(_last(run), run.conditions, **how)
+        except NotConverged:
+            continue
+        if _distance(run, motion) >= 10.0 * NEARBY:
+            continue
+        if motion.largest < 1.0 + slack:
             return _periodic(run, evidence, motion), None
-        if repelling is None and motion is not None and _leaving(run, motion):
+        if repelling is None and _leaving(run, motion):
             repelling = motion
     if gap > CLOSED:
         return None, repelling
@@ -273,15 +281,6 @@ def _returns(run: Ran) -> tuple[int, Array]:
     )
     # the shortest of those that are as good as the best: its multiples return as well
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
-
-
-def _next_to(run: Ran, periods: int) -> PeriodicMotion | None:
-    """The motion of that many periods next to the end of the run, attracting or not."""
-    try:
-        motion = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
-    except NotConverged:
-        return None
-    return motion if _distance(run, motion) < 10.0 * NEARBY else None
 
 
 def _last(run: Ran) -> State:
@@ -344,53 +343,31 @@ def _open(
         count, length, settle = 1, min(length, 400), 100
     turn, t0 = rotation(*run.strobe), float(run.times[0])
     found = exponents(_last(run), run.conditions, length, count, settle=settle, t0=t0)
-    # an exponent that is zero, as far as can be told
-    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
-    beside = repelling is not None
-    kind, words, numbers = chaos_or_torus(turn, found.exponents, found.error, neutral, beside)
-    evidence |= numbers
-    if kind is Kind.UNDECIDED and repelling is not None:
-        return kind, _repels(run, evidence, repelling)
-    return kind, words
-
-
-def chaos_or_torus(
-    turn: Rotation, values: Array, errors: Array, neutral: float, beside: bool
-) -> tuple[Kind, str, dict[str, float]]:
-    """Chaos if an exponent is positive, a torus if it is zero and the turns are steady.
-
-    Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
-    motion; only the exponent, and Newton's method, tell them apart. Beside a motion that repels a
-    positive exponent is no chaos, but that motion's own.
-    """
-    exponent, error = float(values[0]), float(errors[0])
+    exponent, error = float(found.exponents[0]), float(found.error[0])
     # zero where it cannot be told from it, known where halves of the run agree on it
-    small = np.abs(values) < np.maximum(5.0 * errors, neutral)
-    frequencies = int(np.sum(small & (errors < neutral)))
-    evidence = {
-        "rotation": turn.number,
-        "rotation_error": turn.error,
-        "exponent": exponent,
-        "exponent_error": error,
-        "frequencies": float(frequencies),
-    }
+    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
+    small = np.abs(found.exponents) < np.maximum(5.0 * found.error, neutral)
+    frequencies = int(np.sum(small & (found.error < neutral)))
+    evidence |= {"rotation": turn.number, "rotation_error": turn.error, "exponent": exponent,
+                 "exponent_error": error, "frequencies": float(frequencies)}  # fmt: skip
     words = f"largest exponent {exponent:.2g} ({error:.0e})"
-    if not beside and exponent > max(5.0 * error, POSITIVE):
-        return Kind.CHAOTIC, words, evidence
+    # beside a motion that repels a positive exponent is no chaos, but that motion's own
+    if repelling is None and exponent > max(5.0 * error, POSITIVE):
+        return Kind.CHAOTIC, words
     turns = f"rotation number {turn.number:.10f} ({turn.error:.0e})"
     # of a torus two halves of a run agree so well on the rotation number, and on the size
     steady = turn.error <= 1e-6 and turn.hole >= 1e-3 and turn.drift <= 1e-4
     if not steady:
         turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
-    # bands visited in turn, of chaos or a long period, have a rational number, but for the rounding
-    # of a long mean: no sign of a torus
+    # bands visited in turn, of chaos or a long period, have a rational number as sharp as that of a
+    # locked motion, but for the rounding of a long mean: no sign of a torus
     q = np.arange(1, LONGEST + 1)
     rational = (np.abs(turn.number - np.round(turn.number * q) / q) < 1e-7).any()
-    zero = bool(small[0]) and error <= (neutral if rational else POSITIVE)
-    if not (zero and steady):
-        return Kind.UNDECIDED, f"{turns}, {words}", evidence
+    if not (steady and small[0] and error <= (neutral if rational else POSITIVE)):
+        open_ = f"{turns}, {words}" if repelling is None else _repels(run, evidence, repelling)
+        return Kind.UNDECIDED, open_
     if frequencies > 1:
         words += (
             f"; {frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
         )
-    return Kind.QUASI_PERIODIC, f"{turns}, {words}", evidence
+    return Kind.QUASI_PERIODIC, f"{turns}, {words}"

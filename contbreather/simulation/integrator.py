@@ -267,14 +267,6 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     )
 
 
-def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
-    chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
-    count = sample.per_period if sample else 0
-    u, v = np.full((2, periods, count, chosen.size), np.nan)
-    grid: Array = PERIOD / max(count, 1) * np.arange(count)
-    return DenseOutput(chosen, grid, u, v)
-
-
 # --- the integrator -------------------------------------------------------------------------------
 
 
@@ -303,15 +295,19 @@ class EventDriven:
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
-        dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
+        sample, ended = self.sample, np.zeros(3, np.int64)
+        chosen = np.array([n % u.size for n in sample.sites] if sample else [], np.int64)
+        count = sample.per_period if sample else 0
+        grid: Array = PERIOD / max(count, 1) * np.arange(count)
+        dense_u, dense_v = np.full((2, periods, count, chosen.size), np.nan)
         self.log.used[0] = done = 0
         self.workspace.pause[:] = NEVER, 0.0
         status, answer = ASKS, self.workspace.answer
         with deferred():
             while status in (ASKS, FULL):
                 here = (self.t0, span, first + done, self.parameters, self.workspace, self.log)
-                left = dense._replace(u=dense.u[done:], v=dense.v[done:])
-                EVENT_LOOP(u, v, *here, left, strobe_u[done:], strobe_v[done:], ended)
+                dense = DenseOutput(chosen, grid, dense_u[done:], dense_v[done:])
+                EVENT_LOOP(u, v, *here, dense, strobe_u[done:], strobe_v[done:], ended)
                 count, status, site = ended.tolist()
                 done += count
                 if status == ASKS:
@@ -322,7 +318,7 @@ class EventDriven:
         if status not in (DONE, CHATTER):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)
-        kept = (strobe_u[:done], strobe_v[:done], dense.u[:done], dense.v[:done], impacts, rests)
+        kept = (strobe_u[:done], strobe_v[:done], dense_u[:done], dense_v[:done], impacts, rests)
         if status != CHATTER:
             return Chunk(first, *kept)
         return Chunk(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))

@@ -91,14 +91,18 @@ class Localisation(HtmlRepr):
         bonds away.
         """
         energy = self.energy.reshape(-1, self.energy.shape[-1])
-        count = 1 + int(max(_shells(self.lattice, n).max() for n in set(self.centre.flat)))
+        shells = [_shells(self.lattice, int(centre)) for centre in self.centre.flat]
+        count = 1 + int(max(bonds.max() for bonds in shells))
         if count < 3:
             return float("nan")
-        shells = [
-            _by_shell(self.lattice, *sample, count)
-            for sample in zip(energy, self.centre.flat, strict=True)
-        ]
-        folded, distance = np.nanmean(shells, axis=0), np.arange(count)
+        means = []  # by distance, NaN where no site is
+        for sample, bonds in zip(energy, shells, strict=True):
+            there = bonds >= 0.0
+            which = bonds[there].astype(int)
+            with np.errstate(invalid="ignore"):
+                total = np.bincount(which, sample[there], minlength=count)
+                means.append(total / np.bincount(which, minlength=count))
+        folded, distance = np.nanmean(means, axis=0), np.arange(count)
         # the far side of a ring feels both ends of its motion: the outer part is left out
         # and energies that are rounding, of amplitudes 1e-13
         use = (distance <= max(2, (2 * (count - 1)) // 3)) & (folded > 1e-26 * folded.max())
@@ -114,16 +118,6 @@ def _shells(lattice: Finite, centre: int) -> NDArray[np.float64]:
     """Bonds from the centre to each site, -1 where there is no way."""
     apart = csgraph.shortest_path(abs(stiffness_of(lattice)), unweighted=True, indices=centre)
     return np.where(np.isfinite(apart), apart, -1.0)
-
-
-def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:
-    """Mean energies of all sites at each distance; NaN where there are none."""
-    shells = _shells(lattice, int(centre))
-    there = shells >= 0.0
-    number = np.bincount(shells[there].astype(int), minlength=count)
-    total = np.bincount(shells[there].astype(int), energy[there], minlength=count)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(total / number)
 
 
 def localisation(
@@ -171,24 +165,19 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothCondition
     ground = 0.5 * on.lattice.masses * on.lattice.springs * on.spring + 0.5 * on.gamma * loose
     energy = 0.5 * on.lattice.masses * y**2 + ground * x**2
     if on.gamma > 0.0:
-        energy += on.gamma * _of_bonds(table, x)
+        bonds, size = table.tocoo(), x.shape[-1]
+        # k (x_i - x_j)^2/2 is that of a bond: half of it, at each of its two entries K_ij = -k;
+        # nothing on the diagonal
+        apart = -0.25 * bonds.data * (x[..., bonds.row] - x[..., bonds.col]) ** 2
+        entries = np.ones(bonds.row.size), (np.arange(bonds.row.size), bonds.row)
+        ends = sparse.csr_array(entries, (bonds.row.size, size))
+        rows = apart.reshape(math.prod(x.shape[:-1]), bonds.row.size)
+        energy += on.gamma * (rows @ ends).reshape(x.shape)
     total, square = energy.sum(axis=-1), (energy**2).sum(axis=-1)
     # where nothing moves, no site has more of it than another: all N of them
     with np.errstate(invalid="ignore", divide="ignore"):
         participation = np.where(square > 0.0, total**2 / square, x.shape[-1])
     return Localisation(energy, participation, energy.argmax(axis=-1), on.lattice)
-
-
-def _of_bonds(table: Any, x: Array) -> Array:
-    """Half the energy of the bonds of each site, at unit coupling."""
-    bonds = table.tocoo()
-    site, neighbour, weight = bonds.row, bonds.col, -0.25 * bonds.data
-    # k (x_i - x_j)^2/2 is that of a bond: half of it, at each of its two entries K_ij = -k
-    apart = weight * (x[..., site] - x[..., neighbour]) ** 2  # nothing on the diagonal
-    ends = sparse.csr_array(
-        (np.ones(site.size), (np.arange(site.size), site)), (site.size, x.shape[-1])
-    )
-    return np.asarray((apart.reshape(math.prod(x.shape[:-1]), site.size) @ ends).reshape(x.shape))
 
 
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:

@@ -167,13 +167,7 @@ def right_side(on: SmoothConditions, size: int, params: int = 0) -> Callable[[fl
 def integrated(
     on: SmoothConditions, t0: float, y: Array, times: Array, tolerance: float, params: int = 0
 ) -> Array:
-    """A state, with variations of it, carried to each of the times.
-
-    Raises
-    ------
-    NotConverged
-        Where the solver cannot go on.
-    """
+    """A state, with variations of it, carried to each of the times."""
     with deferred():
         from scipy.integrate import ode
 
@@ -207,13 +201,8 @@ def state_after(
     columns: Array | None = None,
 ) -> tuple[Array, Array | None, Array | None]:
     """A state some periods later, as one row; with `slopes` also its derivatives in the state,
-    times some columns if they are given, else also in the numbers `OWN`.
-
-    Raises
-    ------
-    ArithmeticError
-        Where the solver cannot go on: there are no equations there.
-    """
+    times some columns if they are given, else also in the numbers `OWN`. Where the solver cannot
+    go on there are no equations: an ArithmeticError."""
     x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
     # columns of the state's variations, then those of the parameters
     first = np.eye(x.size) if columns is None else columns

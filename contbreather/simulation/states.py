@@ -50,14 +50,6 @@ def damping_of(k: float) -> float:
     return 2.0 * loss / math.hypot(math.pi, loss)
 
 
-def restitution_of(lam: float) -> float:
-    """k of the smooth wall with the damping lambda, eq. (22)."""
-    lam = parameter("lam", lam)
-    if lam == 2.0:
-        return 0.0
-    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
-
-
 @dataclass(frozen=True)
 class SmoothConditions:
     """Parameters of a lattice with smooth walls; lam and m are those of (21)."""
@@ -79,7 +71,10 @@ class SmoothConditions:
     @property
     def k(self) -> float:
         """Restitution of the impacting limit, (22)."""
-        return restitution_of(self.lam)
+        lam = parameter("lam", self.lam)
+        if lam == 2.0:
+            return 0.0
+        return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
 
     @property
     def params(self) -> dict[str, float]:
@@ -135,14 +130,7 @@ def conditions_of(
     **numbers: Any,
 ) -> Any:
     """The conditions of a state of so many sites, on a ring unless a lattice is given: of rigid
-    walls, or of smooth ones if there is a hardness m.
-
-    Raises
-    ------
-    BadInput
-        A number that is missing, unknown or out of its range, another number of sites, walls of a
-        site that is not there.
-    """
+    walls, or of smooth ones if there is a hardness m."""
     if "noise" in numbers:  # which only `simulate` has, and takes out before
         raise BadInput(
             f"noise = {brief(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
@@ -244,13 +232,7 @@ def ranged(on: C) -> C:
 
 
 def check_state(state: Any) -> State:
-    """A copy of a state as two float arrays, or what is wrong with it.
-
-    Raises
-    ------
-    BadInput
-        Not a pair of rows of equal length, or not finite.
-    """
+    """A copy of a state as two float arrays, or what is wrong with it."""
     u, v = state_rows(state)
     fast = int(np.abs(v).argmax())
     if abs(v[fast]) > 1e6:  # its energy would blow up

@@ -334,12 +334,8 @@ def first_contact(
 
     ``phi`` is column n of ``rows`` plus ``drive``, t the time at s = 0. Touching from inside with
     a velocity of rounding counts as contact only if the acceleration pushes on; the gap is not
-    asked for more than `CLOSE`, or a site lying at its wall would be walked along for ever.
-
-    Returns
-    -------
-    float
-        s, `NEVER`, or `LOST` if the walk did not come to an end.
+    asked for more than `CLOSE`, or a site lying at its wall would be walked along for ever. Gives
+    s, `NEVER`, or `LOST` if the walk did not come to an end.
     """
     jerk = column_bound(rows, n, limit / h, 3) / (h * h * h) + driven_bound(drive, 3)
     s, close = start, CLOSE * max(1.0, abs(level))

@@ -85,21 +85,12 @@ def regular_sum_slopes(
             A = s * s - on.spring
             edge = A - 4.0 * on.gamma
             g = -1.0 / (A * math.sqrt(edge / A))
-            by_s, by_gamma, by_spring = resolvent_changes(s, A, edge)
-            in_nu = plus(in_nu, share_along(s, g, g * by_s))
-            in_gamma = plus(in_gamma, share(s, g * by_gamma, 0.0))
-            in_spring = plus(in_spring, share(s, g * by_spring, 0.0))
+            both = (A + edge) / (A * edge)  # g^2 = 1/(A edge)
+            g_s = g * (-s * both)
+            in_nu = plus(in_nu, (g + s * g_s, -g_s, s * (2.0 * g + s * g_s)))
+            in_gamma = plus(in_gamma, share(s, g * (2.0 / edge), 0.0))
+            in_spring = plus(in_spring, share(s, g * (0.5 * both), 0.0))
     return in_nu, in_gamma, in_spring
-
-
-# Of numbers and of arrays:
-
-
-def resolvent_changes(s: Any, A: Any, edge: Any) -> tuple[Any, Any, Any]:
-    """Derivatives of ln g of the infinite chain, ``g^2 = 1/(A edge)``, in s, gamma and the spring:
-    A is ``s^2 - spring``, edge ``A - 4 gamma``."""
-    both = (A + edge) / (A * edge)
-    return -s * both, 2.0 / edge, 0.5 * both
 
 
 def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
@@ -107,11 +98,6 @@ def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
     without."""
     sg = s * g
     return sg, -g, rest + s * sg
-
-
-def share_along(s: Any, g: Any, g_s: Any) -> tuple[Any, Any, Any]:
-    """The derivative of that in s."""
-    return g + s * g_s, -g_s, s * (2.0 * g + s * g_s)
 
 
 def plus(total: Any, part: Any) -> tuple[Any, Any, Any]:
@@ -262,10 +248,17 @@ def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots
         window[0], window[1] = 0.5 * (roots[0, 1] + roots[1, 1]), 0.25 * apart * apart
         window[2], window[3] = roots[lower, 0], roots[1 - lower, 0]
     else:
-        curvature, vertex, height = refine_maximum(on, work, top)
-        window[0], window[1] = unopened(work.around, curvature, vertex, height)
+        # no b brings a pair out: how far it is from that
+        curvature, x, height = refine_maximum(on, work, top)
+        b0, b1, b2 = work.around[0, 2], work.around[1, 2], work.around[2, 2]
+        rise = 0.5 * (b2 - b0)
+        # the parabola has its roots sqrt(2 height/curvature) from its vertex: b is rise times as
+        # far off
+        square = 2.0 * height * rise * rise / curvature if curvature > 0.0 else -1.0
+        window[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
+        window[1] = min(square, 0.0)
         step = work.around[2, 0] - work.around[1, 0]
-        _, _, angle = at_angle(on, work.tails, work.around[1, 0] + vertex * step)
+        _, _, angle = at_angle(on, work.tails, work.around[1, 0] + x * step)
         window[2] = window[3] = angle
 
 
@@ -330,16 +323,6 @@ def parabola(around: Matrix) -> Triple:
     # on top
     vertex = min(max(0.5 * tilt / curvature, -1.0), 1.0) if curvature > 0.0 else 0.0
     return curvature, vertex, y1 + 0.25 * tilt * vertex
-
-
-def unopened(around: Matrix, curvature: float, x: float, height: float) -> tuple[float, float]:
-    """Centre and square where no b brings a pair out: how far it is from that."""
-    b0, b1, b2 = around[0, 2], around[1, 2], around[2, 2]
-    rise = 0.5 * (b2 - b0)
-    # the parabola has its roots sqrt(2 height/curvature) from its vertex: b is rise times as far
-    # off
-    square = 2.0 * height * rise * rise / curvature if curvature > 0.0 else -1.0
-    return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 
 ON_ARC, WINDOWS, SUMS = Kernel(pair_equations), Kernel(pair_windows), Kernel(sums_along)

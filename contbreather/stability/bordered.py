@@ -1,4 +1,4 @@
-"""The bordered determinant F of an orbit with impacts, and its turning along the unit circle.
+"""The bordered determinant F of an orbit with impacts.
 
 With time in units of n forcing periods and mu = exp(2 pi i kappa), perturbations at the impacts
 answer each other by the mean propagators ``X_ij = [[turn, reach], [pull, turn]]``, sums over the
@@ -22,7 +22,6 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector
-from contbreather.stability.zeros import DEPTH, MOST, TURN
 
 NEAR = 5  # aliases |a| <= 5 are exact
 ORDERS = 11  # of w^2/kappa_a^2 <= 1/30: below rounding
@@ -31,9 +30,6 @@ FAR = 64  # |a| up to which high powers of 1/a are summed: 64^-9 < 1e-16
 CLOSED = 9  # lower powers come from Bernoulli polynomials
 HIGHEST = 2 * ORDERS + POWERS
 BORDER = 1  # aliases |a| <= 1 border the determinant
-
-CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
-FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 TWO_PI = 2.0 * math.pi
 
 
@@ -61,24 +57,8 @@ class Impacts(NamedTuple):
 
 
 class CountWorkspace(NamedTuple):
-    sums: Vector
     answers: Cube  # by near alias, g r^d for each distance d
     matrix: Cube
-    rows: Matrix  # samples: place x, kappa, real and imaginary part of F
-    refined: Matrix
-
-
-class CircleSamples(NamedTuple):
-    """Samples along half the circle, and their summary."""
-
-    samples: Matrix  # as those of a piece, one after the other
-    used: Counts
-    # turning; least |F| over its terms, and where; real part of F at both ends; whether it was
-    # resolved
-    found: Vector
-
-
-TURNING, LEAST, WHERE, START, END, RESOLVED = range(6)
 
 
 # --- what does not depend on kappa ----------------------------------------------------------
@@ -338,137 +318,10 @@ def pivoted_determinant(matrix: Cube, rows: int) -> complex:
     return product
 
 
-def values_at(
-    orbit: Impacts, series: PairSeries, room: CountWorkspace, kappa: Matrix, values: Matrix
-) -> None:
-    expand_pairs(orbit, series, room.sums)
+def values_at(orbit: Impacts, room: CountWorkspace, kappa: Matrix, values: Matrix) -> None:
     for i in range(kappa.shape[0]):
         value = bordered_value(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
         values[i, 0], values[i, 1] = value.real, value.imag
 
 
-# --- along the circle -------------------------------------------------------------------------
-
-
-def circle_samples(
-    orbit: Impacts, series: PairSeries, room: CountWorkspace, terms: float, circle: CircleSamples
-) -> None:
-    """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
-
-    Closer wherever F moves by much of its modulus, unless that is nothing but rounding of terms of
-    such a size. F has square roots at the edges.
-    """
-    expand_pairs(orbit, series, room.sums)
-    floor, edge = orbit.floor, math.sqrt(orbit.floor * orbit.floor + 4.0 * orbit.gamma)
-    first, second = min(floor, 1.0 - floor), max(min(edge, 1.0 - edge), 0.0)
-    first, second = min(first, second), max(first, second)
-    summary = circle.found
-    summary[TURNING], summary[LEAST] = 0.0, math.inf
-    summary[RESOLVED] = 1.0
-    circle.used[0] = 0
-    if first > 0.0:
-        piece(orbit, room, terms, circle, 0.0, first)
-    if second > first:
-        piece(orbit, room, terms, circle, first, second)
-    if second < 0.5:
-        piece(orbit, room, terms, circle, second, 0.5)
-
-
-def piece(
-    orbit: Impacts,
-    room: CountWorkspace,
-    terms: float,
-    circle: CircleSamples,
-    low: float,
-    high: float,
-) -> None:
-    # few between two singular places of the circle: refinement does the rest
-    rows, refined, count = room.rows, room.refined, 25
-    for i in range(count):
-        sample_at(orbit, room, rows, i, i / 24.0, low, high)
-    for _ in range(DEPTH):
-        more = 0
-        for i in range(count - 1):
-            more += 1 if is_wide(rows, count, i, terms) else 0
-        if more == 0:
-            break
-        if count + more > MOST:
-            circle.found[RESOLVED] = 0.0
-            break
-        to = 0
-        for i in range(count):
-            for c in range(4):
-                refined[to, c] = rows[i, c]
-            to += 1
-            if i + 1 < count and is_wide(rows, count, i, terms):
-                sample_at(orbit, room, refined, to, 0.5 * (rows[i, 0] + rows[i + 1, 0]), low, high)
-                to += 1
-        rows, refined, count = refined, rows, to
-    start = circle.used[0]
-    for i in range(count):
-        for c in range(4):
-            circle.samples[start + i, c] = rows[i, c]
-    circle.used[0] = start + count
-    tell(rows, count, terms, circle, low == 0.0, high == 0.5)
-
-
-def sample_at(
-    orbit: Impacts, room: CountWorkspace, to: Matrix, i: int, x: float, low: float, high: float
-) -> None:
-    """F at a place of a piece; a square root at either end is smooth in x."""
-    kappa = 0.5 * (low + high) - 0.5 * (high - low) * math.cos(math.pi * x)
-    value = bordered_value(orbit, room, complex(kappa, 0.0))
-    to[i, 0], to[i, 1], to[i, 2], to[i, 3] = x, kappa, value.real, value.imag
-
-
-def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
-    """Test whether F moves by much of its modulus over an interval or one next to it."""
-    if rows[i + 1, 0] - rows[i, 0] <= 1e-13:  # its halves are rounding
-        return False
-    for j in range(max(i - 1, 0), min(i + 2, count - 1)):
-        a, b, c, d = rows[j, 2], rows[j, 3], rows[j + 1, 2], rows[j + 1, 3]
-        start, end = math.sqrt(a * a + b * b), math.sqrt(c * c + d * d)
-        moved = math.sqrt((c - a) * (c - a) + (d - b) * (d - b))
-        if moved > TURN * min(start, end) and max(start, end) > FLAT * terms:
-            return True
-    return False
-
-
-def tell(
-    rows: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
-) -> None:
-    """Add the samples of one piece to the summary; the first begins at 1, the last ends at -1."""
-    summary = circle.found
-    # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
-    # real multiplier on the circle to within rounding is not outside
-    if first:
-        signed_inside(rows, 0, 1, count, CERTAIN * terms, -1.0)
-        summary[START] = rows[0, 2]
-    if last:
-        signed_inside(rows, count - 1, -1, count, CERTAIN * terms, 1.0)
-        summary[END] = rows[count - 1, 2]
-    for i in range(count):
-        a, b = rows[i, 2], rows[i, 3]
-        size = math.sqrt(a * a + b * b) / terms
-        if size < summary[LEAST]:
-            summary[LEAST], summary[WHERE] = size, rows[i, 1]
-        if i + 1 < count:
-            c, d = rows[i + 1, 2], rows[i + 1, 3]
-            turn = math.atan2(d * a - c * b, c * a + d * b)
-            # half a turn in one step is past a multiplier on the circle, which is not outside
-            summary[TURNING] += -turn if turn < -3.1 else turn
-
-
-def signed_inside(
-    rows: Matrix, first: int, step: int, count: int, least: float, sign: float
-) -> None:
-    """Give samples that are rounding, from one end on, the sign of a multiplier inside."""
-    for n in range(count):
-        i = first + n * step
-        size = math.sqrt(rows[i, 2] * rows[i, 2] + rows[i, 3] * rows[i, 3])
-        if size > least:
-            return
-        rows[i, 2], rows[i, 3] = sign * max(size, 1e-300), 0.0
-
-
-EVERYWHERE, AROUND = Kernel(values_at), Kernel(circle_samples)
+EXPANDED, EVERYWHERE = Kernel(expand_pairs), Kernel(values_at)

@@ -32,7 +32,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,23 +45,14 @@ from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
-    AROUND,
-    CERTAIN,
     CLOSED,
-    END,
     EVERYWHERE,
+    EXPANDED,
     FAR,
-    FLAT,
     HIGHEST,
-    LEAST,
     NEAR,
     ORDERS,
     POWERS,
-    RESOLVED,
-    START,
-    TURNING,
-    WHERE,
-    CircleSamples,
     CountWorkspace,
     Impacts,
     PairSeries,
@@ -69,16 +60,18 @@ from contbreather.stability.bordered import (
 from contbreather.stability.modal_map import ModalMap, section_map
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
-    MOST,
     Count,
     as_counted,
     distinct,
     multipliers_of,
     newton_from_all,
+    refined_samples,
 )
 
 Array = NDArray[Any]
 
+CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
+FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
 FARTHEST = 0.25  # of a pair from the circle: beyond that it is all the same
 RINGS = (40, 80, 160, 320)  # sites of rings whose multipliers are where Newton's method begins
@@ -87,27 +80,9 @@ DEEP = 1.0  # |Im kappa|, |mu| = 535, beyond which a ring is the infinite chain,
 
 @dataclass(frozen=True)
 class OrbitMap:
-    """The map of small perturbations over one period of an orbit with impacts.
+    """The map of small perturbations over one period of an orbit with impacts, `kicks` in order of
+    time, each (site, time, b) with b as in `saltation_entry`.
 
-    Parameters
-    ----------
-    gamma, k : float
-        Coupling and restitution coefficient.
-    kicks : sequence of (site, time, b)
-        The impacts of one period in order; b as in `saltation_entry`.
-    periods : int
-        n, for an orbit of period 2 pi n; or 1/2, for a section that is half a forcing period.
-    spring : float
-        That holds every site to the ground, for such a section.
-
-    Raises
-    ------
-    BadInput
-        Without impacts, times out of order or beyond one period, gamma or k out of range, or a
-        resonance (see `contbreather.lattice.periodic_green`).
-
-    Examples
-    --------
     The symmetric breather hits both walls half a period apart; it is stable below its pitchfork:
 
     >>> [OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, math.pi, b)]).count().count for b in (0.9, 1.1)]
@@ -117,8 +92,8 @@ class OrbitMap:
     gamma: float
     k: float
     kicks: tuple[Saltation, ...]
-    periods: float = 1
-    spring: float = 0.0
+    periods: float = 1  # n, of 2 pi n; or 1/2, of a section that is half a forcing period
+    spring: float = 0.0  # of every site, for such a section
     sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
@@ -165,17 +140,16 @@ class OrbitMap:
     # --- the reduced matrix ---
 
     @cached_property
-    def _sites(self) -> tuple[Array, Array]:
-        """Sites of the impacts, from the first one on, and distances between any two impacts."""
+    def _sites(self) -> Array:
+        """Sites of the impacts, from the first one on."""
         sites = np.array([kick.site for kick in self.kicks])
-        sites = sites - sites.min()
-        return sites, np.abs(sites[:, None] - sites)
+        return sites - sites.min()
 
     @cached_property
     def _impacts(self) -> Impacts:
-        """Arguments of the kernels, with room for the expansions of their propagators."""
-        m, n, sites = len(self.kicks), self.periods, self._sites[0]
-        return Impacts(
+        """Arguments of the kernels, with the expansions of their propagators."""
+        m, n, sites = len(self.kicks), self.periods, self._sites
+        impacts = Impacts(
             self.scaled,
             self.floor,
             -(1.0 + self.k),
@@ -186,13 +160,8 @@ class OrbitMap:
             np.empty((m * m, 3 * POWERS, 2)),
             np.empty((m * m, 2 * NEAR + 1, 2)),
         )
-
-    def _room(self, most: int) -> CountWorkspace:
-        rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
-        answers, matrix = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
-        return CountWorkspace(
-            np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4))
-        )
+        EXPANDED(impacts, series(), np.empty(HIGHEST))
+        return impacts
 
     def F(self, kappa: Array) -> Array:
         """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]. For
@@ -200,7 +169,9 @@ class OrbitMap:
         places = np.ascontiguousarray(kappa, dtype=complex)
         values = np.empty(places.shape, dtype=complex)
         pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
-        EVERYWHERE(self._impacts, series(), self._room(0), *pairs)
+        rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
+        room = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
+        EVERYWHERE(self._impacts, CountWorkspace(*room), *pairs)
         return values
 
     # --- real multipliers as scalars ---
@@ -219,7 +190,7 @@ class OrbitMap:
         if self.gamma == 0.0:
             F = self.F(np.array([0.5]))[0].real
         else:
-            F = self._circle.samples[-1, 2]
+            F = self._circle.F[-1].real
         size = abs(1.0 - 16.0 * self.scaled) / 16.0  # 1/|g|^2 at kappa = 1/2, and 1/g at 3/2
         third = 1.5 * math.sqrt(2.25 - 4.0 * self.scaled)
         return float(F / third / (1.0 + size))
@@ -228,25 +199,27 @@ class OrbitMap:
 
     def count(self) -> Count:
         """Number of multipliers over the period outside the unit circle, a complex pair counting
-        two: the exact question of stability, answered on the circle itself.
-
-        Returns
-        -------
-        Count
-            ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
-        """
+        two: the exact question of stability, answered on the circle itself, where ``nu`` is 2
+        kappa."""
         if self.gamma == 0.0:
-            return _counted(self._uncoupled())
-        summary = self._circle.found
-        half_turns = round(summary[TURNING] / math.pi)
-        certain = summary[RESOLVED] and summary[LEAST] > CERTAIN
-        certain = certain and abs(summary[TURNING] / math.pi - half_turns) < 0.01
+            mu = self._uncoupled()
+            size = np.abs(mu)
+            place = int(np.argmin(np.abs(size - 1.0)))
+            least, outside = float(abs(size[place] - 1.0)), mu[size > 1.0 + CERTAIN]
+            pairs, nu = int(np.sum(outside.imag > 0.0)), abs(float(np.angle(mu[place]))) / math.pi
+            return Count(outside.size, least > CERTAIN, least, nu, pairs)
+        circle = self._circle
+        half_turns, nearest = round(circle.turning / math.pi), int(abs(circle.F).argmin())
+        least = float(abs(circle.F[nearest])) / circle.terms
+        certain = circle.resolved and least > CERTAIN
+        certain = certain and abs(circle.turning / math.pi - half_turns) < 0.01
         zeros, places, _ = self._near
         certain = certain and abs(zeros - places).min() > ON_CIRCLE
         # D -> 1 far out: D < 0 at 1, where it has the sign of -F, or at -1 means one real beyond
-        pairs = (1 - half_turns - int(summary[START] > 0.0) - int(summary[END] < 0.0)) // 2
-        nu = 2.0 * float(summary[WHERE])
-        return Count(1 - half_turns, bool(certain), float(summary[LEAST]), nu, pairs)
+        pairs = (1 - half_turns - int(circle.start > 0.0) - int(circle.end < 0.0)) // 2
+        return Count(
+            1 - half_turns, bool(certain), least, 2.0 * float(circle.kappa[nearest]), pairs
+        )
 
     def unstable(self, threshold: float) -> int:
         """Count the multipliers outside the unit circle: exact, without a threshold."""
@@ -296,8 +269,7 @@ class OrbitMap:
     def _near(self) -> tuple[Array, Array, Array]:
         """kappa of zeros of F on straight lines between its samples, and of the places on the
         circle next to them; and how far off these are, in units of the samples' distance."""
-        _, kappa, real, imag = self._circle.samples.T
-        F = real + 1j * imag
+        kappa, F, *_ = self._circle
         step, rise = np.diff(kappa), np.diff(F)
         apart = (step > 1e-14 * kappa[1:]) & (rise != 0.0)  # pieces of the circle share their ends
         low, step, share = kappa[:-1][apart], step[apart], -F[:-1][apart] / rise[apart]
@@ -320,15 +292,8 @@ class OrbitMap:
         return np.concatenate(mu)
 
     def unstable_multipliers(self) -> Array:
-        """The multipliers outside the unit circle on the infinite chain, largest first.
-
-        Newton's method on D from many starts, held to the winding number.
-
-        Raises
-        ------
-        NotConverged
-            If fewer or more zeros are found than the winding number asks for.
-        """
+        """The multipliers outside the unit circle on the infinite chain, largest first: by Newton's
+        method from many starts, held to the winding number."""
         if self.gamma == 0.0:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
@@ -349,7 +314,7 @@ class OrbitMap:
 
     def on_ring(self, sites: int) -> ModalMap:
         """The map of a ring with so many sites besides those between impacts."""
-        ring = Ring(sites + 2 * int(self._sites[0].max()))
+        ring = Ring(sites + 2 * int(self._sites.max()))
         return section_map(ring, (self.gamma, self.spring, 0.0), self.k, self.kicks, self.period)
 
     def _unit(self, kappa: Array) -> Array:
@@ -365,13 +330,52 @@ class OrbitMap:
         return np.asarray(F * 2.0 * h / (after - before))
 
 
+class CircleSamples(NamedTuple):
+    """F along half the circle: its turning, and real parts at both ends."""
+
+    kappa: Array
+    F: Array
+    turning: float
+    start: float
+    end: float
+    resolved: bool
+    terms: float  # the size of F's own terms
+
+
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
-    """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(6))
+    """Samples of F along half the circle, and what they tell: events and columns ask in turn.
+
+    F has square roots at the edges of the band: it is cut there, and a square root at either end of
+    a piece is smooth in the samples' place x.
+    """
     terms = float(np.prod([1.0 + abs(map.periods * kick.b) for kick in map.kicks]))
-    AROUND(map._impacts, series(), map._room(MOST + 1), terms, circle)
-    return circle._replace(samples=circle.samples[: circle.used[0]].copy())
+    cuts = [0.0, 0.5, *(max(min(edge, 1.0 - edge), 0.0) for edge in (map.floor, map.edge))]
+    pieces, turning, resolved, ends = [], 0.0, True, []
+    for low, high in pairwise(sorted({*cuts})):
+
+        def place(x: Array, low: float = low, high: float = high) -> Array:
+            return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x)
+
+        # few between two singular places of the circle: refinement does the rest
+        x, F, enough = refined_samples(np.arange(25) / 24.0, place, map.F, FLAT * terms)
+        pieces.append((place(x), F))
+        resolved = resolved and enough
+        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1;
+        # a real multiplier on the circle to within rounding is not outside
+        size = np.abs(F)
+        if low == 0.0:
+            inside = np.logical_and.accumulate(size <= CERTAIN * terms)
+            F = np.where(inside, -np.maximum(size, 1e-300), F)
+        if high == 0.5:
+            inside = np.logical_and.accumulate(size[::-1] <= CERTAIN * terms)[::-1]
+            F = np.where(inside, np.maximum(size, 1e-300), F)
+        turn = np.angle(F[1:] * F[:-1].conj())
+        # half a turn in one step is past a multiplier on the circle, which is not outside
+        turning += float(np.where(turn < -3.1, -turn, turn).sum())
+        ends += [float(F[0].real), float(F[-1].real)]
+    kappa, F = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    return CircleSamples(kappa, F, turning, ends[0], ends[-1], resolved, terms)
 
 
 def _pair(M: Array) -> Array:
@@ -384,16 +388,6 @@ def _pair(M: Array) -> Array:
     return np.array([half + root, half - root])
 
 
-def _counted(mu: Array) -> Count:
-    size = np.abs(mu)
-    nearest = int(np.argmin(np.abs(size - 1.0)))
-    distance = float(abs(size[nearest] - 1.0))
-    outside = mu[size > 1.0 + CERTAIN]
-    pairs = int(np.count_nonzero(outside.imag > 0.0))
-    nu = abs(float(np.angle(mu[nearest]))) / math.pi
-    return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
-
-
 def _outside(kappa: Array) -> Array:
     """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
     kappa = kappa[(kappa.imag < ON_CIRCLE) & (kappa.imag > -1.1 * DEEP)]
@@ -403,28 +397,23 @@ def _outside(kappa: Array) -> Array:
 # --- series of the mean propagators ---------------------------------------------------------------
 
 
-def _expansions() -> tuple[Array, Array]:
-    """``[3, ORDERS, a]``: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is this
-    number times that sum S_p."""
+@lru_cache(maxsize=1)
+def series() -> PairSeries:
+    """Tables of all orbits: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is a
+    number times one of the sums S_p."""
     order, a = np.arange(ORDERS)[:, None], np.arange(POWERS)
     which, number = [], []
     # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q
     for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
         # a term without sum, q = 0, is put at the far end where none other is
-        which.append(np.where(q > 0, q + a - 1, -1))
+        which.append(np.where(q > 0, q + a - 1, -1.0))
         number.append(np.where(q > 0, factor * (-1.0) ** a * binomial(q - 1 + a, a), 0.0))
-    return np.stack(which), np.stack(number)
-
-
-@lru_cache(maxsize=1)
-def series() -> PairSeries:
-    which, number = _expansions()
     polynomials = np.zeros((CLOSED, CLOSED + 1))
     for p in range(1, CLOSED + 1):
         polynomials[p - 1, : p + 1] = bernoulli(p)
     j = np.arange(NEAR + 1.0, FAR + 1.0)[:, None]
     powers = j ** -np.arange(CLOSED + 1.0, HIGHEST + 1.0)
-    return PairSeries(number, which.astype(float), polynomials, powers)
+    return PairSeries(np.stack(number), np.stack(which), polynomials, powers)
 
 
 @lru_cache(maxsize=64)

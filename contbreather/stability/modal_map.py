@@ -103,33 +103,17 @@ class ModalSaltation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModalMap:
-    """The map of a finite lattice over a section.
-
-    Parameters
-    ----------
-    lattice : Ring or Lattice
-    gamma, damping : float
-    z, unseen : ndarray
-        Squared frequencies of the modes that some impact sees, and of all others.
-    turns : sequence of Turn
-        The flights, before the first impact, between them and after the last.
-    blows : sequence of ModalSaltation
-        The impacts in order of time.
-    length : float
-        Of the section, in time.
-    sign : int
-        -1 for half the period of a symmetric orbit.
-    """
+    """The map of a finite lattice over a section."""
 
     lattice: Any
     gamma: float
     damping: float
-    z: FloatArray
-    unseen: FloatArray
-    turns: tuple[Any, ...]
-    blows: tuple[ModalSaltation, ...]
-    length: float
-    sign: int = 1
+    z: FloatArray  # squared frequencies of the modes that some impact sees
+    unseen: FloatArray  # those of all others
+    turns: tuple[Any, ...]  # flights before the first impact, between them and after the last
+    blows: tuple[ModalSaltation, ...]  # the impacts in order of time
+    length: float  # of the section, in time
+    sign: int = 1  # -1 for half the period of a symmetric orbit
 
     @property
     def period(self) -> float:
@@ -336,8 +320,6 @@ def section_map(
 
 # --- the multipliers of a large lattice next to a circle ------------------------------------------
 
-FOURTHS = np.array([0.25, 0.5, 0.75])
-
 
 class NearestMultipliers(NamedTuple):
     """Multipliers next to a circle."""
@@ -417,11 +399,18 @@ class ReducedDeterminant:
         x = place * (1.0 + beside)
         D = self.D(x + 0j).real
         for _ in range(12):  # each time with a quarter of the distance about a dip
-            minima = _local_minima(D)
+            # where D comes so close to zero, of one sign, that two zeros may be between two places
+            size, sign = abs(D), D > 0.0
+            low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])
+            alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])
+            # a dip to more than half of what is beside it has been seen to the bottom
+            dips = alike & (size[1:-1] <= low) & (high > 2.0 * size[1:-1])
+            minima = np.flatnonzero(dips) + 1
             if not minima.size:
                 break
             cells = np.concatenate([minima - 1, minima])
-            more = (x[cells] + FOURTHS[:, None] * (x[cells + 1] - x[cells])).ravel()
+            width = x[cells + 1] - x[cells]
+            more = np.concatenate([x[cells] + part * width for part in (0.25, 0.5, 0.75)])
             x, first = np.unique(np.append(x, more), return_index=True)
             D = np.append(D, self.D(more + 0j).real)[first]
         signs = D > 0.0
@@ -485,16 +474,6 @@ class ReducedDeterminant:
         # six steps at most, the last one of 1e-10: closer than 1e-8 two zeros are one
         zeros = newton_from_all(step, mu, 6, 1e-10)
         return distinct(zeros[zeros.imag > REAL], 1e-8)
-
-
-def _local_minima(D: Array) -> Array:
-    """Places where D comes so close to zero, of one sign, that two zeros may be between two
-    places."""
-    size, sign = abs(D), D > 0.0
-    low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])
-    alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])
-    # a dip to more than half of what is beside it has been seen to the bottom
-    return np.flatnonzero(alike & (size[1:-1] <= low) & (high > 2.0 * size[1:-1])) + 1
 
 
 def _matrix(turn: ModalPropagator) -> Array:

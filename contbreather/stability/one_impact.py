@@ -383,13 +383,7 @@ class HalfMap(RealScalars):
         return Count(int(self.unstable(1.0)), certain, float(distance), nu, pairs)
 
     def unstable_multipliers(self) -> Array:
-        """The multipliers outside the unit circle, largest first.
-
-        Raises
-        ------
-        NotConverged
-            If fewer or more zeros of D are found than the count asks for.
-        """
+        """The multipliers outside the unit circle, largest first, held to the count."""
         spring = self.lattice.spring
         whole = OrbitMap(self.gamma, self.k, (Saltation(0, 0.0, self.b),), 0.5, spring)
         if self.gamma == 0.0:

@@ -31,10 +31,6 @@ from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 Array = NDArray[Any]
 
 THRESHOLD = 1.005  # the paper's, for multipliers over the full period 2 pi
-_ABOVE = (
-    "a lattice without damping always has multipliers on the unit circle, so a finite threshold "
-    "above 1 is expected"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -191,18 +187,9 @@ def check_threshold(threshold: float) -> None:
 
 
 def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
-    """The verdict on an orbit, by its map of small perturbations.
-
-    Parameters
-    ----------
-    map : Any
-    threshold : float
-        On a finite lattice: unstable if a multiplier over the period exceeds it in modulus.
-
-    Raises
-    ------
-    BadInput
-        On a finite lattice, for a threshold below 1, or for 1 where some modes are neutral.
+    """The verdict on an orbit, by its map of small perturbations; on a finite lattice it is
+    unstable if a multiplier over the period exceeds a threshold in modulus, of at least 1, and
+    above that where some modes are neutral.
 
     Examples
     --------
@@ -216,7 +203,12 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
     neutral = map.idle == 1.0  # modes without impacts, on the circle where nothing damps them
     if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
-        wanted = _ABOVE if neutral else "a finite modulus of at least 1 is expected"
+        wanted = "a finite modulus of at least 1 is expected"
+        if neutral:
+            wanted = (
+                "a lattice without damping always has multipliers on the unit circle, so a finite "
+                "threshold above 1 is expected"
+            )
         raise BadInput(f"threshold = {brief(threshold)}: {wanted} (the paper takes 1.005).")
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)

@@ -140,13 +140,7 @@ def as_counted(
     wanted: Any, look: Callable[[int], Array], rounds: Iterable[int], slack: float = 0, at: str = ""
 ) -> Array:
     """The multipliers outside the unit circle that Newton's method finds, largest first: held to
-    the winding number, as many as that says, and each round looked for from more starts.
-
-    Raises
-    ------
-    NotConverged
-        If fewer or more are found.
-    """
+    the winding number, as many as that says, and each round looked for from more starts."""
     mu = np.empty(0, dtype=complex)
     for more in rounds:
         if wanted.count:

@@ -362,14 +362,7 @@ def _root() -> dict[str, Any]:
 
 def read_file(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     """The dicts of a file that `write_file` wrote, and whether the one there is what the file is.
-
-    Raises
-    ------
-    BadInput
-        If it is something else, damaged, or of a later version.
-    ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
-        Where somebody else has changed it, and its checksum.
-    """
+    What somebody else has changed, with its checksum, may raise anything."""
     import h5py
 
     with checked_image(path) as root:
@@ -421,24 +414,20 @@ def checked_image(path: str | Path) -> Iterator[h5py.File]:
     with opened(path) as file:
         _check(path, file)
         with h5py.File(file, "r") as root:
-            _check_format(path, {name: _plain(value) for name, value in _all(root.attrs)})
+            about = {name: _plain(value) for name, value in _all(root.attrs)}
+            if about.get("format") == ATLAS:
+                raise BadInput(
+                    f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads "
+                    "netCDF; read here are branches, boundaries, diagrams, zones and runs"
+                )
+            if about.get("format") != FORMAT:
+                raise BadInput(f"{path} holds nothing that this version's `save` wrote")
+            if (number := about["format_number"]) > NUMBER:
+                raise BadInput(
+                    f"{path} was written by a later version ({about.get('made_by')}): its format "
+                    f"is {number}, this version reads {NUMBER}; update contbreather"
+                )
             yield root
-
-
-def _check_format(path: str | Path, about: Values) -> None:
-    if about.get("format") == ATLAS:
-        raise BadInput(
-            f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
-            "read here are branches, boundaries, diagrams, zones and runs"
-        )
-    if about.get("format") != FORMAT:
-        raise BadInput(f"{path} holds nothing that this version's `save` wrote")
-    number = about["format_number"]
-    if number > NUMBER:
-        raise BadInput(
-            f"{path} was written by a later version ({about.get('made_by')}): its format "
-            f"is {number}, this version reads {NUMBER}; update contbreather"
-        )
 
 
 def _check(path: str | Path, file: BinaryIO, copy: BinaryIO | _Spool | None = None) -> None:

@@ -66,13 +66,7 @@ def _is_known(key: type | str) -> bool:
 
 
 def to_dict(value: Any) -> Any:
-    """A value as JSON and columns have it.
-
-    Raises
-    ------
-    NotSerialisable
-        With the value that has no dict.
-    """
+    """A value as JSON and columns have it; `NotSerialisable` carries one that has no dict."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
@@ -91,13 +85,8 @@ def can_read(content: Content | None) -> bool:
 
 
 def from_dict(content: Any, **more: Any) -> Any:
-    """The value of a dict, with what else its reader takes.
-
-    Raises
-    ------
-    BadInput
-        If its kind is unknown, or the reader does not take what is in it.
-    """
+    """The value of a dict, with what else its reader takes; refused where its kind is unknown, or
+    the reader does not take what is in it."""
     if not isinstance(content, Mapping):
         return content
     values = {
@@ -125,14 +114,7 @@ def from_dict(content: Any, **more: Any) -> Any:
 
 
 def check_types(content: Content, hints: Mapping[str, Any]) -> None:
-    """Refuse values that are not of the types that whoever reads them has declared.
-
-    Examples
-    --------
-    >>> check_types({"pair": ["gamma", 3]}, {"pair": tuple[str, str]})
-    Traceback (most recent call last):
-    contbreather.errors.BadInput: its contents are not as `save` writes them: pair = ['gamma', 3]
-    """
+    """Refuse values that are not of the types that whoever reads them has declared."""
     for name, value in content.items():
         if not _fits(value, hints.get(name, Any)):
             raise BadInput(f"its contents are not as `save` writes them: {name} = {brief(value)}")

@@ -229,8 +229,6 @@ def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
             found = proofs.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
             assert (found is not None) is there
         assert proofs.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
-        assert proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
-        assert not proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
 
 
 def test_a_site_that_rises_through_a_wall_late_in_its_flight_is_not_inside() -> None:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 
 from contbreather.orbits.zones import zones
 from contbreather.paper import FIGURES, figure2, figure3, figure4
 from contbreather.paper.figures234 import TRANSITIONS, Figure2
-from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
-
-T = np.linspace(0.0, 2.0, 9)
-
 
 MADE = {3: figure3(), 4: figure4()}
 both_of_them = pytest.mark.parametrize("number", MADE)
@@ -27,11 +21,6 @@ both_of_them = pytest.mark.parametrize("number", MADE)
 def axes_of(number: int) -> list[Axes]:
     """Of a figure that is drawn once, for all that look at it."""
     return MADE[number].draw().axes
-
-
-def reddish(colour) -> bool:
-    red, _, blue = to_rgb(colour)
-    return red > blue
 
 
 # --- Fig. 2 ---------------------------------------------------------------------------------------
@@ -174,26 +163,3 @@ def test_caption_describes_the_arrows_that_are_there(number) -> None:
     alone = replace(made, breathers=(made.breathers[0],) * 2)
     assert "arrow" not in alone.caption
     assert alone.caption.endswith("Dashed: the paper's threshold 1.005.")
-
-
-# --- Figs. 5 to 8 ---------------------------------------------------------------------------------
-
-
-def series(*panels: Panel) -> TimeSeries:
-    return TimeSeries(5, panels, "What is drawn.")
-
-
-LINES = (
-    SampledCurve("exact", 0, T, np.cos(T)),
-    SampledCurve("asymmetric", 0, T, np.sin(T), "dashed"),
-    SampledCurve("ring", 0, T, np.cos(T) + 0.1, "circles"),
-)
-
-
-def test_rows_of_a_figure_name_panel_curve_and_site() -> None:
-    other = SampledCurve("exact", 10, T, np.sin(T))
-    rows = list(series(Panel("", LINES[:1]), Panel("", (other,))).rows())
-    assert len(rows) == 2 * T.size
-    assert rows[3] == {"panel": "a", "curve": "exact", "site": 0, "t": T[3], "u": math.cos(T[3])}
-    assert rows[-1] == {"panel": "b", "curve": "exact", "site": 10, "t": 2.0, "u": math.sin(2.0)}
-    assert series(Panel("", LINES)).caption == "What is drawn."

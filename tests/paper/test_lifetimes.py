@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 
 import numpy as np
 import pytest
@@ -32,16 +31,6 @@ def test_life_ends_where_a_wall_is_missed_or_a_neighbour_hits():
     there = run.impacts[run.impacts["period"] == lost]
     own = np.append(before["wall"][-1:], there["wall"][there["site"] == 0])
     assert len(own) < 2 or np.any(np.diff(own) == 0) or set(there["site"]) != {0}
-
-
-def test_impacts_that_slip_over_the_end_of_a_period_end_no_breather():
-    b = cb.symmetric(0.2, 0.08, 1.0)  # elastic: it hits at t = 0 and pi
-    assert abs(math.remainder(b.phi, math.pi)) < 1e-12
-    run = simulate(b.state(20, 1.0), a=0.2, gamma=0.08, k=1.0, t0=1.0, periods=20)
-    assert lifetimes.life(run) is None
-    table = run.impacts.copy()
-    table["period"][4::6] += 1  # as if rounding had moved some of them
-    assert not np.any(lifetimes.unlike_a_breather(np.sort(table, order="time"), 20)[:19])
 
 
 @pytest.mark.slow

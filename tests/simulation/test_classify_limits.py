@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.simulation import Kind, Rotation, State, judge, simulate, simulate_smooth
-from contbreather.simulation.classify import chaos_or_torus
+from contbreather.simulation import Kind, State, judge, simulate, simulate_smooth
 from contbreather.simulation.integrator import IMPACT
 from contbreather.simulation.periodic import PeriodicMotion
 from contbreather.simulation.states import PERIOD
@@ -42,51 +41,6 @@ def test_a_multiplier_is_outside_by_more_than_rounding_or_integration_leaves(wal
     assert half.multipliers[0] == half.largest == 4.0
 
 
-# --- verdicts -----------------------------------------------------------------------------------
-
-STEADY = Rotation(0.2345678, 1e-8, 0.5, 1e-6)
-
-
-TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED
-
-
-@pytest.mark.parametrize(
-    ("turn", "value", "error", "rigid", "smooth"),
-    [
-        ({}, 0.0, 1e-8, TORUS, TORUS), ({}, -1e-2, 1e-5, OPEN, OPEN),
-        ({"error": 1e-6}, 0.0, 1e-8, TORUS, TORUS), ({"error": 1.1e-6}, 0.0, 1e-8, OPEN, OPEN),
-        ({"hole": 1e-3}, 0.0, 1e-8, TORUS, TORUS), ({"hole": 0.9e-3}, 0.0, 1e-8, OPEN, OPEN),
-        ({"drift": 1e-4}, 0.0, 1e-8, TORUS, TORUS), ({"drift": 1.1e-4}, 0.0, 1e-8, OPEN, OPEN),
-        ({}, 1.1e-3, 1e-5, CHAOS, CHAOS), ({}, 0.9e-3, 1e-5, OPEN, OPEN),
-        ({}, 1e-2, 1.9e-3, CHAOS, CHAOS), ({}, 1e-2, 2.1e-3, OPEN, OPEN),
-        ({}, 0.9e-6, 1e-9, TORUS, TORUS), ({}, -1.1e-6, 1e-9, OPEN, TORUS),
-        ({}, 0.9e-5, 1e-9, OPEN, TORUS), ({}, 1.1e-5, 1e-9, OPEN, OPEN),
-        ({}, 4.9e-5, 1e-5, TORUS, TORUS), ({}, 5.1e-5, 1e-5, OPEN, OPEN),
-        ({}, 0.0, 1e-3, TORUS, TORUS), ({}, 0.0, 1.1e-3, OPEN, OPEN),
-        ({"number": 0.25}, 0.0, 1e-6, TORUS, TORUS), ({"number": 0.25}, 0.0, 1.1e-6, OPEN, TORUS),
-        ({"number": 0.25}, 0.0, 1.1e-5, OPEN, OPEN),
-    ],
-)  # fmt: skip
-def test_an_open_motion_is_what_turns_and_exponents_say(turn, value, error, rigid, smooth) -> None:
-    own = replace(STEADY, **turn)
-    values, errors = np.array([value, -1, -2]), np.array([error] * 3)
-    for neutral, kind in ((1e-6, rigid), (1e-5, smooth)):
-        found, words, evidence = chaos_or_torus(own, values, errors, neutral, False)
-        assert found is kind, neutral
-        assert f"largest exponent {value:.2g} ({error:.0e})" in words
-        assert ("rotation number" in words) is (kind is not CHAOS)
-        unsteady = own.error > 1e-6 or own.hole < 1e-3 or own.drift > 1e-4
-        assert ("the section's size changes by" in words) is unsteady
-        alone = abs(value) < max(5 * error, neutral) and error < neutral
-        assert evidence == {
-            "rotation": own.number,
-            "rotation_error": own.error,
-            "exponent": value,
-            "exponent_error": error,
-            "frequencies": float(alone),
-        }
-
-
 # --- runs made by hand --------------------------------------------------------------------------
 
 
@@ -113,15 +67,6 @@ def noise(sites: int, periods: int = 120) -> np.ndarray:
     return 0.1 * np.random.default_rng(0).normal(size=(2, periods + 1, sites))
 
 
-def test_every_kind_of_motion_is_a_word_and_what_it_means() -> None:
-    words = [kind.value.split(": ") for kind in Kind]
-    assert [word for word, _ in words] == [
-        "periodic", "locked", "quasi-periodic", "chaotic", "delocalised", "noisy", "synchronised",
-        "undecided",
-    ]  # fmt: skip
-    assert all(len(meaning.split()) > 3 for _, meaning in words)
-
-
 @pytest.mark.parametrize(("sites", "most"), [(3, 2), (8, 2), (12, 3), (20, 5)])
 def test_impacts_of_more_than_a_quarter_of_the_sites_are_all_over_the_ring(sites, most) -> None:
     found = judge(run_of("rigid", *noise(sites), hits=range(most + 1)))
@@ -129,10 +74,6 @@ def test_impacts_of_more_than_a_quarter_of_the_sites_are_all_over_the_ring(sites
     assert found.reason.startswith(f"{most + 1} of {sites} sites hit their walls, participation")
     assert found.evidence["impacting"] == most + 1
     assert judge(run_of("rigid", *noise(sites), hits=range(most))).kind is not Kind.DELOCALISED
-
-
-def test_two_sites_that_both_hit_are_not_a_ring_on_which_a_breather_could_be_lost() -> None:
-    assert judge(run_of("rigid", *noise(2), hits=range(2))).kind is not Kind.DELOCALISED
 
 
 def test_what_hit_in_the_first_half_only_has_come_to_rest() -> None:

@@ -201,19 +201,6 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     assert down.p[-1] == pytest.approx(shifted.p, abs=1e-6)
 
 
-def test_a_breather_attracts_on_its_lattice():
-
-    on = {"a": 0.6, "gamma": 0.05, "k": 0.6, "damping": 0.2, "lattice": cb.OpenChain(4)}
-    on |= {"walls": {0: (-0.8, 0.8)}}
-    orbit = cb.symmetric(site=0, **on)
-    basin = sim.attraction(
-        orbit.state(), sim.Axis("u", 0, [-0.9, 0.0]), sim.Axis("v", 3, [0.0, 0.1]), periods=60,
-        executor=1, **on,
-    )  # fmt: skip
-    assert (basin.outcome[:, 0] == sim.Outcome.OUTSIDE).all()
-    assert basin.outcome[0, 1] in (sim.Outcome.RETURNED, sim.Outcome.QUIET)
-
-
 def test_energy_is_all_of_the_lattice_and_falls_along_its_bonds():
     lattice = weighted_graph()
     rng = np.random.default_rng(2)

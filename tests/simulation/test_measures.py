@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 import contbreather as cb
 import contbreather.simulation as sim
 from contbreather.errors import NotConverged
-from contbreather.progress import Bar
 from contbreather.simulation.states import PERIOD
 
 STILL = {"a": 0.0, "gamma": 0.0}
@@ -49,22 +47,6 @@ def test_decay_of_several_states_counts_from_the_centre_of_each() -> None:
     assert seen.decay() == pytest.approx(0.3, rel=1e-9)
 
 
-def test_decay_is_that_of_the_inner_two_thirds_of_half_a_ring() -> None:
-    plain = around(12, 0.5)
-    for n, counts in ((4, True), (5, False), (6, False), (7, False), (8, True)):
-        v = plain.copy()
-        v[n] *= 3.0
-        assert (abs(sim.localisation(0 * v, v, **STILL).decay() - 0.5) > 1e-3) == counts, n
-    small = around(4, 0.5)  # of which the far side is all there is
-    small[2] *= 3.0
-    assert sim.localisation(0 * small, small, **STILL).decay() != pytest.approx(0.5, abs=1e-3)
-
-
-def test_energies_that_are_rounding_do_not_count_for_the_decay() -> None:
-    v = np.maximum(around(12, 1e-5), 1e-14)
-    assert sim.localisation(0 * v, v, **STILL).decay() == pytest.approx(1e-5, rel=1e-6)
-
-
 def test_where_decay_cannot_be_told() -> None:
     for sites in (1, 2, 3):
         assert math.isnan(sim.localisation(np.zeros(sites), np.ones(sites), **STILL).decay())
@@ -87,18 +69,6 @@ def test_a_ring_without_energy_takes_part_as_a_whole() -> None:
 # --- rotation numbers -----------------------------------------------------------------------------
 
 
-def test_a_row_of_states_is_a_table_of_one_site() -> None:
-    t = 2.0 * math.pi * 0.2345 * np.arange(500)
-    one, two = (
-        sim.rotation(np.cos(t), np.sin(t)),
-        sim.rotation(np.cos(t)[:, None], np.sin(t)[:, None]),
-    )
-    assert one == two
-    assert one.number == pytest.approx(0.2345, abs=1e-9)
-    assert one.hole > 0.9
-    assert one.drift < 1e-6
-
-
 def test_number_error_and_drift_say_what_their_names_say() -> None:
     """A curve that turns at 0.2 and then at 0.21 a period, and grows by a tenth meanwhile."""
     rate = np.repeat([0.2, 0.21], 1000)
@@ -116,11 +86,6 @@ def test_a_section_that_stands_still_does_not_turn(rounding: float) -> None:
     noise = rounding * np.random.default_rng(0).standard_normal((2, 50, 2))
     found = sim.rotation(0.3 + noise[0], noise[1])
     assert (found.number, found.error, found.hole, found.drift) == (0.0, 0.0, 0.0, 0.0)
-
-
-def test_twenty_states_are_enough_for_a_rotation_number() -> None:
-    t = 2.0 * math.pi * 0.3 * np.arange(20)
-    assert sim.rotation(np.cos(t), np.sin(t)).number == pytest.approx(0.3, abs=1e-2)
 
 
 # --- verdicts -------------------------------------------------------------------------------------
@@ -197,11 +162,6 @@ def test_tilt_is_the_flight_to_the_lower_wall_beyond_half_a_period() -> None:
     seen = sim.sweep(orbit.state(8, 0.0), "damping", [0.0], periods=4, damping=0.0, **shared)
     assert abs(beyond) > 0.05
     assert seen.tilt[0] == pytest.approx(math.remainder(beyond, 2.0 * math.pi), abs=1e-6)
-
-
-def test_values_of_a_sweep_there_and_back_turn_once() -> None:
-    assert sim.there_and_back([0.5]).tolist() == [0.5]
-    assert sim.there_and_back([1, 2]).tolist() == [1.0, 2.0, 1.0]
 
 
 def test_a_sweep_ends_with_a_run_that_ends() -> None:
@@ -302,11 +262,6 @@ def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(wa
         assert rest.final.u == pytest.approx(run.final.u, abs=1e-8)
 
 
-def test_a_sample_is_of_site_0_at_64_times_unless_said() -> None:
-    assert (sim.Sample().sites, sim.Sample().per_period) == ((0,), 64)
-    assert sim.Sample(np.array([0, -1])).sites == (0, -1)
-
-
 def test_states_without_a_periodic_motion_nearby_say_how_far_newton_came() -> None:
     with pytest.raises(NotConverged, match="no periodic motion near this state") as caught:
         sim.periodic(([0.3], [2.0]), a=0.0, gamma=0.0, k=0.5)
@@ -335,60 +290,11 @@ def test_growth_is_the_logarithm_of_the_largest_multiplier_a_unit_of_time() -> N
     assert own.residual < 1e-9
 
 
-# --- the bar --------------------------------------------------------------------------------------
-
-
-def test_at_a_terminal_a_bar_is_wanted_unless_refused(monkeypatch) -> None:
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-    assert Bar(None, 3).wanted is True
-    assert Bar(False, 3).wanted is False
-    monkeypatch.setattr("sys.stderr.isatty", lambda: False, raising=False)
-    assert Bar(None, 3).wanted is False
-    assert Bar(True, 3).wanted is True
-
-
 # --- what runs leave behind -----------------------------------------------------------------------
 
 
 ON = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(3)
-COLUMNS = {
-    "impact": ["time", "period", "phase", "site", "wall", "before", "after", "acceleration"],
-    "rest": ["time", "period", "phase", "site", "wall", "begins"],
-}
-
-
-@pytest.mark.parametrize("walls", ["rigid", "smooth"])
-def test_a_run_has_these_variables_and_no_others(walls: str) -> None:
-    sample, t0 = sim.Sample((0, 2), 8), 0.5
-    make: Any = (
-        sim.simulate if walls == "rigid" else lambda *a, **b: sim.simulate_smooth(*a, m=6, **b)
-    )
-    run = make(STATE, periods=2.5, t0=t0, sample=sample, damping=0.1, **ON)
-    found = {name: (one.dims, one.values) for name, one in run.to_xarray().variables.items()}
-    sampled, both = ("sample", "sampled_site"), ("strobe", "site")
-    wanted: dict[str, Any] = {
-        "time": (("strobe",), t0 + 2 * np.pi * np.arange(3)),
-        "u": (both, run.strobe.u),
-        "v": (both, run.strobe.v),
-        "final_u": (("site",), run.final.u),
-        "final_v": (("site",), run.final.v),
-        "end": ((), t0 + 5 * np.pi),
-        "sample_time": (("sample",), t0 + np.pi / 4 * np.arange(16)),
-        "sampled_sites": (("sampled_site",), [0, 2]),
-        "sample_u": (sampled, run.record.u),
-        "sample_v": (sampled, run.record.v),
-    }
-    for what, names in COLUMNS.items() if walls == "rigid" else ():
-        table = {"impact": run.impacts, "rest": run.rests}[what]
-        assert list(table.dtype.names) == names
-        wanted |= {f"{what}_{name}": ((what,), table[name]) for name in names}
-    assert set(found) == set(wanted)
-    for name, (dims, values) in wanted.items():
-        assert found[name][0] == dims, name
-        assert np.allclose(found[name][1], values, rtol=0, atol=1e-12), name
-    plain = make(STATE, periods=1, damping=0.1, **ON).to_xarray()
-    assert set(plain.variables) == {name for name in wanted if not name.startswith("sample")}
 
 
 def test_every_impact_is_in_the_period_of_its_time() -> None:

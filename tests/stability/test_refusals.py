@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from contbreather import stability
@@ -15,9 +14,6 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from tests.stability.by_hand import ring_map
-from tests.stability.half import dense_half_map
-
-UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
 
 ORBIT = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 REFUSED = [
@@ -78,19 +74,3 @@ def test_a_question_without_an_answer_is_refused(ask: Callable[[], object], says
 def test_what_is_no_finite_number_is_named(ask, name: str, bad: object) -> None:
     with pytest.raises(BadInput, match=rf"{name} = .*(number|band|expected|lies between)"):
         ask(bad)
-
-
-@pytest.mark.parametrize("sites", [8, 9, 20, 50])
-def test_zeros_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
-    gamma, k, b = UNSTABLE
-    whole = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
-    for radius in (1.0025, 1.02):
-        told = stability.stability(gamma, k, b, Ring(sites), threshold=radius**2)
-        found = np.sqrt(told.multipliers)
-        outside = whole[np.abs(whole) > radius]
-        assert found.size == outside.size == told.unstable
-        assert np.sort(np.abs(found)) == pytest.approx(np.sort(np.abs(outside)), abs=1e-9)
-        assert (np.diff(np.abs(found)) <= 1e-9).all()
-        complexes = found[found.imag != 0.0]
-        assert complexes[1::2] == pytest.approx(complexes[::2].conj())
-        assert (complexes[::2].imag > 0.0).all()

@@ -10,7 +10,6 @@ import pytest
 
 from contbreather.lattice import Ring
 from contbreather.stability import ns_points
-from contbreather.stability.zeros import beyond, outermost
 from tests.stability.by_hand import apart, b_of, fold_b, paper_matrix, pitchfork_b
 from tests.stability.half import dense_half_map, half_multipliers
 
@@ -76,13 +75,6 @@ def test_next_to_no_coupling_they_agree_with_forty_digits(sites, gamma):
     assert apart(half_multipliers(Ring(sites), gamma, 0.7, 0.3), exact) < 1e-10
 
 
-def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
-    mu = half_multipliers(Ring(5), 0.0, 0.8, 1.1)
-    single = np.linalg.eigvals(dense_half_map(1, 0.0, 0.8, 1.1))
-    assert mu.size == 10
-    np.testing.assert_allclose(np.sort(mu.real), np.sort([*single, *np.ones(8)]), atol=1e-14)
-
-
 @pytest.mark.parametrize("sites", [400, 401])
 def test_on_long_rings_trace_and_determinant_vouch_for_them(sites):
     for a, gamma, k in BREATHERS[sites % 2 : 4 : 2]:
@@ -126,24 +118,3 @@ def test_the_dense_reference_is_the_papers_matrix():
         np.testing.assert_allclose(
             dense_half_map(sites, 0.17, 0.6, -0.4), paper_matrix(sites, 0.17, 0.6, -0.4), atol=1e-13
         )
-
-
-# --- multipliers next to a circle ---------------------------------------------------------------
-
-
-def conjugates(*upper: complex, real: tuple[float, ...] = ()) -> np.ndarray:
-    return np.array([*upper, *np.conj(upper), *real], dtype=complex)
-
-
-def test_real_multipliers_are_beyond_a_place_on_their_own_side_of_zero() -> None:
-    mu = conjugates(2 + 1j, -2 + 1j, real=(3.0, 1.5, 1.0, 0.5, -1.0, -1.2, -4.0))
-    assert [beyond(mu, place) for place in (0.4, 1.0, 2.0, 3.0, 4.0)] == [4, 2, 1, 0, 0]
-    assert [beyond(mu, place) for place in (-0.4, -1.0, -2.0, -4.0, -5.0)] == [3, 2, 1, 0, 0]
-
-
-def test_outermost_pair_is_measured_by_its_modulus_and_real_ones_are_none() -> None:
-    for sizes in ((0.8,), (1.0,), (1.2,), (0.9, 1.2), (1.2, 1.5), (1.2, 0.95)):
-        mu = conjugates(*(size * np.exp(2j) for size in sizes), real=(3.0, -5.0))
-        assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-        assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-    assert outermost(conjugates(real=(3.0, -5.0))) == -1.0
