@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
@@ -10,7 +11,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,24 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
             np.testing.assert_allclose(json.loads(ours), json.loads(theirs), rtol=0, atol=1e-12)
         else:
             assert ours == theirs
+
+
+def test_what_a_kernel_is_given_stays_until_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its words were given back before the call, and what another thread made stood there."""
+
+    def total(left: float, right: float) -> None:
+        """No kernel of the package: it is not called."""
+
+    kernel, seen = Kernel(total), list[float]()
+    kernels.KERNELS.remove(kernel)
+
+    def code(at: int) -> None:
+        others = [np.full(2, -1.0) for _ in range(99)]
+        seen.extend((ctypes.c_double * len(others[0])).from_address(at))
+
+    monkeypatch.setattr(kernel, "code", code)
+    kernel(3.0, 4.0)
+    assert seen == [3.0, 4.0]
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
@@ -248,6 +267,18 @@ def test_a_kernel_that_asks_for_memory_is_refused(own: None) -> None:
     pytest.importorskip("numba")
     with pytest.raises(NotCompiled, match=r"No implementation of function .*empty|NRT"):
         compiler.object_of(Kernel(greedy))
+
+
+def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: None) -> None:
+    pytest.importorskip("llvmlite")
+
+    def stepped(z: Vector) -> None:
+        z[0] = STEP  # noqa: F821
+
+    def name(step: float) -> str:
+        return machine_code.file_name(FunctionType(stepped.__code__, {"STEP": step}), "z:f81")
+
+    assert name(0.5) == name(0.5) != name(0.25)
 
 
 @pytest.mark.parametrize("what", ["features", "name", "version"])
