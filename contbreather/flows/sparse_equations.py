@@ -183,7 +183,7 @@ class SparseFlowEquations(FlowEquations):
         yield knots, right, steps
         yield knots, knots[-1], -longer
         if self.autonomous:
-            yield length, layout.nodes[0].ravel(), self._phase[0]
+            yield length, layout.nodes[0].ravel(), self._phase
         else:
             yield length, np.append(length, parameters), self._of_period(0, p, names)
         if kept:

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
+_LOST = 1e7  # unknowns moving so much, refining once would not bring back what rounding takes
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -171,25 +172,30 @@ class Factors:
         # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
         # det [A; C] = det L det(C N)
         n, width = matrix.shape
+        self._turned = False
         sizes = row_sizes(matrix, np.ones(width))
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
+        most = abs(self.null).max(initial=0.0)
         # an unknown that moves so much with the last ones is set apart in their place
-        if width > n and (not self.exact or abs(self.null).max() > 1e3):
+        if width > n and (not self.exact or most > 1e3):
             from scipy.linalg import qr
 
             # for each null vector an unknown that it moves most, and no other does: each pivot is
             # the column with most in it that those before do not span
             order = qr(self.null.T, mode="r", pivoting=True)[1]
             apart = np.sort(order[: width - n])
-            self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
+            if self.exact and most < _LOST:
+                self._exchange(apart)
+            else:
+                self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
         """Take the first n columns of an order; `exact` says whether that is possible, or only
         beside them, as they are singular."""
         n, width = self.matrix.shape
-        self._order, self._inside = order, order[:n]
+        self._order, self._inside, self._apart = order, order[:n], order[n:]
         self._in_order = bool((order[:n] == np.arange(n)).all())
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
         core = scaled(core, self._rows)
@@ -202,6 +208,14 @@ class Factors:
         for i, column in enumerate(order[n:]):
             self.null[column, i] = 1.0
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
+
+    def _exchange(self, apart: NDArray[Any]) -> None:
+        """Set others apart by the factors at hand: with x also x - N N_a^-1 x_a is a solution."""
+        among = self.null[apart]
+        self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has the sign of theirs
+        self._apart, self.null = apart, np.linalg.solve(among.T, self.null.T).T
+        for column in self.null.T:  # what L, closer to being singular, has lost of them
+            column -= self._particular(self.matrix @ column)
 
     def _inner(self, right: Array) -> Array:
         x = self._lu.solve(right * self._rows)
@@ -223,7 +237,7 @@ class Factors:
     def _particular(self, right: Array) -> Array:
         x = np.zeros(self.matrix.shape[1])
         x[self._inside] = self._inner(right)
-        return x
+        return np.asarray(x - self.null @ x[self._apart])
 
     def transposed(self, right: Array, rows: Array | None = None) -> Array:
         """As `solve`, for the transpose of the matrix with `rows` below. Without rows, the right
@@ -233,6 +247,8 @@ class Factors:
             # A^T y + C^T w = b, and A N = 0: (C N)^T w = N^T b
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
+        right = right.copy()
+        right[self._apart] -= self.null.T @ right  # orthogonal to the last digit
         y = self._lu.transposed(right[self._inside]) * self._rows
         return np.concatenate([y, weights])
 
@@ -249,7 +265,7 @@ class Factors:
 
     @cached_property
     def _own_sign(self) -> int:
-        turned = not self._in_order and _odd(self._order)
+        turned = self._turned ^ (not self._in_order and _odd(self._order))
         return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
