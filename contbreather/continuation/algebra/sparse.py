@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -148,7 +148,9 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
 def _with(matrix: Matrix, data: Array) -> Matrix:
     from scipy.sparse import csc_array
 
-    return csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    other: Matrix = csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    other.elimination = getattr(matrix, "elimination", None)  # the order that suits the pattern
+    return other
 
 
 class Factors:
@@ -199,7 +201,8 @@ class Factors:
         self._in_order = bool((order[:n] == np.arange(n)).all())
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
         core = scaled(core, self._rows)
-        kind = _Sparse if is_sparse(core) else Dense
+        known = getattr(self.matrix, "elimination", None) if self._in_order else None
+        kind = partial(_Sparse, order=known) if is_sparse(core) else Dense
         self._lu = kind(core)
         self.exact = self._lu.exact
         if not self.exact:  # a pivot that is exactly zero
@@ -282,10 +285,10 @@ class Factors:
 class _Sparse:
     """The factors of a square sparse matrix, as `Dense` of an array."""
 
-    def __init__(self, matrix: Matrix) -> None:
+    def __init__(self, matrix: Matrix, order: NDArray[np.intp] | None = None) -> None:
         self.exact = True
         try:
-            self._lu = factorised(matrix)
+            self._lu = factorised(matrix, order)
         except RuntimeError:
             self.exact = False
 
@@ -303,8 +306,9 @@ class _Sparse:
         return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
 
-def factorised(matrix: Matrix) -> Any:
-    """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`.
+def factorised(matrix: Matrix, elimination: NDArray[np.intp] | None = None) -> Any:
+    """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`, in an order that those
+    who made it know to suit it, or else in one that is found.
 
     A narrow band is taken as it is. Elsewhere, where the diagonal leads in every column and no
     row or column is long, pivots are taken from it, in the order that suits a symmetric pattern:
@@ -316,8 +320,12 @@ def factorised(matrix: Matrix) -> Any:
 
     counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
     long = np.flatnonzero(counts > max(64, math.sqrt(counts.size)))
+    if elimination is not None:
+        return _InOrder(matrix, long, elimination, elimination)
     if 0 < long.size < 0.02 * counts.size:
-        return _LongRows(matrix, long)
+        key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
+        columns = _order_without(long.tobytes(), *key)
+        return _InOrder(matrix, long, columns, np.arange(columns.size))
     order: Any = "COLAMD"
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
     if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= 8:
@@ -329,40 +337,55 @@ def factorised(matrix: Matrix) -> Any:
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
 
 
-class _LongRows:
-    """The factors of a sparse matrix with a few rows that are long, as of conditions on all
-    unknowns: columns are put in order as if these were not there, for each would be fill elsewhere,
-    and they are scaled down, so that pivots are taken from them where there are no others."""
+class _InOrder:
+    """The factors of a sparse matrix with columns and rows in an order. A few rows that are long,
+    as of conditions on all unknowns, are scaled down, so that pivots are taken from them where
+    there are no others."""
 
-    def __init__(self, matrix: Matrix, long: NDArray[np.intp]) -> None:
+    def __init__(
+        self, matrix: Matrix, long: NDArray[np.intp],
+        columns: NDArray[np.intp], rows: NDArray[np.intp],
+    ) -> None:  # fmt: skip
         from scipy.sparse.linalg import splu
 
-        key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
-        self._order = _order_without(long.tobytes(), *key)
-        self._rows = np.ones(matrix.shape[0])
-        self._rows[long] = 1e-6
-        ordered = scaled(matrix, self._rows)[:, self._order]
+        self._columns, self._rows, self._sizes = columns, rows, np.ones(matrix.shape[0])
+        self._sizes[long] = 1e-6
+        ordered = scaled(matrix, self._sizes)[:, columns][rows]
         self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
+        # P_r A[rows, columns] P_c = L U
+        self.perm_r = self._lu.perm_r[np.argsort(rows)]
+        self.perm_c = columns[self._lu.perm_c]
 
     def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
-        rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
-        if trans != "N":
-            return np.asarray(rows * self._lu.solve(right[self._order], trans))
-        x = self._lu.solve(rows * right)
-        x[self._order] = x.copy()
-        return np.asarray(x)
-
-    @property
-    def perm_r(self) -> NDArray[Any]:
-        return np.asarray(self._lu.perm_r)
-
-    @property
-    def perm_c(self) -> NDArray[Any]:
-        return self._order[self._lu.perm_c]
+        sizes = self._sizes.reshape(-1, *[1] * (right.ndim - 1))
+        x = np.empty_like(right)
+        if trans == "N":
+            x[self._columns] = self._lu.solve((sizes * right)[self._rows])
+            return np.asarray(x)
+        x[self._rows] = self._lu.solve(right[self._columns], trans)
+        return np.asarray(sizes * x)
 
     @property
     def U(self) -> Any:
         return self._lu.U
+
+
+def separated(
+    graph: Any, part: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Split some nodes of a graph into two parts without an edge between them, and those between:
+    the nodes half way from one that is farthest from another."""
+    from scipy.sparse.csgraph import shortest_path
+
+    inner, end = graph[part][:, part], 0
+    for _ in range(2):
+        far = shortest_path(inner, unweighted=True, indices=end)
+        if not np.isfinite(far).all():
+            far = np.where(np.isfinite(far), -1.0, 1.0)
+            break
+        end = int(far.argmax())
+    middle = 0.0 if far.min() < 0 else np.median(far) // 1
+    return part[far < middle], part[far > middle], part[far == middle]
 
 
 @lru_cache(maxsize=8)
