@@ -51,7 +51,7 @@ class SparseLayout(Layout):
         self.size += count
         self._order: Places | None = None
 
-    def elimination(self, rows: Places, columns: Places) -> Places:
+    def elimination(self, rows: Any, columns: Any) -> Places:
         """Order unknowns so that eliminating them fills little in, once, given where entries are.
 
         By dissection: parts of the states and of the time that nothing joins but what lies between
