@@ -54,8 +54,8 @@ class SparseLayout(Layout):
     def elimination(self, rows: Any, columns: Any) -> Places:
         """Order unknowns so that eliminating them fills little in, once, given where entries are.
 
-        By dissection: parts of the states and of the time that nothing joins but what lies between
-        them, which comes after both; of the two ways to split the one with less between.
+        By dissection: parts of the states, or of the time, that nothing joins but what lies between
+        them, which comes after both; where that is less than states at one time states are split.
         """
         if self._order is None:
             from scipy.sparse import csr_array
@@ -65,8 +65,12 @@ class SparseLayout(Layout):
             ends = np.array([rows[states], columns[states]]) % n
             entries: Any = np.ones(2 * ends[0].size), np.hstack([ends, ends[::-1]])
             split = cache(lambda part: separated(graph, np.frombuffer(part, np.intp)))
-            graph, every = csr_array(entries, shape=(n, n)), np.arange(n)
-            parts = self._dissected(split, range(len(self.inside)), every, closed=True)
+            graph = csr_array(entries, shape=(n, n))
+            times, every = range(len(self.inside)), np.arange(n)
+            # one or two that meet most of the others would hide what is far apart: they come last
+            few = every[np.diff(graph.indptr) <= max(16, 4 * math.sqrt(n))]
+            few = few if (n - few.size) * (self.orbit // n) <= n else every
+            parts = self._dissected(split, times, few, closed=True)
             first = np.concatenate([part.ravel() for part in parts])
             self._order = np.append(first, np.setdiff1d(np.arange(self.size), first))
         return self._order
