@@ -174,7 +174,7 @@ class Factors:
         # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
         # det [A; C] = det L det(C N)
         n, width = matrix.shape
-        self._turned = False
+        self._turned: bool | None = None  # the sign, once others are set apart
         sizes = row_sizes(matrix, np.ones(width))
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
@@ -250,10 +250,15 @@ class Factors:
             # A^T y + C^T w = b, and A N = 0: (C N)^T w = N^T b
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
+        y = self._along(right)
+        if self._turned is not None:  # once more, as L is closer to being singular
+            y += self._along(right - self.matrix.T @ y)
+        return np.concatenate([y, weights])
+
+    def _along(self, right: Array) -> Array:
         right = right.copy()
         right[self._apart] -= self.null.T @ right  # orthogonal to the last digit
-        y = self._lu.transposed(right[self._inside]) * self._rows
-        return np.concatenate([y, weights])
+        return np.asarray(self._lu.transposed(right[self._inside]) * self._rows)
 
     def least(self, right: Array, *, refined: bool = True) -> Array:
         """The shortest of all solutions."""
@@ -268,7 +273,7 @@ class Factors:
 
     @cached_property
     def _own_sign(self) -> int:
-        turned = self._turned ^ (not self._in_order and _odd(self._order))
+        turned = bool(self._turned) ^ (not self._in_order and _odd(self._order))
         return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
