@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array, Undefined
-from ..continuation.algebra.sparse import Matrix, any_vector, factorised, first_columns, separated
+from ..continuation.algebra.sparse import Matrix, any_vector, cut_in_two, factorised, first_columns
 from .collocation import ROUNDING, Slopes, TrajectorySegment, reached
 from .equations import FlowEquations, Layout, Linear, Places, SolvedPlace
 from .flow import Flow
@@ -64,7 +64,7 @@ class SparseLayout(Layout):
             n = self.nodes[0].shape[1]  # entries of each kind begin with those of the first state
             ends = np.array([rows[states], columns[states]]) % n
             entries: Any = np.ones(2 * ends[0].size), np.hstack([ends, ends[::-1]])
-            split = cache(lambda part: separated(graph, np.frombuffer(part, np.intp)))
+            split = cache(lambda part: cut_in_two(graph, np.frombuffer(part, np.intp)))
             graph = csr_array(entries, shape=(n, n))
             times, every = range(len(self.inside)), np.arange(n)
             # one or two that meet most of the others would hide what is far apart: they come last

@@ -375,7 +375,7 @@ class _InOrder:
         return self._lu.U
 
 
-def separated(
+def cut_in_two(
     graph: Any, part: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Split some nodes of a graph into two parts without an edge between them, and those between:
