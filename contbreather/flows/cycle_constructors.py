@@ -159,7 +159,7 @@ def cycle(
         angles = Angles.of(wraps, names)
         length = None if forcing is None else period_at(forcing, params)
         _check_start(flows, t0, state, params, forcing)
-        angles.check(flows, t0, state, params)
+        angles = angles.checked(flows, t0, state, params)
         parts, pieces = simulated_orbit(flows, alone, params, (t0, state), length, settle, angles)
         # in the first period, or at no time at all
         shift = pieces[0][1]

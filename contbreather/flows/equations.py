@@ -93,7 +93,8 @@ class Layout:
             if self.ended[i]:
                 yield self.lengths[i], columns[-1]
             else:
-                yield self.lengths[i], node.ravel() if self.autonomous else whole
+                row = diagonal if self.autonomous and i == 0 else whole
+                yield self.lengths[i], row
         for phase in self.phase:
             yield phase, whole
         if self.lambdas.size:
@@ -360,10 +361,13 @@ class FlowEquations:
         until = self.flows[i].until
         if until is not None:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
-        if self.autonomous:
-            # integral of (x - x_start) . x_start' over the orbit
-            return float(self._phase[i] @ (x[self.layout.nodes[i]] - self.start[i].states).ravel())
-        return self._over(i, x, p)
+        if not self.autonomous:
+            return self._over(i, x, p)
+        if i:  # only doubling makes several: each round takes as long as the first
+            return float(x[self.layout.lengths[i]] - x[self.layout.lengths[0]])
+        # integral of (x - x_start) . x_start' over the orbit
+        states = slice(self._phase.size)
+        return float(self._phase @ (x[states] - self._begin.x[states]))
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
         """Measure by how much durations exceed their periods."""
@@ -394,16 +398,16 @@ class FlowEquations:
         return back.T.ravel() if same else None
 
     @cached_property
-    def _phase(self) -> tuple[Array, ...]:
+    def _phase(self) -> Array:
         """The integral over the velocity of the first orbit, by the trapezoidal rule of its mesh:
         what keeps an orbit from sliding along itself."""
         rows = []
         for flight in self.start:
             steps = np.diff(flight.knots)
             weights = 0.5 * (steps + np.roll(steps, 1))
-            row = (flight.rates(flight.knots[:-1]) * weights).T.ravel()
-            rows.append(row / (np.linalg.norm(row) or 1.0))
-        return tuple(rows)
+            rows.append((flight.rates(flight.knots[:-1]) * weights).T.ravel())
+        row = np.concatenate(rows)
+        return np.asarray(row / (np.linalg.norm(row) or 1.0))
 
     # --- derivatives ------------------------------------------------------------------------------
 
@@ -485,7 +489,7 @@ class FlowEquations:
             if piece.condition is not None:
                 yield piece.condition @ piece.arrival
             else:
-                yield self._phase[i] if self.autonomous else self._of_period(i, p, names)
+                yield self._of_length(i, p, names)
         if self.phased:
             yield self._of_period(None, p, names)
         if self.conservation:
@@ -516,6 +520,15 @@ class FlowEquations:
         derivative[:, columns[columns >= 0]] = whole[:, columns >= 0]
         derivative[:, -1] = rise
         return derivative
+
+    def _of_length(self, i: int, p: Params, names: tuple[str, ...]) -> Array:
+        """Differentiate what a flow without a condition takes."""
+        if not self.autonomous:
+            return self._of_period(i, p, names)
+        if i == 0:
+            return self._phase
+        first, own = np.eye(len(self.flows) + len(self.layout.parameters(len(names))))[[0, i]]
+        return np.asarray(own - first)
 
     def _of_period(self, i: int | None, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None

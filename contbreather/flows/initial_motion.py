@@ -34,7 +34,7 @@ def simulated_orbit(
     length: float | None, settle: float, angles: Angles,
 ) -> tuple[tuple[Flow, ...], list[Motion]]:  # fmt: skip
     """Simulate from a time and a state until it has settled, and then what repeats itself."""
-    run, size = partial(_run, flows, params), float(abs(start[1]).max())
+    run, size = partial(_run, flows, params, []), float(abs(start[1]).max())
     t, state, first = _settled(run, start[1], length, start[0], settle)
     begin = t, state - angles.turns(state), first
     if alone is None:
@@ -44,14 +44,16 @@ def simulated_orbit(
     return (alone,), [_smooth(alone, run, params, begin, settle or _WAIT, size, angles)]
 
 
-def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
-    """Simulate, stiff systems by an implicit method; a run that leaves the domain of its functions
-    finds no orbit."""
+def _run(flows: Any, params: Params, stiff: list[str], **how: Any) -> Trajectory:
+    """Simulate, stiff systems by an implicit method, from when they are known to be on; a run that
+    leaves the domain of its functions finds no orbit."""
     run = partial(integrate, flows, params=params, tolerance=1e-9, **how)  # Newton does the rest
     try:
-        with suppress(TooManySteps):
-            return run(steps=10_000)  # by an explicit method, or it is taken to be stiff
-        return run(method="LSODA")
+        if not stiff:
+            with suppress(TooManySteps):
+                return run(steps=10_000)
+            stiff.append("LSODA")  # an explicit method takes too many steps
+        return run(method=stiff[0])
     except Undefined as error:
         raise NotConverged(f"no periodic orbit was found from there: {error}") from error
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..checks import brief, check_kind, number
 from ..continuation.algebra.newton import Array
@@ -31,9 +32,11 @@ class TurnedBack:
 
 @dataclass(frozen=True)
 class Angles:
-    """A turn of each state, 0 of those that are none, shape (n,)."""
+    """A turn of each state, 0 of those that are none, shape (n,); those that only turn all at once,
+    as coupled ones, are `tied`."""
 
     turn: Array
+    tied: NDArray[np.bool_]
 
     @classmethod
     def of(cls, wraps: Mapping[str, float] | None, names: Iterable[str]) -> Angles:
@@ -44,7 +47,7 @@ class Angles:
             if name not in turn:
                 raise BadInput(f"wraps: {name!r} is none of the states {', '.join(turn)}")
             turn[name] = number(f"the turn of {name}", whole, 1e-300, 1e300, "a positive number")
-        return cls(np.array([*turn.values()]))
+        return cls(np.array([*turn.values()]), np.zeros(len(turn), dtype=bool))
 
     def turns(self, moved: Array) -> Array:
         """Round a difference of states, shape (n, ...), to whole turns; none of another flow's."""
@@ -52,22 +55,32 @@ class Angles:
             return np.zeros_like(moved)
         whole = self.turn.reshape(-1, *[1] * (moved.ndim - 1))
         share = np.divide(moved, whole, out=np.zeros_like(moved), where=whole > 0.0)
+        if self.tied.any():
+            share[self.tied] = share[self.tied].mean(axis=0)
         return np.asarray(whole * np.round(share))
 
-    def check(self, flows: Any, t: float, x: Array, p: Params) -> None:
-        """Refuse functions that are not the same a turn later."""
+    def checked(self, flows: Any, t: float, x: Array, p: Params) -> Angles:
+        """Refuse functions that are not the same a turn later, of each angle or of all those of
+        which one alone changes them."""
         if not self.turn.any():
-            return
+            return self
         if isinstance(flows, Filippov):
             raise BadInput("wraps= is of flows in turn; a Filippov system has none yet")
-        for i in np.flatnonzero(self.turn):
-            later = x + np.where(np.arange(x.size) == i, self.turn, 0.0)
-            here, there = (values(flows[0].f, t, y[:, None], p) for y in (x, later))
-            if float(abs(here - there).max()) > _PERIODIC * (1.0 + float(abs(here).max())):
-                raise BadInput(
-                    f"wraps: f is not the same a turn of {self.turn[i]:.6g} later in state {i}: "
-                    f"{brief(here[:, 0].tolist())} and {brief(there[:, 0].tolist())}"
-                )
+
+        def off(turned: Array) -> str:
+            """Say what differs, if anything does."""
+            at = (x, x + np.where(turned, self.turn, 0.0))
+            here, there = (values(flows[0].f, t, y[:, None], p) for y in at)
+            same = float(abs(here - there).max()) <= _PERIODIC * (1.0 + float(abs(here).max()))
+            return "" if same else f"{brief(here[:, 0].tolist())} and {brief(there[:, 0].tolist())}"
+
+        tied = np.array([bool(off(one)) for one in np.eye(x.size, dtype=bool)])
+        if tied.any() and (words := off(tied)):
+            which = ", ".join(
+                f"{self.turn[i]:.6g} later in state {i}" for i in np.flatnonzero(tied)
+            )
+            raise BadInput(f"wraps: f is not the same a turn of {which}: {words}")
+        return replace(self, tied=tied)
 
     def taken_from(self, flow: Flow, moved: Array) -> Flow:
         """Let a flow end with the whole turns that an orbit makes taken back."""

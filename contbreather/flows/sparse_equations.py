@@ -13,14 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array, Undefined
-from ..continuation.algebra.sparse import Matrix, any_vector, factorised, first_columns
+from ..continuation.algebra.sparse import Matrix, any_vector, cut_in_two, factorised, first_columns
 from .collocation import ROUNDING, Slopes, TrajectorySegment, reached
 from .equations import FlowEquations, Layout, Linear, Places, SolvedPlace
 from .flow import Flow
@@ -49,6 +49,54 @@ class SparseLayout(Layout):
         )
         self.orbit += count
         self.size += count
+        self._order: Places | None = None
+
+    def elimination(self, rows: Any, columns: Any) -> Places:
+        """Order unknowns so that eliminating them fills little in, once, given where entries are.
+
+        By dissection: parts of the states, or of the time, that nothing joins but what lies between
+        them, which comes after both; where that is less than states at one time states are split.
+        """
+        if self._order is None:
+            from scipy.sparse import csr_array
+
+            states = (rows < self.orbit) & (columns >= 0) & (columns < self.orbit)
+            n = self.nodes[0].shape[1]  # entries of each kind begin with those of the first state
+            ends = np.array([rows[states], columns[states]]) % n
+            entries: Any = np.ones(2 * ends[0].size), np.hstack([ends, ends[::-1]])
+            split = cache(lambda part: cut_in_two(graph, np.frombuffer(part, np.intp)))
+            graph = csr_array(entries, shape=(n, n))
+            times, every = range(len(self.inside)), np.arange(n)
+            # one or two that meet most of the others would hide what is far apart: they come last
+            few = every[np.diff(graph.indptr) <= max(16, 4 * math.sqrt(n))]
+            few = few if (n - few.size) * (self.orbit // n) <= n else every
+            parts = self._dissected(split, times, few, closed=True)
+            first = np.concatenate([part.ravel() for part in parts])
+            self._order = np.append(first, np.setdiff1d(np.arange(self.size), first))
+        return self._order
+
+    def _dissected(
+        self, split: Callable[[bytes], Any], times: range, states: Places, *, closed: bool
+    ) -> Iterator[Places]:
+        """Of some states over intervals next to each other, without the states where the first one
+        begins unless these are all around the cycle."""
+        nodes, inside, count = self.nodes[0], self.inside, len(times)
+        left, right, between = split(states.tobytes())
+        wide = between.size * (1 + inside.shape[1]) * count
+        if left.size and right.size and (count == 1 or wide <= states.size):
+            for part in (left, right):
+                yield from self._dissected(split, times, part, closed=closed)
+            yield nodes[np.ix_(times if closed else times[1:], between)]
+            yield inside[times.start : times.stop, :, between]
+        elif closed:
+            yield from self._dissected(split, times, states, closed=False)
+            yield nodes[times.start, states]
+        elif count == 1:
+            yield inside[times.start][:, states]
+        else:
+            for part in (times[: count // 2], times[count // 2 :]):
+                yield from self._dissected(split, part, states, closed=False)
+            yield nodes[times[count // 2], states]
 
 
 def has_many_states(flow: Flow, flight: TrajectorySegment, p: Params) -> bool:
@@ -150,8 +198,9 @@ class SparseFlowEquations(FlowEquations):
         rows, columns, data = _joined([self._constant, *self._blocks(x, p, names)])
         width = self.layout.size + len(names) + 1  # the last column is that of fixed knots
         cells: Any = data, (rows, columns % width)
-        whole = csc_array(cells, (self.layout.size, width))
-        return first_columns(whole, width - 1)
+        matrix = first_columns(csc_array(cells, (self.layout.size, width)), width - 1)
+        matrix.elimination = self.layout.elimination(rows, columns)
+        return matrix
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
         """Rows, columns and values of all others; several may meet in one entry."""
@@ -183,7 +232,7 @@ class SparseFlowEquations(FlowEquations):
         yield knots, right, steps
         yield knots, knots[-1], -longer
         if self.autonomous:
-            yield length, layout.nodes[0].ravel(), self._phase[0]
+            yield length, layout.nodes[0].ravel(), self._phase
         else:
             yield length, np.append(length, parameters), self._of_period(0, p, names)
         if kept:

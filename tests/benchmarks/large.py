@@ -1,4 +1,5 @@
-"""Large problems with LP, BP and HB looked for, beside one factorisation of their derivative."""
+"""Large problems with LP, BP and HB looked for, beside one factorisation of their derivative, and
+cycles of the Brusselator on a line."""
 
 from __future__ import annotations
 
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from tests.continuation.large import bratu, plane, second, swift_hohenberg
+from tests.flows.test_large import brusselator
 
-from .measure import Row, best_of, micro
+from .measure import Row, best_of, micro, span
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ def cases() -> list[Case]:
 
 
 def rows() -> list[Row]:
-    return [_row(case) for case in cases()]
+    every, none = None, ()  # events, and with these multipliers
+    return [*map(_row, cases()), _cycles(200, 8, every, 4.0), _cycles(1000, 4, none, 30.0)]
 
 
 def _row(case: Case) -> Row:
@@ -63,6 +66,26 @@ def _row(case: Case) -> Row:
         f"{1e3 * case.aim:.0f} ms",
         each <= case.aim,
         special,
+    )
+
+
+def _cycles(cells: int, most: int, events: Any, aim: float) -> Row:
+    """Cycles from their Hopf point on, 20 intervals of 4 points, switching to them included."""
+    import contbreather as cb
+
+    window: Any = {"L": (0.45, 0.6)}
+    born = cb.trace(brusselator(cells), "L", within=window).first("HB")
+    begun = time.process_time()
+    (arm,) = cb.switch(born, within=window, events=events, steps=cb.Steps(most=most))
+    each = (time.process_time() - begun) / len(arm)
+    what = "without multipliers" if events == () else "with multipliers"
+    return Row(
+        f"cycles of the Brusselator, {2 * cells} states, {what}: a point",
+        span(each),
+        "-",
+        aim=f"{aim:g} s",
+        met=each <= aim,
+        note=f"{arm[0].problem.x.size} unknowns; period {arm[-1]['period']:.9f}",
     )
 
 

@@ -176,3 +176,48 @@ def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
 def test_what_cannot_be_ignored_is_refused(given: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         cb.Flow(walk, **given)
+
+
+# --- coupled pendula, AUTO's demo pen -----------------------------------------------------------
+
+
+def pendula(t: Any, x: Any, p: Any) -> Any:
+    """Two of them under one torque; the spring between them knows their difference alone."""
+    stretch = 0.175 * (x[1] - x[0])
+    turning = p["torque"] - 0.1 * x[2:] - np.sin(x[:2])
+    return np.stack([x[2], x[3], turning[0] + stretch, turning[1] - stretch])
+
+
+def moved(t: float, y: Any, p: Any) -> Any:
+    """The state and the derivative of all states in the first one, next to each other."""
+    x, M = y[:4], y[4:].reshape(4, 4)
+    slope = np.zeros((4, 4))
+    slope[:2, 2:] = np.eye(2)
+    slope[2:, :2] = 0.175 * np.array([[-1, 1], [1, -1]]) - np.diag(np.cos(x[:2]))
+    slope[2:, 2:] = -0.1 * np.eye(2)
+    return np.concatenate([pendula(t, x, p), (slope @ M).ravel()])
+
+
+def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
+    """Each alone does not turn back: all at once do. In phase PD is where AUTO-07p has it; so are,
+    of the rotations out of phase, both folds and BP, and there is no other: one whose half period
+    slid along the orbit had five."""
+    start = {"a": 0.0, "b": 0.0, "u": 4.0, "v": 4.0}
+    in_phase = cb.cycle(pendula, start, {"torque": 0.4}, wraps={"a": TURN, "b": TURN}, settle=100)
+    within = {"torque": (0.1745, 0.45)}
+    flip = cb.trace(in_phase, "torque", towards="down", within=within).first("PD")
+    assert (flip["torque"], flip["period"]) == pytest.approx((0.179163, 3.70528), rel=1e-5)
+    (arm,) = cb.switch(flip, within=within)
+    found = [point for point in arm.special if point.kind != "EP"]
+    assert [point.kind for point in found] == ["LP", "BP", "BP"]
+    known = [(0.331445, 9.72615), (0.175511, 13.4389)]
+    for point, (torque, period) in zip(found[1:], known, strict=True):
+        assert (point["torque"], point["period"]) == pytest.approx((torque, period), rel=1e-5)
+    for point in found:  # the trivial multiplier 1 is a double one at each of them
+        begin = np.concatenate([point.solution.flights[0].states[0], np.eye(4).ravel()])
+        run = solve_ivp(
+            partial(moved, p=point.params), (0.0, point["period"]), begin,
+            method="DOP853", rtol=1e-11, atol=1e-11,
+        )  # fmt: skip
+        off = np.linalg.eigvals(run.y[4:, -1].reshape(4, 4)) - 1
+        assert np.sort(abs(off))[1] < 1e-4

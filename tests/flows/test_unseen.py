@@ -209,3 +209,45 @@ def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doub
     back = cb.trace(twice, "om", within={"om": (0.95, 1.0)}, towards="up")
     assert [point.kind for point in back.special if point.kind != "EP"] == ["LP", "BP"]
     assert back.first("BP")["om"] == pytest.approx(asymmetric.first("PD")["om"], abs=1e-8)
+
+
+# --- tutorials of other programs ----------------------------------------------------------------
+
+
+def test_the_catalytic_oscillator_has_the_points_of_matcont_s_manual() -> None:
+    """Of Bykov, Yablonskii and Kim; MatCont's coefficients of HB are these times omega, and its
+    third derivatives are differences."""
+
+    def field(t, u, p):
+        x, y, s = u
+        z = 1 - x - y - s
+        meet = 10 * x * y
+        return [5 * z**2 - 2 * x**2 - meet, p["q"] * z - 0.1 * y - meet, 0.0675 * (z - 0.4 * s)]
+
+    start = {"x": 0.001137, "y": 0.891483, "s": 0.062345}
+    branch = cb.trace(cb.equilibrium(field, start, {"q": 2.204678}), "q", within={"q": (0.6, 2.21)})
+    found = {point["q"]: point for point in branch.special if point.kind != "EP"}
+    known = {1.040991: "HB", 1.042049: "LP", 1.051558: "HB", 1.052200: "LP"}
+    assert [found[q].kind for q in sorted(found)] == [*known.values()]
+    assert sorted(found) == pytest.approx([*known], abs=1e-6)
+    births = [point["l1"] * point["omega"] for point in branch.special if point.kind == "HB"]
+    assert sorted(births) == pytest.approx([4.332247, 10.70259], rel=5e-4)
+
+
+def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
+    """Its demo plp: the cycles of the second Hopf point fold, and the folds are followed."""
+
+    def field(t, x, p):
+        s, a = x
+        taken = p["rho"] * s * a / (1 + s + 0.1 * s**2)
+        return [p["s0"] - s - taken, 0.2 * (500 - a) - taken]
+
+    rest = cb.equilibrium(field, {"s": 18.95, "a": 44.73}, {"s0": 110.0, "rho": 6.0})
+    born = cb.trace(rest, "rho", within={"rho": (4.6, 6.1)}, towards="down").first("HB")
+    assert born["rho"] == pytest.approx(4.65046, abs=5e-6)
+    (cycles,) = cb.switch(born, within={"rho": (4.6, 5.1)})
+    fold = cycles.first("LP")
+    assert (fold["rho"], fold["period"]) == pytest.approx((5.00784, 5.67658), abs=1e-5)
+    line = cb.boundary(fold, ("rho", "s0"), within={"s0": (109.5, 111), "rho": (4, 6)})
+    end = max(line, key=lambda point: point["s0"])
+    assert (end["rho"], end["period"]) == pytest.approx((4.72213, 6.08717), abs=1e-5)

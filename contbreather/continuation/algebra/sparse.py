@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
+_LOST = 1e7  # unknowns moving so much, refining once would not bring back what rounding takes
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -146,7 +147,9 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
 def _with(matrix: Matrix, data: Array) -> Matrix:
     from scipy.sparse import csc_array
 
-    return csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    other: Matrix = csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    other.elimination = getattr(matrix, "elimination", None)  # the order that suits the pattern
+    return other
 
 
 class Factors:
@@ -170,29 +173,35 @@ class Factors:
         # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
         # det [A; C] = det L det(C N)
         n, width = matrix.shape
+        self._turned: bool | None = None  # the sign, once others are set apart
         sizes = row_sizes(matrix, np.ones(width))
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
+        most = abs(self.null).max(initial=0.0)
         # an unknown that moves so much with the last ones is set apart in their place
-        if width > n and (not self.exact or abs(self.null).max() > 1e3):
+        if width > n and (not self.exact or most > 1e3):
             from scipy.linalg import qr
 
             # for each null vector an unknown that it moves most, and no other does: each pivot is
             # the column with most in it that those before do not span
             order = qr(self.null.T, mode="r", pivoting=True)[1]
             apart = np.sort(order[: width - n])
-            self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
+            if self.exact and most < _LOST:
+                self._exchange(apart)
+            else:
+                self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
         """Take the first n columns of an order; `exact` says whether that is possible, or only
         beside them, as they are singular."""
         n, width = self.matrix.shape
-        self._order, self._inside = order, order[:n]
+        self._order, self._inside, self._apart = order, order[:n], order[n:]
         self._in_order = bool((order[:n] == np.arange(n)).all())
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
         core = scaled(core, self._rows)
-        kind = _Sparse if is_sparse(core) else Dense
+        known = getattr(self.matrix, "elimination", None) if self._in_order else None
+        kind = partial(_Sparse, order=known) if is_sparse(core) else Dense
         self._lu = kind(core)
         self.exact = self._lu.exact
         if not self.exact:  # a pivot that is exactly zero
@@ -201,6 +210,14 @@ class Factors:
         for i, column in enumerate(order[n:]):
             self.null[column, i] = 1.0
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
+
+    def _exchange(self, apart: NDArray[Any]) -> None:
+        """Set others apart by the factors at hand: with x also x - N N_a^-1 x_a is a solution."""
+        among = self.null[apart]
+        self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has the sign of theirs
+        self._apart, self.null = apart, np.linalg.solve(among.T, self.null.T).T
+        for column in self.null.T:  # what L, closer to being singular, has lost of them
+            column -= self._particular(self.matrix @ column)
 
     def _inner(self, right: Array) -> Array:
         x = self._lu.solve(right * self._rows)
@@ -222,7 +239,7 @@ class Factors:
     def _particular(self, right: Array) -> Array:
         x = np.zeros(self.matrix.shape[1])
         x[self._inside] = self._inner(right)
-        return x
+        return np.asarray(x - self.null @ x[self._apart])
 
     def transposed(self, right: Array, rows: Array | None = None) -> Array:
         """As `solve`, for the transpose of the matrix with `rows` below. Without rows, the right
@@ -232,8 +249,15 @@ class Factors:
             # A^T y + C^T w = b, and A N = 0: (C N)^T w = N^T b
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
-        y = self._lu.transposed(right[self._inside]) * self._rows
+        y = self._along(right)
+        if self._turned is not None:  # once more, as L is closer to being singular
+            y += self._along(right - self.matrix.T @ y)
         return np.concatenate([y, weights])
+
+    def _along(self, right: Array) -> Array:
+        right = right.copy()
+        right[self._apart] -= self.null.T @ right  # orthogonal to the last digit
+        return np.asarray(self._lu.transposed(right[self._inside]) * self._rows)
 
     def least(self, right: Array, *, refined: bool = True) -> Array:
         """The shortest of all solutions."""
@@ -248,7 +272,7 @@ class Factors:
 
     @cached_property
     def _own_sign(self) -> int:
-        turned = not self._in_order and _odd(self._order)
+        turned = bool(self._turned) ^ (not self._in_order and _odd(self._order))
         return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
@@ -265,10 +289,10 @@ class Factors:
 class _Sparse:
     """The factors of a square sparse matrix, as `Dense` of an array."""
 
-    def __init__(self, matrix: Matrix) -> None:
+    def __init__(self, matrix: Matrix, order: NDArray[np.intp] | None = None) -> None:
         self.exact = True
         try:
-            self._lu = factorised(matrix)
+            self._lu = factorised(matrix, order)
         except RuntimeError:
             self.exact = False
 
@@ -286,8 +310,9 @@ class _Sparse:
         return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
 
-def factorised(matrix: Matrix) -> Any:
-    """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`.
+def factorised(matrix: Matrix, elimination: NDArray[np.intp] | None = None) -> Any:
+    """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`, in an order that those
+    who made it know to suit it, or else in one that is found.
 
     A narrow band is taken as it is. Elsewhere, where the diagonal leads in every column and no
     row or column is long, pivots are taken from it, in the order that suits a symmetric pattern:
@@ -299,8 +324,12 @@ def factorised(matrix: Matrix) -> Any:
 
     counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
     long = np.flatnonzero(counts > max(64, math.sqrt(counts.size)))
+    if elimination is not None:
+        return _InOrder(matrix, long, elimination, elimination)
     if 0 < long.size < 0.02 * counts.size:
-        return _LongRows(matrix, long)
+        key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
+        columns = _order_without(long.tobytes(), *key)
+        return _InOrder(matrix, long, columns, np.arange(columns.size))
     order: Any = "COLAMD"
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
     if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= 8:
@@ -312,33 +341,55 @@ def factorised(matrix: Matrix) -> Any:
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
 
 
-class _LongRows:
-    """The factors of a sparse matrix with a few rows that are long, as of conditions on all
-    unknowns: columns are put in order as if these were not there, for each would be fill elsewhere,
-    and they are scaled down, so that pivots are taken from them where there are no others."""
+class _InOrder:
+    """The factors of a sparse matrix with columns and rows in an order. A few rows that are long,
+    as of conditions on all unknowns, are scaled down, so that pivots are taken from them where
+    there are no others."""
 
-    def __init__(self, matrix: Matrix, long: NDArray[np.intp]) -> None:
+    def __init__(
+        self, matrix: Matrix, long: NDArray[np.intp],
+        columns: NDArray[np.intp], rows: NDArray[np.intp],
+    ) -> None:  # fmt: skip
         from scipy.sparse.linalg import splu
 
-        key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str
-        self._order = _order_without(long.tobytes(), *key)
-        self._rows = np.ones(matrix.shape[0])
-        self._rows[long] = 1e-6
-        ordered = scaled(matrix, self._rows)[:, self._order]
+        self._columns, self._rows, self._sizes = columns, rows, np.ones(matrix.shape[0])
+        self._sizes[long] = 1e-6
+        ordered = scaled(matrix, self._sizes)[:, columns][rows]
         self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
-        self.perm_r, self.perm_c = self._lu.perm_r, self._order[self._lu.perm_c]
+        # P_r A[rows, columns] P_c = L U
+        self.perm_r = self._lu.perm_r[np.argsort(rows)]
+        self.perm_c = columns[self._lu.perm_c]
 
     def solve(self, right: NDArray[Any], trans: str = "N") -> NDArray[Any]:
-        rows = self._rows.reshape(-1, *[1] * (right.ndim - 1))
-        if trans != "N":
-            return np.asarray(rows * self._lu.solve(right[self._order], trans))
-        x = self._lu.solve(rows * right)
-        x[self._order] = x.copy()
-        return np.asarray(x)
+        sizes = self._sizes.reshape(-1, *[1] * (right.ndim - 1))
+        x = np.empty_like(right)
+        if trans == "N":
+            x[self._columns] = self._lu.solve((sizes * right)[self._rows])
+            return np.asarray(x)
+        x[self._rows] = self._lu.solve(right[self._columns], trans)
+        return np.asarray(sizes * x)
 
     @property
     def U(self) -> Any:
         return self._lu.U
+
+
+def cut_in_two(
+    graph: Any, part: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Split some nodes of a graph into two parts without an edge between them, and those between:
+    the nodes half way from one that is farthest from another."""
+    from scipy.sparse.csgraph import shortest_path
+
+    inner, end = graph[part][:, part], 0
+    for _ in range(2):
+        far = shortest_path(inner, unweighted=True, indices=end)
+        if not np.isfinite(far).all():
+            far = np.where(np.isfinite(far), -1.0, 1.0)
+            break
+        end = int(far.argmax())
+    middle = 0.0 if far.min() < 0 else np.median(far) // 1
+    return part[far < middle], part[far > middle], part[far == middle]
 
 
 @lru_cache(maxsize=8)
