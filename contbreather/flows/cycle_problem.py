@@ -276,7 +276,7 @@ class CycleProblem(Problem):
         return {} if back is None else {"orbit": back}
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
-        return self.residual(x, params, 1e-7)  # the next step is more exact
+        return self.residual(x, params, math.inf)  # the next step is more exact
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)

@@ -120,7 +120,8 @@ def _halved(stack: Array) -> Array:
     halves = [stack]
     while len(halves[-1]) > 1:
         pairs, even = halves[-1], len(halves[-1]) // 2 * 2
-        halves.append(np.concatenate([pairs[1:even:2] @ pairs[:even:2], pairs[even:]]))
+        half = pairs[1:even:2] @ pairs[:even:2]
+        halves.append(np.concatenate([half, pairs[even:]]) if even < len(pairs) else half)
     # all of them are looked at in one call; what is left over was a product before, or is a factor
     good = _well_conditioned(np.concatenate(halves[1:] or halves))
     if good.all():

@@ -191,10 +191,18 @@ class Curve:
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         """The solution next to a guess by the derivative at a place near by and by
         `Problem.roughly`, where that derivative is known and the solution is close."""
-        if near.tobytes() not in self._known["jacobian"]:
+        known = self._known["jacobian"]
+        if near.tobytes() not in known:
             return None
+        factors, way = self.factors(near, row), guess - near
+        for key in [*known] if isinstance(factors, Dense) else ():
+            back = near - np.frombuffer(key)
+            # of a place about as far behind: how the derivative changes goes on beyond this one
+            pace = (row @ way) / length if (length := row @ back) else 0.0
+            if 0.25 < pace < 4.0 and self.length(back) < 2.0 * length:
+                here = known[near.tobytes()]
+                factors = Dense(here + pace * (here - known[key]), row)
         roughly = partial(self.equations, function=self.problem.roughly)
-        factors = self.factors(near, row)
         return chord(self, roughly, factors, guess, row, tolerance)
 
     def pieces(self, rules: Rules) -> Pieces | None:
