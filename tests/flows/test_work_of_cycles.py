@@ -72,3 +72,20 @@ def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> 
     )
     assert functions < 4100
     assert asked < 95
+
+
+def test_columns_of_a_branch_are_there_when_it_is(field, ring) -> None:
+    """A picture asks the field for nothing; what it shows is what the orbits have when they are
+    solved for anew."""
+    branch = cb.trace(ring, "r", within={"r": (270.0, 281.0)}, towards="down")
+    before = field.asked
+    columns = {name: branch[name] for name in ("unstable", "trivial", "max(x)", "min(z)")}
+    assert field.asked == before
+    for i in (0, len(branch) // 2, -1):
+        point = branch[i]
+        orbit = cb.flows.cycle_of(point.problem)  # on a curve of its own
+        assert field.asked > before
+        assert columns["unstable"][i] == orbit.unstable
+        assert columns["max(x)"][i] == pytest.approx(orbit.max["x"], rel=1e-12)
+        assert columns["min(z)"][i] == pytest.approx(orbit.min["z"], rel=1e-12)
+        assert columns["trivial"][i] == pytest.approx(abs(orbit.trivial - 1), abs=1e-10)

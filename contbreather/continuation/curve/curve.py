@@ -224,15 +224,17 @@ class Curve:
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
-    def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
+    def cached(
+        self, what: str, z: Array, make: Callable[[Array], Any], *, keep: bool = False
+    ) -> Any:
         """Make something of z, unless that was done at one of the latest places: all events ask
-        about the same point in turn."""
+        about the same point in turn. Or at any place, where it is to be kept."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
             most = 4 if self.size >= FEW else 64  # of few unknowns little is kept
-            for oldest in [*recent][:-most]:  # another thread may be at it as well
+            for oldest in () if keep else [*recent][:-most]:  # another thread may be at it as well
                 recent.pop(oldest, None)
         return value
 

@@ -309,11 +309,6 @@ class ExtendedProblem(Problem):
         vectors = {name for name, value in extra if np.ndim(value)}
         return self.residual.problem.internals | vectors
 
-    @property
-    def roughly(self) -> Callable[..., Array] | None:  # type: ignore[override]
-        """The equations as they are, where those of the problem are solved by factors near by."""
-        return self.residual if self.residual.problem.roughly else None
-
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         """Columns in the order: unknowns, extra, released, free."""
         both, n = self.residual, self.residual.n
