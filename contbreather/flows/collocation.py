@@ -200,13 +200,13 @@ class TrajectorySegment:
         wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
         _, path, still, time = self._squares(sizes, length)
-        return np.asarray(np.sqrt(path + still + time) @ self._unit)
+        return np.asarray(np.sqrt(path + still + time) @ self.scheme.weights) * self._unit
 
     def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
         steps, and in minus the logarithm of the path."""
         moved, path, still, time = self._squares(sizes, length)
-        weights = self._unit / np.sqrt(path + still + time)
+        weights = self._unit * self.scheme.weights / np.sqrt(path + still + time)
         inside = moved * weights[..., None] / (sizes * length)
         steps = ((still + time) * weights).sum(axis=1) / self.steps
         return inside, steps, np.vecdot(path + still, weights)
@@ -219,11 +219,11 @@ class TrajectorySegment:
         least = 0.1 * self.rounds / length
         return moved, np.vecdot(moved, moved), time * least**2, time
 
+    # Gauss's rule on each interval; where sum(pace @ weights) = 1.5, an orbit's share in motion and
+    # time together where that in time is 1, the mean share is 1
     @property
-    def _unit(self) -> Array:
-        # Gauss's rule on each interval; where sum(pace @ weights) = 1.5, an orbit's share in motion
-        # and time together where that in time is 1, the mean share is 1
-        return self.scheme.weights * ((self.knots.size - 1) / 1.5)
+    def _unit(self) -> float:
+        return len(self.states) / 1.5
 
     def path(self, sizes: Array) -> float:
         """Solve for the unit of the path for which all shares add up to their number."""

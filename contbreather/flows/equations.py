@@ -264,8 +264,8 @@ class FlowEquations:
     def _near(places: Sequence[SolvedPlace], x: Array) -> list[SolvedPlace]:
         """The place next to which slopes are estimated, of those near; the nearest that is
         linearised, which is the same unless one is at half its distance; and one beyond that."""
-        off = abs(np.array([place.x for place in places]) - x).max(axis=1)
-        most = 0.1 * abs(x).max()  # of its size
+        apart = np.array([place.x for place in places]) - x
+        off, most = np.vecdot(apart, apart), 0.01 * x.dot(x)  # squares: a tenth of its size
         near: list[SolvedPlace] = []
         for j in off.argsort().tolist():
             if off[j] > most or len(near) == 3:
@@ -274,8 +274,8 @@ class FlowEquations:
             if not near:
                 near, least = [places[j]], off[j]
             if len(near) == 1 and linear:
-                near, least = [places[j] if off[j] < 2 * least else near[0], places[j]], off[j]
-            elif linear and off[j] > 1.5 * least:
+                near, least = [places[j] if off[j] < 4 * least else near[0], places[j]], off[j]
+            elif linear and off[j] > 2 * least:
                 near.append(places[j])
         return near
 

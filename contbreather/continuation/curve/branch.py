@@ -148,7 +148,7 @@ class Points(Sequence[Point]):
             piece = Points(self.curve, z, tangent, arclength, residual, marked)
             piece._columns.update((name, column[key]) for name, column in self._columns.items())
             return piece
-        i = range(len(self))[key]
+        i = range(len(self.arclength))[key]
         if i in self.made:
             return self.made[i]
         if i not in self._points:

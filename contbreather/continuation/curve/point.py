@@ -175,7 +175,7 @@ class Point(HtmlRepr):
         if interpret is None:
             said = f"point[{base.curve.problem.names[0]!r}] for instance"
             raise BadInput(f"this problem says no more of a point than its values, {said}")
-        make, keep = lambda z: interpret(base), problem.keeps_solutions  # noqa: E731
+        make, keep = lambda z: interpret(base), problem.keeps_solutions
         return base.curve.cached("solution", base.z, make, keep=keep)
 
     def __getattr__(self, name: str) -> Any:
