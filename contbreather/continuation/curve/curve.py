@@ -194,14 +194,15 @@ class Curve:
         known = self._known["jacobian"]
         if near.tobytes() not in known:
             return None
-        factors, way = self.factors(near, row), guess - near
-        for key in [*known] if isinstance(factors, Dense) else ():
+        here, ahead = known[near.tobytes()], row.dot(guess - near)
+        factors: Dense | Factors | None = None
+        for key in () if is_large(here) else [*known]:
             back = near - np.frombuffer(key)
+            length = row.dot(back)
             # of a place about as far behind: how the derivative changes goes on beyond this one
-            pace = (row @ way) / length if (length := row @ back) else 0.0
-            if 0.25 < pace < 4.0 and self.length(back) < 2.0 * length:
-                here = known[near.tobytes()]
-                factors = Dense(here + pace * (here - known[key]), row)
+            if 0.25 * ahead < length < 4.0 * ahead and self.length(back) < 2.0 * length:
+                factors = Dense(here + ahead / length * (here - known[key]), row)
+        factors = factors or self.factors(near, row)
         roughly = partial(self.equations, function=self.problem.roughly)
         return chord(self, roughly, factors, guess, row, tolerance)
 
