@@ -118,7 +118,7 @@ class TrajectorySegment:
     steps: Array = field(init=False)  # lengths of its intervals in units of the duration
     lengths: Array = field(init=False)
     begins: Array = field(init=False)  # times
-    velocities: Array | None = field(default=None, init=False)  # of its flow there, once known
+    velocities: Any = field(default=None, init=False)  # of its flow there, once known
 
     def __post_init__(self) -> None:
         steps = self.knots[1:] - self.knots[:-1]
@@ -200,13 +200,16 @@ class TrajectorySegment:
         wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
         _, path, still, time = self._squares(sizes, length)
-        return np.asarray(np.sqrt(path + still + time) @ self.scheme.weights) * self._unit
+        # Gauss's rule on each interval; where their sum is 1.5, an orbit's share in motion and time
+        # together where that in time is 1, the mean share is 1
+        paces = np.asarray(np.sqrt(path + still + time) @ self.scheme.weights)
+        return paces * (paces.size / 1.5)
 
     def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
         steps, and in minus the logarithm of the path."""
         moved, path, still, time = self._squares(sizes, length)
-        weights = self._unit * self.scheme.weights / np.sqrt(path + still + time)
+        weights = self.scheme.weights * (len(moved) / 1.5) / np.sqrt(path + still + time)
         inside = moved * weights[..., None] / (sizes * length)
         steps = ((still + time) * weights).sum(axis=1) / self.steps
         return inside, steps, np.vecdot(path + still, weights)
@@ -218,12 +221,6 @@ class TrajectorySegment:
         # a tenth of its size: what sets out from rest keeps a mesh, doubled it has that twice
         least = 0.1 * self.rounds / length
         return moved, np.vecdot(moved, moved), time * least**2, time
-
-    # Gauss's rule on each interval; where sum(pace @ weights) = 1.5, an orbit's share in motion and
-    # time together where that in time is 1, the mean share is 1
-    @property
-    def _unit(self) -> float:
-        return len(self.states) / 1.5
 
     def path(self, sizes: Array) -> float:
         """Solve for the unit of the path for which all shares add up to their number."""
@@ -319,11 +316,8 @@ def flown(
     """Solve for the slopes inside of a flight from its states on.
 
     To an error relative to what moves, at least `unit`; one that is infinite takes what a single
-    correction leaves. From a guess of these, `near`, perhaps with an inverse of one at a distance,
-    and the size of what is of second order in this; or from slopes as they are where each interval
-    begins.
-
-    Raises `Undefined` where it does not converge or the vector field has no value.
+    correction leaves. From what `FlowEquations` says of places `near`, or from slopes as they are
+    where each interval begins. Raises `Undefined` where it does not converge.
     """
     if near:
         try:

@@ -21,13 +21,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
 from ..errors import BadInput
-from .collocation import (
-    ROUNDING,
-    Slopes,
-    TrajectorySegment,
-    derivatives,
-    flown,
-)
+from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .conservation import Conservation
 from .flow import Flow, slid_along
 from .functions import Params, slopes, values
@@ -284,11 +278,8 @@ class FlowEquations:
         nearest: SolvedPlace, place: SolvedPlace | None = None, second: SolvedPlace | None = None,
     ) -> tuple[Array, Array | None, float]:  # fmt: skip
         """Estimate the slopes inside of a flow, and the inverse that finds them; and the size of
-        what is of second order in this.
-
-        That is known along the way from the place before the one that is linearised, where an
-        estimate to first order is off by so much.
-        """
+        what is of second order in this: by so much an estimate to first order is off at the place
+        before, if that is on the same way."""
         if place is None:
             return nearest.flights[i].slopes, None, 0.0
         moved = np.array([p[name] - nearest.params[name] for name in place.names])
@@ -305,10 +296,6 @@ class FlowEquations:
         return k + off, slopes.inverse, float(abs(off).max())
 
     @cached_property
-    def _whole(self) -> float:
-        return sum(flight.duration for flight in self.start)
-
-    @cached_property
     def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
         return SolvedPlace(np.concatenate(x)[self.layout.moving], {}, self.start)
@@ -317,9 +304,11 @@ class FlowEquations:
         layout, start = self.layout, self.start[i]
         knots = np.concatenate([[0.0], x[layout.knots[i][:-1]], [1.0]])
         duration = float(x[layout.lengths[i]])
-        # sliding that begins at its edge has none: a little beyond it goes backwards
-        if not (duration > 0.0 or (duration > -1e-6 * self._whole and slid_along(self.flows[i]))):
-            raise Undefined("a flow ends where it began: its duration goes to zero")
+        if not duration > 0.0:
+            # sliding that begins at its edge has none: a little beyond it goes backwards
+            least = -1e-6 * sum(flight.duration for flight in self.start)
+            if not (duration > least and slid_along(self.flows[i])):
+                raise Undefined("a flow ends where it began: its duration goes to zero")
         states, rounds = x[layout.nodes[i]], start.rounds
         flight = TrajectorySegment(start.scheme, knots, t, duration, states, start.slopes, rounds)
         if not flight.steps.min() > 0:
@@ -445,14 +434,12 @@ class FlowEquations:
 
     def velocities(self, x: Array, p: Params) -> tuple[Array, ...]:
         """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
-        flights, ways = self.flights(x, p), list[Array]()
+        flights = self.flights(x, p)
         for flow, flight in zip(self.flows, flights, strict=True):
-            way = flight.velocities
-            if way is None:
+            if flight.velocities is None:
                 way = values(flow.f, flight.begins, flight.states.T, p).T
                 vars(flight)["velocities"] = way
-            ways.append(way)
-        return tuple(ways)
+        return tuple([flight.velocities for flight in flights])
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
@@ -470,37 +457,36 @@ class FlowEquations:
         derivative = derivatives(flow, flight, flight.slopes, p, names)
         path, n = math.exp(x[self.layout.knots[i][-1]]), flight.states.shape[1]
         inside, steps, longer = flight.share_slopes(self.sizes[i], path)
-        local = self._local(i, flight, len(names))
-        shares = inside.reshape(len(steps), 1, -1) @ derivative.inside @ local
+        inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
+        shares = self._in_unknowns(i, flight, inside)[:, 0]
         # the step of an interval is the difference of the knots at its ends
-        shares[:, 0, n] -= steps
-        shares[:, 0, n + 1] += steps
-        ends = derivative.ends @ local
+        shares[:, n] -= steps
+        shares[:, n + 1] += steps
         # where the last interval ends: its time is the sum of its beginning and its length
-        time = local[-1, n] + local[-1, n + 1]
-        arrival = np.concatenate([ends[-1], time[None], local[-1, n + 2 :]])
+        last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
+        last[:n], last[n, n] = derivative.ends[-1], 1.0
+        arrival = self._in_unknowns(i, flight, last[None], slice(-1, None))[0]
+        ends = self._in_unknowns(i, flight, derivative.ends)
         reset, condition = np.eye(n, n + 1 + len(names)), None
         if flow.reset:
             reset = slopes(flow.reset, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
         if flow.until:
             condition = slopes(flow.until, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
-        return Linear(derivative, ends, arrival, shares[:, 0], longer, reset, condition)
+        return Linear(derivative, ends, arrival, shares, longer, reset, condition)
 
-    def _local(self, i: int, flight: TrajectorySegment, named: int) -> Array:
-        """Derivatives of the state, the beginning and the length of each interval, and of the
-        parameters, in the unknowns of `Layout.columns`."""
-        count, n = flight.states.shape
-        first = n + 3 + i + self.phased  # of the parameters
-        local = np.zeros((count, n + 2 + named, first + named))
-        local[:, range(n), range(n)] = 1.0
-        begins, lengths = local[:, n], local[:, n + 1]
+    def _in_unknowns(
+        self, i: int, flight: TrajectorySegment, of: Array, j: slice = slice(None)
+    ) -> Array:
+        """Turn derivatives in the state, the beginning and the length of intervals, and parameters,
+        into those in the unknowns of `Layout.columns`."""
+        n, T = flight.states.shape[1], flight.duration
+        begin, length = of[:, :, n, None], of[:, :, n + 1, None]
         # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j), t_0 the phase and what lasted before
-        begins[:, n], begins[:, n + 2] = flight.duration, flight.knots[:-1]
-        begins[:, n + 3 : first] = 1.0
-        lengths[:, n : n + 2] = -flight.duration, flight.duration
-        lengths[:, n + 2] = flight.steps
-        local[:, range(n + 2, n + 2 + named), range(first, first + named)] = 1.0
-        return local
+        longer = flight.knots[:-1][j, None, None] * begin + flight.steps[j, None, None] * length
+        earlier = [begin] * (i + self.phased)
+        knots = T * (begin - length), T * length
+        parts = of[:, :, :n], *knots, longer, *earlier, of[:, :, n + 2 :]
+        return np.concatenate(parts, axis=2)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
         """Differentiate in all unknowns and named parameters: (size, size + names) and sparse, or
@@ -544,7 +530,7 @@ class FlowEquations:
         inside = place.linear[i].slopes.inside[j].reshape(flight.scheme.points, n, -1)
         inner[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], inside, 1)
         rise = np.append(flight.rates(np.array([s]))[:, 0], flight.duration)
-        whole = inner @ self._local(i, flight, named)[j]
+        whole = self._in_unknowns(i, flight, inner[None], slice(j, j + 1))[0]
         whole[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
         whole[:, n + 1] -= u * rise
         columns = self.layout.columns(i, named)[j]

@@ -223,10 +223,8 @@ def slopes_along(
     if how.schemes.get(names, how) is None:
         try:
             value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, names in how.joined)
-        except Exception:
-            if names not in how.joined:
-                raise
-            how.joined.discard(names)  # it raises at one of the states: these one by one
+        except Exception:  # noqa: BLE001 - it may raise at one of the states alone
+            how.joined.discard(names)
             value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, False)
         if not doubtful.size:
             return value, slope
