@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, reduce
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..checks import whole
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow
-from .functions import Params, calling, slopes, values
+from .functions import Params, calling, quiet, slopes, values
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
@@ -115,20 +115,17 @@ class TrajectorySegment:
     def dimension(self) -> int:
         return self.states.shape[1]
 
-    @cached_property
-    def begins(self) -> Array:
-        return np.asarray(self.start + self.duration * self.knots[:-1])
+    steps: Array = field(init=False)  # lengths of its intervals in units of the duration
+    lengths: Array = field(init=False)
+    begins: Array = field(init=False)  # times
+    velocities: Any = field(default=None, init=False)  # of its flow there, once known
 
-    @cached_property
-    def steps(self) -> Array:
-        """Lengths of its intervals in units of the duration."""
-        return np.asarray(self.knots[1:] - self.knots[:-1])
+    def __post_init__(self) -> None:
+        steps = self.knots[1:] - self.knots[:-1]
+        begins = self.start + self.duration * self.knots[:-1]
+        vars(self).update(steps=steps, lengths=self.duration * steps, begins=begins)
 
-    @cached_property
-    def lengths(self) -> Array:
-        return np.asarray(self.duration * self.steps)
-
-    @cached_property
+    @property
     def inner(self) -> Array:
         """Times of all Gauss points."""
         return (self.begins[:, None] + self.lengths[:, None] * self.scheme.nodes).ravel()
@@ -146,12 +143,11 @@ class TrajectorySegment:
     def last(self) -> float:
         return self.start + self.duration
 
-    def with_slopes(self, slopes: Array) -> TrajectorySegment:
+    def with_slopes(self, slopes: Array, velocities: Array | None) -> TrajectorySegment:
         """The flight from the same states with other slopes inside, and what is known of its mesh;
         `replace` would find that out again."""
-        other = object.__new__(TrajectorySegment)
-        vars(other).update(vars(self), slopes=slopes)
-        vars(other).pop("ends", None)
+        other, ends = object.__new__(TrajectorySegment), self.states + self.scheme.weights @ slopes
+        vars(other).update(vars(self), slopes=slopes, velocities=velocities, ends=ends)
         return other
 
     def at(self, s: Array) -> Array:
@@ -204,16 +200,19 @@ class TrajectorySegment:
         wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
         _, path, still, time = self._squares(sizes, length)
-        return np.asarray(np.sqrt(path + still + time) @ self._unit)
+        # Gauss's rule on each interval; where their sum is 1.5, an orbit's share in motion and time
+        # together where that in time is 1, the mean share is 1
+        paces = np.asarray(np.sqrt(path + still + time) @ self.scheme.weights)
+        return paces * (paces.size / 1.5)
 
     def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
         steps, and in minus the logarithm of the path."""
         moved, path, still, time = self._squares(sizes, length)
-        weights = self._unit / np.sqrt(path + still + time)
+        weights = self.scheme.weights * (len(moved) / 1.5) / np.sqrt(path + still + time)
         inside = moved * weights[..., None] / (sizes * length)
         steps = ((still + time) * weights).sum(axis=1) / self.steps
-        return inside, steps, ((path + still) * weights).sum(axis=1)
+        return inside, steps, np.vecdot(path + still, weights)
 
     def _squares(self, sizes: Array, length: float) -> tuple[Array, Array, Array, Array]:
         """Evaluate the motion at Gauss points, and the squares of what makes a mesh dense: of that,
@@ -222,12 +221,6 @@ class TrajectorySegment:
         # a tenth of its size: what sets out from rest keeps a mesh, doubled it has that twice
         least = 0.1 * self.rounds / length
         return moved, np.vecdot(moved, moved), time * least**2, time
-
-    @property
-    def _unit(self) -> Array:
-        # Gauss's rule on each interval; where sum(pace @ weights) = 1.5, an orbit's share in motion
-        # and time together where that in time is 1, the mean share is 1
-        return self.scheme.weights * ((self.knots.size - 1) / 1.5)
 
     def path(self, sizes: Array) -> float:
         """Solve for the unit of the path for which all shares add up to their number."""
@@ -273,21 +266,19 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
     one flow as in another has such meshes, too, wherever its branch began.
     """
-    sizes = []
-    for n in [flight.dimension for flight in flights]:
-        sampled = [flight.sampled(2)[1] for flight in flights if flight.dimension == n]
+    sizes: dict[int, Array] = {}
+    for flight in flights:
+        low, high = (x := flight.sampled(2)[1]).min(axis=1), x.max(axis=1)
         # what hardly moves is measured by its value: its motion may be rounding
-        moves = [np.maximum(np.ptp(x, axis=1), 0.1 * abs(x).max(axis=1)) for x in sampled]
-        size = reduce(np.maximum, moves)
+        moves = np.maximum(high - low, 0.1 * np.maximum(high, -low))
+        sizes[low.size] = np.maximum(sizes.get(low.size, 0.0), moves)
+    most = {n: float(size.max()) for n, size in sizes.items()}
+    largest = max(most.values()) or 1.0
+    for n, size in sizes.items():
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
-        least = AT_REST * size.max()
-        sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
-    largest = max(size.max() for size in sizes) or 1.0
-    rests = [size.max() < AT_REST * largest for size in sizes]
-    return tuple(
-        np.full_like(size, largest) if at_rest else size
-        for size, at_rest in zip(sizes, rests, strict=True)
-    )
+        moved = np.where(size < AT_REST * most[n], most[n], np.maximum(size, 1e-3 * most[n]))
+        sizes[n] = moved if most[n] >= AT_REST * largest else np.full(n, largest)
+    return tuple(sizes[flight.states.shape[1]] for flight in flights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +297,7 @@ class Slopes:
     def beside(self, flight: TrajectorySegment, other: TrajectorySegment, moved: Array) -> Array:
         """Estimate the slopes inside of another flight than one near by, to first order, for
         parameters that moved."""
-        n, change = flight.dimension, np.empty((len(self.inside), self.inside.shape[-1], 1))
+        n, change = flight.states.shape[1], np.empty((len(self.inside), self.inside.shape[-1], 1))
         change[:, :n, 0] = other.states - flight.states
         change[:, n, 0] = other.begins - flight.begins
         change[:, n + 1, 0] = other.lengths - flight.lengths
@@ -319,54 +310,63 @@ def flown(
     flight: TrajectorySegment,
     p: Params,
     unit: float,
-    near: tuple[Array, Array | None] | None = None,
+    near: tuple[Array, Array | None, float] | None = None,
     error: float = ROUNDING,
 ) -> TrajectorySegment:
     """Solve for the slopes inside of a flight from its states on.
 
-    To an error relative to what moves, at least `unit`. From a guess of these, `near`, perhaps with
-    an inverse of one near by; or from slopes as they are where each interval begins.
-
-    Raises `Undefined` where it does not converge or the vector field has no value.
+    To an error relative to what moves, at least `unit`; one that is infinite takes what a single
+    correction leaves. From what `FlowEquations` says of places `near`, or from slopes as they are
+    where each interval begins. Raises `Undefined` where it does not converge.
     """
-    with np.errstate(all="ignore"):  # what grows without bound is seen where it is solved for
-        if near:
-            try:
-                return flight.with_slopes(_newton(flow, flight, p, *near, unit, error))
-            except Undefined:
-                pass
-        f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
-        k = np.repeat(f[:, None], flight.scheme.points, axis=1)
-        return flight.with_slopes(_newton(flow, flight, p, k, None, unit, error))
+    if near:
+        try:
+            return flight.with_slopes(*_newton(flow, flight, p, *near, unit, error))
+        except Undefined:
+            pass
+    f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
+    k = np.repeat(f[:, None], flight.scheme.points, axis=1)
+    return flight.with_slopes(*_newton(flow, flight, p, k, None, 0.0, unit, error))
 
 
+@quiet
 def _newton(
     flow: Flow, flight: TrajectorySegment, p: Params, k: Array, inverse: Array | None,
-    unit: float, error: float,
-) -> Array:  # fmt: skip
+    second: float, unit: float, error: float,
+) -> tuple[Array, Array | None]:  # fmt: skip
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
-    makes corrections shrink."""
+    makes corrections shrink. Next to these the velocities where intervals begin, if they came."""
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
     # where all is at rest slopes count as a tenth of what moves
-    moves = max(abs(k).max(), 0.1 * max(unit, abs(flight.states).max()))
-    first_order, t = inverse is not None, flight.inner
+    moves = max(abs(k).max(), 0.1 * unit)
+    t, begins, count, first_order = (
+        flight.inner,
+        flight.states.T,
+        k[..., 0].size,
+        inverse is not None,
+    )
+    if error < math.inf:  # what is exact is asked for its velocities, too
+        t = np.concatenate([t, flight.begins])
     for _ in range(12):
         if fresh := inverse is None:
             linear = derivatives(flow, flight, k, p)
-            h_f, inverse, good = linear.field, linear.inverse, True
+            h_f, inverse, good, velocities = linear.field, linear.inverse, True, None
         else:
             x = reached(flight, k)
-            h_f = calling(flow.f, t, x, p)(t, x, p).T.reshape(k.shape) * lengths
+            x = x if t.size == count else np.concatenate([x, begins], axis=1)
+            f = calling(flow.f, t, x, p)(t, x, p).T
+            h_f, velocities = f[:count].reshape(k.shape) * lengths, f[count:]
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
         step = (inverse @ (k - h_f).reshape(len(k), -1, 1)).reshape(k.shape)
         k = k - step
         size = float(abs(step).max() / moves)
-        # a correction shrinks by as much as the one before; a guess to first order was off by the
+        # a correction shrinks by as much as the one before; to first order a guess was off by the
         # square of a distance, in proportion to which the inverse is off
-        rate = size / before if before < np.inf else math.sqrt(size) if first_order else 1.0
+        first = math.sqrt(size + second / moves) if first_order else 1.0
+        rate = size / before if before < np.inf else first
         # and nearly at its size it may stop shrinking
         if min(size, size * rate) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
-            return k
+            return k, velocities if t.size > count else None
         # one from elsewhere is good once it has made a correction shrink, to a twentieth at least
         shrunk = size <= 0.05 * before
         good = good or (shrunk and before < np.inf)
@@ -435,7 +435,7 @@ def _inverted(matrix: Array) -> Array:
     """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
     size = matrix.shape[1] * matrix.shape[2]
     matrix = matrix.reshape(-1, size, size)
-    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
+    matrix[:, range(size), range(size)] += 1.0
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:

@@ -313,7 +313,8 @@ def _resolved(
     for _ in range(5):  # of the intervals of a mesh that does not resolve a simulation
         try:
             for flow, flight, size in zip(flows, flights, sizes_of(flights), strict=True):
-                flown(flow, flight, params, float(size.max()), (flight.slopes, None))
+                unit = max(float(size.max()), float(abs(flight.states).max()))
+                flown(flow, flight, params, unit, (flight.slopes, None, 0.0))
             return flights
         except Undefined as error:
             failed = error

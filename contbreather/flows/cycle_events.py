@@ -52,10 +52,7 @@ def _shrinks(equations: FlowEquations) -> bool:
 def _amplitude(equations: FlowEquations, x: Array) -> float:
     """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
     equilibrium the curve goes on as the same cycles half a turn later."""
-    first, states = equations.start[0].states, x[equations.layout.nodes[0]]
-    way = first - first.mean(axis=0)
-    swing = (states - states.mean(axis=0)) * way
-    return float(swing.sum() / math.sqrt((way * way).sum() * (first * first).sum()))
+    return float(equations.swing @ x[equations.layout.nodes[0].ravel()])
 
 
 def _swing(least: float, point: Point) -> float:

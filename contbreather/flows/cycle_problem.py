@@ -32,7 +32,7 @@ from .functions import Params
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle
 from .rounds import once, twice
-from .sparse_equations import SparseFlowEquations
+from .sparse_equations import FEW, SparseFlowEquations
 
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
@@ -254,7 +254,15 @@ class CycleProblem(Problem):
         return frozenset(("orbit", "mesh", "held"))
 
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
-        return Cycle(self.residual, np.array(point.x), point.params)
+        orbit = Cycle(self.residual, np.array(point.x), point.params)
+        if self.keeps_solutions:
+            vars(orbit)["flights"] = self.residual.flights(orbit.x, orbit.params)
+        return orbit
+
+    @property
+    def keeps_solutions(self) -> bool:  # type: ignore[override]
+        """Of few states slopes inside take as little room as the unknowns of a branch."""
+        return self.residual.start[0].dimension < FEW
 
     @property
     def begin_of_orbit(self) -> Any:
@@ -276,7 +284,7 @@ class CycleProblem(Problem):
         return {} if back is None else {"orbit": back}
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
-        return self.residual(x, params, 1e-7)  # the next step is more exact
+        return self.residual(x, params, math.inf)  # the next step is more exact
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)

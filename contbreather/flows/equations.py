@@ -21,13 +21,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
 from ..errors import BadInput
-from .collocation import (
-    ROUNDING,
-    Slopes,
-    TrajectorySegment,
-    derivatives,
-    flown,
-)
+from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
 from .conservation import Conservation
 from .flow import Flow, slid_along
 from .functions import Params, slopes, values
@@ -61,6 +55,7 @@ class Layout:
         self.last = self.nodes[0][0]  # equations in which the length counts by the last velocity
         self.ended = [flow.until is not None for flow in equations.flows]
         self.autonomous = equations.autonomous
+        self.moving = slice(int(self.lengths[-1]) + 1)  # what solutions near by are told by
         self._cells: dict[int, Places] = {}
 
     def matrix(self, values: Array, named: int) -> Matrix:
@@ -131,14 +126,13 @@ class Linear(NamedTuple):
 
 @dataclass(eq=False)
 class SolvedPlace:
-    """A place that was solved for, perhaps with velocities where intervals begin, and derivatives
-    in unknowns and named parameters: from there flights near by begin to be solved for."""
+    """A place that was solved for, perhaps with derivatives in unknowns and named parameters: from
+    there flights near by begin to be solved for."""
 
     x: Array
     params: Params
     flights: tuple[TrajectorySegment, ...]
     error: float = ROUNDING  # of the slopes inside, relative
-    velocities: tuple[Array, ...] = ()
     names: tuple[str, ...] = ()
     linear: tuple[Linear, ...] = ()
 
@@ -228,24 +222,31 @@ class FlowEquations:
 
     def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """Solve for all flows, once for one of the latest places."""
-        p = self._unfolded(x, p)
+        p = p if self.conservation is None else self._unfolded(x, p)
         key = x.tobytes(), tuple(p.items())
-        place = self._latest.pop(key, None)
+        place = self._latest.get(key)
         if place is None or place.error > error:
-            near, flights = self._near(x), []
+            moving, near, flights = x[self.layout.moving].copy(), [*self._latest.values()], []
+            near = self._near(near or [self._begin], moving)
             t = float(x[-1]) if self.phased else self.start[0].start
             for i, flow in enumerate(self.flows):
                 plain = self._flight(i, x, t)
-                if max(plain.duration, 0.0) < flow.ignored(p):
+                if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
                     raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
-                guess = near and self._guess(i, plain, p, *near)
-                flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
+                guess = self._guess(i, plain, p, moving, *near) if near else None
+                flights.append(flown(flow, plain, p, self._units[i], guess, error))
                 t += plain.duration
-            place = SolvedPlace(x.copy(), dict(p), tuple(flights), error)
+            place = SolvedPlace(moving, dict(p), tuple(flights), error)
             if len(self._latest) == 16:  # are kept, to begin from the nearest
                 del self._latest[next(iter(self._latest))]
+        self._latest.pop(key, None)
         self._latest[key] = place
         return place
+
+    @cached_property
+    def _units(self) -> list[float]:
+        sizes = zip(self.sizes, self.start, strict=True)
+        return [max(float(size.max()), float(abs(f.states).max())) for size, f in sizes]
 
     def _unfolded(self, x: Array, p: Params) -> Params:
         """Add lambdas, which are unknowns here, and parameters to the flow."""
@@ -254,43 +255,61 @@ class FlowEquations:
         unfolded = x[self.layout.lambdas].tolist()
         return {**p, **dict(zip(self.conservation.lambdas, unfolded, strict=True))}
 
-    def _near(self, x: Array) -> tuple[SolvedPlace, SolvedPlace | None] | None:
-        """The nearest place that is solved for, and the nearest that is linearised, of those near;
-        None where there is none."""
-        places = [*self._latest.values()] or [self._begin]
-        x = x[: self.layout.lengths[-1] + 1]
-        off = abs(np.array([place.x[: x.size] for place in places]) - x).max(axis=1)
-        most = 0.1 * abs(x).max()  # of its size: from a solution this near the next one is begun
-        near = [places[j] for j in off.argsort().tolist() if off[j] <= most]
-        return (near[0], next((place for place in near if place.linear), None)) if near else None
+    @staticmethod
+    def _near(places: Sequence[SolvedPlace], x: Array) -> list[SolvedPlace]:
+        """The place next to which slopes are estimated, of those near; the nearest that is
+        linearised, which is the same unless one is at half its distance; and one beyond that."""
+        apart = np.array([place.x for place in places]) - x
+        off, most = np.vecdot(apart, apart), 0.01 * x.dot(x)  # squares: a tenth of its size
+        near: list[SolvedPlace] = []
+        for j in off.argsort().tolist():
+            if off[j] > most or len(near) == 3:
+                break
+            linear = places[j].linear
+            if not near:
+                near, least = [places[j]], off[j]
+            if len(near) == 1 and linear:
+                near, least = [places[j] if off[j] < 4 * least else near[0], places[j]], off[j]
+            elif linear and off[j] > 2 * least:
+                near.append(places[j])
+        return near
 
     def _guess(
-        self, i: int, flight: TrajectorySegment, p: Params,
-        nearest: SolvedPlace, place: SolvedPlace | None,
-    ) -> tuple[Array, Array | None]:  # fmt: skip
-        """Estimate the slopes inside of a flow to first order, and the inverse that finds them."""
+        self, i: int, flight: TrajectorySegment, p: Params, x: Array,
+        nearest: SolvedPlace, place: SolvedPlace | None = None, second: SolvedPlace | None = None,
+    ) -> tuple[Array, Array | None, float]:  # fmt: skip
+        """Estimate the slopes inside of a flow, and the inverse that finds them; and the size of
+        what is of second order in this: by so much an estimate to first order is off at the place
+        before, if that is on the same way."""
         if place is None:
-            return nearest.flights[i].slopes, None
+            return nearest.flights[i].slopes, None, 0.0
         moved = np.array([p[name] - nearest.params[name] for name in place.names])
         slopes = place.linear[i].slopes
-        return slopes.beside(nearest.flights[i], flight, moved), slopes.inverse
-
-    @cached_property
-    def _whole(self) -> float:
-        return sum(flight.duration for flight in self.start)
+        k = slopes.beside(nearest.flights[i], flight, moved)
+        if nearest is not place or second is None:
+            return k, slopes.inverse, 0.0
+        way, ahead, before = second.x - place.x, x - place.x, second.flights[i]
+        share = way.dot(ahead) / way.dot(way)
+        if share * way.dot(ahead) < 0.9 * ahead.dot(ahead):  # that is the square of a cosine
+            return k, slopes.inverse, 0.0
+        moved = np.array([second.params[name] - place.params[name] for name in place.names])
+        off = share**2 * (before.slopes - slopes.beside(place.flights[i], before, moved))
+        return k + off, slopes.inverse, float(abs(off).max())
 
     @cached_property
     def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
-        return SolvedPlace(np.concatenate(x), {}, self.start)
+        return SolvedPlace(np.concatenate(x)[self.layout.moving], {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         layout, start = self.layout, self.start[i]
         knots = np.concatenate([[0.0], x[layout.knots[i][:-1]], [1.0]])
         duration = float(x[layout.lengths[i]])
-        # sliding that begins at its edge has none: a little beyond it goes backwards
-        if not (duration > 0.0 or (duration > -1e-6 * self._whole and slid_along(self.flows[i]))):
-            raise Undefined("a flow ends where it began: its duration goes to zero")
+        if not duration > 0.0:
+            # sliding that begins at its edge has none: a little beyond it goes backwards
+            least = -1e-6 * sum(flight.duration for flight in self.start)
+            if not (duration > least and slid_along(self.flows[i])):
+                raise Undefined("a flow ends where it began: its duration goes to zero")
         states, rounds = x[layout.nodes[i]], start.rounds
         flight = TrajectorySegment(start.scheme, knots, t, duration, states, start.slopes, rounds)
         if not flight.steps.min() > 0:
@@ -302,13 +321,11 @@ class FlowEquations:
         left = np.empty(layout.size)
         for i, flight in enumerate(flights):
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
-            gaps = np.empty_like(flight.states)
-            before = self._after(i - 1, flights[i - 1], p)
-            gaps[0] = (1.0 if i else self.standing) * flight.states[0] - before
-            gaps[1:] = flight.states[1:] - flight.ends[:-1]
-            left[layout.nodes[i]] = gaps
+            nodes, knots, states = layout.nodes[i], layout.knots[i], flight.states
+            begin = states[0] if i else self._own[: states.shape[1]] * states[0]
+            left[nodes[0]] = begin - self._after(i - 1, flights[i - 1], p)
+            left[nodes[1:]] = states[1:] - flight.ends[:-1]
             # m equal shares for the m - 1 inner knots and the unit of the path
-            knots = layout.knots[i]
             left[knots] = flight.shares(self.sizes[i], math.exp(x[knots[-1]])) - 1.0
             left[layout.lengths[i]] = self._condition(i, x, flight, p)
         if self.phased:
@@ -347,7 +364,7 @@ class FlowEquations:
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
         reset = self.flows[i].reset
         if reset is None:
-            return flight.end
+            return flight.ends[-1]
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
         i %= len(self.flows)
         n = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
@@ -398,6 +415,14 @@ class FlowEquations:
         return back.T.ravel() if same else None
 
     @cached_property
+    def swing(self) -> Array:
+        """The row that measures the swing of an orbit the way it did at first, relative to its
+        size."""
+        first = self.start[0].states
+        way = first - first.mean(axis=0)
+        return np.asarray(way / math.sqrt((way * way).sum() * (first * first).sum())).ravel()
+
+    @cached_property
     def _phase(self) -> Array:
         """The integral over the velocity of the first orbit, by the trapezoidal rule of its mesh:
         what keeps an orbit from sliding along itself."""
@@ -413,13 +438,12 @@ class FlowEquations:
 
     def velocities(self, x: Array, p: Params) -> tuple[Array, ...]:
         """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
-        place = self._solved(x, p)
-        if not place.velocities:
-            place.velocities = tuple(
-                values(flow.f, flight.begins, flight.states.T, p).T
-                for flow, flight in zip(self.flows, place.flights, strict=True)
-            )
-        return place.velocities
+        flights = self.flights(x, p)
+        for flow, flight in zip(self.flows, flights, strict=True):
+            if flight.velocities is None:
+                way = values(flow.f, flight.begins, flight.states.T, p).T
+                vars(flight)["velocities"] = way
+        return tuple([flight.velocities for flight in flights])
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
@@ -429,71 +453,69 @@ class FlowEquations:
         wanted = (*lambdas, *(names or ()))
         if not place.linear or (names is not None and wanted != place.names):
             place.names = wanted
-            place.linear = tuple(self._linearised(i, x, place) for i in range(len(self.flows)))
+            place.linear = tuple([self._linearised(i, x, place) for i in range(len(self.flows))])
         return place
 
     def _linearised(self, i: int, x: Array, place: SolvedPlace) -> Linear:
         flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
         derivative = derivatives(flow, flight, flight.slopes, p, names)
-        path, n = math.exp(x[self.layout.knots[i][-1]]), flight.dimension
+        path, n = math.exp(x[self.layout.knots[i][-1]]), flight.states.shape[1]
         inside, steps, longer = flight.share_slopes(self.sizes[i], path)
-        local = self._local(i, flight, len(names))
-        shares = inside.reshape(len(steps), 1, -1) @ derivative.inside @ local
+        inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
+        shares = self._in_unknowns(i, flight, inside)[:, 0]
         # the step of an interval is the difference of the knots at its ends
-        shares[:, 0, n] -= steps
-        shares[:, 0, n + 1] += steps
-        ends = derivative.ends @ local
+        shares[:, n] -= steps
+        shares[:, n + 1] += steps
         # where the last interval ends: its time is the sum of its beginning and its length
-        time = local[-1, n] + local[-1, n + 1]
-        arrival = np.concatenate([ends[-1], time[None], local[-1, n + 2 :]])
-        reset, condition = (
-            slopes(function, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
-            if function
-            else None
-            for function in (flow.reset, flow.until)
-        )
-        reset = np.eye(n, n + 1 + len(names)) if reset is None else reset
-        return Linear(derivative, ends, arrival, shares[:, 0], longer, reset, condition)
+        last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
+        last[:n], last[n, n] = derivative.ends[-1], 1.0
+        arrival = self._in_unknowns(i, flight, last[None], slice(-1, None))[0]
+        ends = self._in_unknowns(i, flight, derivative.ends)
+        reset, condition = np.eye(n, n + 1 + len(names)), None
+        if flow.reset:
+            reset = slopes(flow.reset, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
+        if flow.until:
+            condition = slopes(flow.until, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
+        return Linear(derivative, ends, arrival, shares, longer, reset, condition)
 
-    def _local(self, i: int, flight: TrajectorySegment, named: int) -> Array:
-        """Derivatives of the state, the beginning and the length of each interval, and of the
-        parameters, in the unknowns of `Layout.columns`."""
-        n, first = flight.dimension, flight.dimension + 3 + i + self.phased  # of the parameters
-        local = np.zeros((len(flight.states), n + 2 + named, first + named))
-        local[:, :n, :n] = np.eye(n)
-        begins, lengths = local[:, n], local[:, n + 1]
+    def _in_unknowns(
+        self, i: int, flight: TrajectorySegment, of: Array, j: slice = slice(None)
+    ) -> Array:
+        """Turn derivatives in the state, the beginning and the length of intervals, and parameters,
+        into those in the unknowns of `Layout.columns`."""
+        n, T = flight.states.shape[1], flight.duration
+        begin, length = of[:, :, n, None], of[:, :, n + 1, None]
         # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j), t_0 the phase and what lasted before
-        begins[:, n], begins[:, n + 2] = flight.duration, flight.knots[:-1]
-        begins[:, n + 3 : first] = 1.0
-        lengths[:, n : n + 2] = -flight.duration, flight.duration
-        lengths[:, n + 2] = flight.steps
-        local[:, n + 2 :, first:] = np.eye(named)
-        return local
+        longer = flight.knots[:-1][j, None, None] * begin + flight.steps[j, None, None] * length
+        earlier = [begin] * (i + self.phased)
+        knots = T * (begin - length), T * length
+        parts = of[:, :, :n], *knots, longer, *earlier, of[:, :, n + 2 :]
+        return np.concatenate(parts, axis=2)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
         """Differentiate in all unknowns and named parameters: (size, size + names) and sparse, or
         dense where there are few."""
-        blocks = [block.ravel() for block in self._blocks(x, p, names)]
+        blocks = [self._own]  # their values, where `Layout` says
+        for i, piece in enumerate(self.linearised(x, p, names).linear):
+            if piece.condition is not None:
+                condition = piece.condition @ piece.arrival
+            else:
+                condition = self._of_length(i, p, names)
+            after = piece.reset @ piece.arrival
+            blocks += [-piece.ends[:-1].ravel(), -after.ravel(), piece.shares.ravel()]
+            blocks += [-piece.longer, condition.ravel()]
+        if self.phased:
+            blocks.append(self._of_period(None, p, names))
+        if self.conservation:
+            blocks.append(self._given_slopes(self.conservation, x, p, names).ravel())
         return self.layout.matrix(np.concatenate(blocks), len(names))
 
-    def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
-        """Values of all blocks, where `Layout` says."""
-        own = np.ones(self.layout.orbit)  # each state in its own row
+    @cached_property
+    def _own(self) -> Array:
+        """Entries of each state in its own row."""
+        own = np.ones(self.layout.orbit)
         own[: self.start[0].dimension] = self.standing
-        yield own
-        for i, piece in enumerate(self.linearised(x, p, names).linear):
-            yield -piece.ends[:-1]
-            yield -piece.reset @ piece.arrival
-            yield piece.shares
-            yield -piece.longer
-            if piece.condition is not None:
-                yield piece.condition @ piece.arrival
-            else:
-                yield self._of_length(i, p, names)
-        if self.phased:
-            yield self._of_period(None, p, names)
-        if self.conservation:
-            yield self._given_slopes(self.conservation, x, p, names)
+        return own
 
     def place(self, i: int, s: float, x: Array, p: Params) -> tuple[float, Array]:
         """Time and state of a flow at a part of its duration."""
@@ -512,7 +534,7 @@ class FlowEquations:
         inside = place.linear[i].slopes.inside[j].reshape(flight.scheme.points, n, -1)
         inner[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], inside, 1)
         rise = np.append(flight.rates(np.array([s]))[:, 0], flight.duration)
-        whole = inner @ self._local(i, flight, named)[j]
+        whole = self._in_unknowns(i, flight, inner[None], slice(j, j + 1))[0]
         whole[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
         whole[:, n + 1] -= u * rise
         columns = self.layout.columns(i, named)[j]

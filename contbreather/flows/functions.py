@@ -23,6 +23,7 @@ Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, 
 Params = Mapping[str, Any]  # numbers; one may be complex or an array while it is differentiated
 
 _LOG = logging.getLogger(__name__)
+quiet = np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
@@ -79,6 +80,7 @@ class _Calling:
     scalar: bool
     at_once: bool
     schemes: dict[Any, Array | None] = field(default_factory=dict)
+    joined: set[tuple[str, ...]] = field(default_factory=set)  # parameters it takes as arrays
 
     @property
     def name(self) -> str:
@@ -97,15 +99,13 @@ class _Calling:
     def together(self, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
         """Evaluate at all states by one call: as many rows as ever."""
         returned = self.function(t, x, p)
-        rows = rows_of([returned] if self.scalar else returned, x)
-        if rows.shape != (self.rows, x.shape[1]):
-            raise ValueError(f"shape {rows.shape}")
-        return rows
+        return rows_of([returned] if self.scalar else returned, x, self.rows)
 
 
 _CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states there are
 
 
+@quiet
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
     """Evaluate a user's function of (t, x, p) at K states, the columns of `x`: as m rows, one of a
     function that returns a number. NaN where it has no value.
@@ -115,19 +115,21 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
     """
     if getattr(t, "shape", None) != x.shape[1:]:
         t = np.broadcast_to(t, x.shape[1:])
-    with np.errstate(all="ignore"):
-        return calling(function, t, x, p)(t, x, p)
+    return calling(function, t, x, p)(t, x, p)
 
 
-def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
-    """Make an array as wide as `x` of what a user's function returned for its columns."""
+def rows_of(returned: Any, x: NDArray[Any], count: int | None = None) -> NDArray[Any]:
+    """Make an array as wide as `x` of what a user's function returned for its columns; refuse one
+    of another number of rows than these."""
     try:
         rows = np.asarray(returned)
-        if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
-            return rows
+        plain = rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc"
     except ValueError:  # constants among arrays
-        pass
-    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+        plain = False
+    rows = rows if plain else np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+    if count is not None and rows.shape != (count, x.shape[1]):
+        raise ValueError(f"shape {rows.shape}")
+    return rows
 
 
 def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -219,8 +221,11 @@ def slopes_along(
     t = t if getattr(t, "shape", None) == (count,) else np.full(count, t, dtype=float)
     how, doubtful = calling(function, t, x, p), np.arange(count)
     if how.schemes.get(names, how) is None:
-        with np.errstate(all="ignore"):
-            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways)
+        try:
+            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, names in how.joined)
+        except Exception:  # noqa: BLE001 - it may raise at one of the states alone
+            how.joined.discard(names)
+            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, False)
         if not doubtful.size:
             return value, slope
 
@@ -247,31 +252,47 @@ def slopes_along(
         by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", how.name, by)
     if (finer := how.schemes[names]) is None:
-        with np.errstate(all="ignore"):
-            return _complex_steps(how, t, x, p, names, ways)[:2]
+        value, slope, _ = _complex_steps(how, t, x, p, names, ways, False)
+        # what was written for numbers may raise anything for arrays of a parameter
+        with suppress(Exception):
+            again = _complex_steps(how, t, x, p, names, ways, how.at_once)[1]
+            least = 1e-9 * abs(slope).max(initial=0.0)
+            if how.at_once and np.allclose(again, slope, rtol=1e-9, atol=least):
+                how.joined.add(names)
+        return value, slope
     return joined(z), _differences(joined, z, scales, finer, whole)
 
 
+@quiet
 def _complex_steps(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], ways: Array
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], ways: Array, joined: bool
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Differentiate by one call for all ways, and for the time; and find states at which slopes,
-    along one way, are not what a central difference of the same call gives."""
+    """Differentiate by one call for all ways, for the time, and for parameters that are `joined` to
+    it; and find states at which slopes, along one way, are not what a central difference of the
+    same call gives."""
     (n, count), width = x.shape, ways.shape[1]
     low, high, later = x.min(axis=1), x.max(axis=1), _CENTRAL * (t[-1] - t[0])
     step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
     parts = _parts(ways, step)
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    aside = np.zeros((n + 1, width + 3), complex)
+    first, last = width + 1, width + 1 + len(names) * joined
+    aside = np.zeros((n + 1, last + 2), complex)
     aside[:n, :width], aside[n, width] = 1j * IMAGINARY * ways, 1j * IMAGINARY
     aside[:n, -2], aside[n, -2] = ways @ parts, later
     aside[:, -1] = -aside[:, -2]
     at, times = x[:, None] + aside[:n, :, None], t + aside[n, :, None]
-    value = how(times.ravel(), at.reshape(n, -1), p).reshape(how.rows, -1, count)
-    slope = np.empty((how.rows, width + 1 + len(names), count))
-    slope[:, : width + 1] = value[:, :-2].imag / IMAGINARY
-    # those of the parameters apart: what asks for one may expect a number
-    for j, name in enumerate(names, width + 1):
+    moved = dict(p)
+    for j, name in enumerate(names[: last - first], first):
+        moved[name] = np.full(times.shape, p[name], complex)
+        moved[name][j] += 1j * IMAGINARY
+        moved[name] = moved[name].ravel()
+    at = at.reshape(n, -1)
+    value = (how.together if joined else how)(times.ravel(), at, moved)
+    value = value.reshape(how.rows, -1, count)
+    slope = np.empty((how.rows, first + len(names), count))
+    slope[:, :last] = value[:, :-2].imag / IMAGINARY
+    # those of other parameters apart: what asks for one may expect a number
+    for j, name in enumerate(names[last - first :], last):
         slope[:, j] = how(t, x, {**p, name: p[name] + 1j * IMAGINARY}).imag / IMAGINARY
     along = 2 * (parts @ slope[:, :width] + later * slope[:, width])
     off = abs(value[:, -2].real - value[:, -1].real - along)

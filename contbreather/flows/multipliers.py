@@ -88,13 +88,13 @@ def _beyond(ways: Array, vectors: Array) -> Array:
 
 def _mirrors(ways: Array) -> Array:
     """The reflections between directions and the first axis."""
-    sizes = np.linalg.norm(ways, axis=1)
+    sizes = np.sqrt(np.vecdot(ways, ways))
     if not sizes.min() > 0:
         raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
     v = ways / sizes[:, None]
     # Householder's 1 - 2 v v*/|v|^2 with v = u + sign(u_1) e_1, which does not cancel
     v[:, 0] += np.copysign(1.0, v[:, 0])
-    v *= np.sqrt(2 / (v * v).sum(axis=1))[:, None]
+    v *= np.sqrt(2 / np.vecdot(v, v))[:, None]
     return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
 
 
@@ -120,7 +120,8 @@ def _halved(stack: Array) -> Array:
     halves = [stack]
     while len(halves[-1]) > 1:
         pairs, even = halves[-1], len(halves[-1]) // 2 * 2
-        halves.append(np.concatenate([pairs[1:even:2] @ pairs[:even:2], pairs[even:]]))
+        half = pairs[1:even:2] @ pairs[:even:2]
+        halves.append(np.concatenate([half, pairs[even:]]) if even < len(pairs) else half)
     # all of them are looked at in one call; what is left over was a product before, or is a factor
     good = _well_conditioned(np.concatenate(halves[1:] or halves))
     if good.all():

@@ -113,7 +113,8 @@ def by_inverses(
         # the cosine of the angle between directions that are the same
         if abs(left @ before) >= 1 - 1e-15:
             break
-    return factors.sign() * value, factors.sign() * left, right
+    side = factors.sign()
+    return side * value, side * left, right
 
 
 def _sparse(factors: Factors) -> LeastSingular:

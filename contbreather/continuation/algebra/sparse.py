@@ -75,7 +75,7 @@ def is_sparse(matrix: object) -> bool:
 
 def is_large(matrix: Matrix) -> bool:
     """Tell a matrix that is only solved with: a sparse one, or one of many rows."""
-    return is_sparse(matrix) or len(matrix) >= 120  # from there on that takes less time
+    return hasattr(matrix, "tocsc") or len(matrix) >= 120  # from there on that takes less time
 
 
 def canonical(entries: Any) -> Matrix:

@@ -150,7 +150,7 @@ class Points(Sequence[Point]):
             for name, column in self._columns.items():
                 piece._columns[name] = column[key]
             return piece
-        i = range(len(self))[key]
+        i = range(len(self.arclength))[key]
         if i in self.made:
             return self.made[i]
         if i not in self._points:

@@ -188,11 +188,21 @@ class Curve:
             raise
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The solution next to a guess by `Problem.roughly` and a derivative near by, if any."""
-        if near.tobytes() not in self._known["jacobian"]:
+        """The solution next to a guess by the derivative at a place near by and by
+        `Problem.roughly`, where that derivative is known and the solution is close."""
+        known = self._known["jacobian"]
+        if near.tobytes() not in known:
             return None
+        here, ahead = known[near.tobytes()], row.dot(guess - near)
+        factors: Dense | Factors | None = None
+        for key in () if is_large(here) else [*known]:
+            back = near - np.frombuffer(key)
+            length = row.dot(back)
+            # of a place about as far behind: how the derivative changes goes on beyond this one
+            if 0.25 * ahead < length < 4.0 * ahead and self.length(back) < 2.0 * length:
+                factors = Dense(here + ahead / length * (here - known[key]), row)
+        factors = factors or self.factors(near, row)
         roughly = partial(self.equations, function=self.problem.roughly)
-        factors = self.factors(near, row)
         return chord(self, roughly, factors, guess, row, tolerance)
 
     def kernels(self) -> tuple[Walker, Any] | None:
@@ -211,14 +221,15 @@ class Curve:
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
-    def cached(self, what: str, z: Array, make: Callable[[Array], T]) -> T:
-        """Make something of z once for the latest places: all events ask in turn."""
+    def cached(self, what: str, z: Array, make: Callable[[Array], T], *, keep: bool = False) -> T:
+        """Make something of z once for the latest places: all events ask in turn. Or for any place,
+        where it is to be kept."""
         recent, key = self._known[what], z.tobytes()
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
             most = 4 if self.size >= FEW else 64  # of few unknowns little is kept
-            for oldest in [*recent][:-most]:  # another thread may be at it as well
+            for oldest in () if keep else [*recent][:-most]:  # another thread may be at it as well
                 recent.pop(oldest, None)
         made: T = value
         return made

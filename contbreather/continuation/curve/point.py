@@ -170,11 +170,12 @@ class Point(HtmlRepr):
     def solution(self) -> Any:
         """Meaning of this point to the user of its problem, an `Orbit` for instance."""
         base = self.base_point
-        interpret = base.curve.problem.interpret
+        problem, interpret = base.curve.problem, base.curve.problem.interpret
         if interpret is None:
             said = f"point[{base.curve.problem.names[0]!r}] for instance"
             raise BadInput(f"this problem says no more of a point than its values, {said}")
-        return base.curve.cached("solution", base.z, lambda z: interpret(base))
+        make, keep = lambda z: interpret(base), problem.keeps_solutions
+        return base.curve.cached("solution", base.z, make, keep=keep)
 
     def __getattr__(self, name: str) -> Any:
         """Answer what the solution answers, too: ``point.state(sites=20)`` of an orbit.

@@ -39,6 +39,8 @@ class Structure:
     # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
     # last point are tried first, the residual to the accuracy that such an iteration needs
     roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
+    # whether columns of a branch are made of solutions that the walk has come by anyway
+    keeps_solutions: ClassVar[bool] = False
     # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
     # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
     closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None

@@ -114,7 +114,7 @@ def quiet_steps(
     known: these are asked at `first`, the second place, and the points that follow."""
     values, steps = tests.astype(float), np.diff(places)
     start, end = values[:, 1:-1], values[:, 2:]
-    blank = np.isnan(start) & np.isnan(end)  # what is between has nothing to change from
+    blank, several = np.isnan(start) & np.isnan(end), len(points) > 1  # no value to change from
     quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
     for i, event in enumerate(events):
         if event.test is None:
@@ -126,7 +126,7 @@ def quiet_steps(
                 quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
         elif event.count is not None:
             quiet[i] &= ~(abs(np.diff(counts[i], prepend=count_at(event, first))) > 1)
-        if len(points) > 1 and event.matrix:
+        if several and event.matrix:
             # matrices say more of what is between two points than values do
             matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
             if matrices is None:

@@ -58,6 +58,9 @@ class Singular:
 
 def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
     """Tell on which steps between small matrices no interpolation is singular."""
+    if len(stack) == 1:
+        change = Dense(first).solve(first - stack[0])
+        return np.array([False]) if change is None else _reaches_nothing(change[None])
     stack = np.concatenate([[first], stack])
     try:
         return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
