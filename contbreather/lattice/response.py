@@ -19,7 +19,7 @@ of the orbit.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -35,13 +35,14 @@ from contbreather.lattice.modal_waves import (
     BY_DAMPING,
     BY_GAMMA,
     BY_SPRING,
-    MODAL_INTERACTIONS,
+    MODAL_PLACE,
     MOST,
     RADIUS,
     RATE,
     SIZE,
     VALUE,
     WAVES,
+    Medium,
     ModeWaves,
     Recurring,
 )
@@ -64,6 +65,7 @@ Array = NDArray[Any]
 Sites = tuple[int, ...]
 Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of the orbit
 
+BY = {"gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}  # first rows of derivatives
 RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
 PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
@@ -72,7 +74,7 @@ class Resonance(BadInput):
     """A mode of the lattice follows the impacts without bound."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # `answers_of` keeps them, and finds each again
 class Response:
     """Answer of a lattice to the drive and to recurring impulses at some of its sites.
 
@@ -132,6 +134,21 @@ class Response:
             out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
         return out
 
+    def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """`interactions`, and the forced motion of each impact's site."""
+        return self.interactions(times), self.forced(self.hits, times)
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of both along a direction of the parameters, without the third."""
+        h, f = np.zeros((3, times.size, times.size)), np.zeros((3, times.size))
+        for name, rate in rates.items():
+            f += rate * self.forced_slope(name, self.hits, times)
+            if name in HELD and name not in self.drive.params:
+                h += rate * self.interactions(times, name)[:3]
+        return h, f
+
     # ------------------------------------------------------------------------ to the drive
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
@@ -168,18 +185,18 @@ class Response:
         are held at 0, and what it pulls at these with, per mass; or derivatives."""
         return np.zeros(1), np.zeros(len(self.hit))
 
-    def varied(self, name: str) -> Response:
-        """Itself, as one that has derivatives in a parameter."""
+    def varied(self, *names: str) -> Response:
+        """Itself, as one that has derivatives in parameters."""
         return self
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UniformResponse(Response):
     """Response of the infinite chain, and of rings without losses, in closed form, to drives
     without a mean."""
 
-    def varied(self, name: str) -> Response:
-        held = name in ("damping", "spring") and name not in self.drive.params
+    def varied(self, *names: str) -> Response:
+        held = {"damping", "spring"}.intersection(names) - self.drive.params.keys()
         return ModalResponse(*(getattr(self, f.name) for f in fields(self))) if held else self
 
     def table(self, sites: Sites, by: str = "") -> Responses:
@@ -232,7 +249,7 @@ def harmonics(turns: int, sign: int) -> tuple[float, float]:
     return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModalResponse(Response):
     """Response of any finite lattice with masses, damping and springs, mode by mode."""
 
@@ -246,30 +263,34 @@ class ModalResponse(Response):
         """Squared frequencies of the modes."""
         return np.asarray(self.gamma * self.basis.lam + self.spring)
 
-    @cached_property
+    @property
     def kicks(self) -> FloatArray:
         """Kicks of the modes by an impulse at each site that is hit, (r, K)."""
-        hit = np.array(self.hit)
-        return np.asarray(self.basis.at(hit) * self.lattice.masses[hit][:, None])
+        return _kicks(self.lattice, self.hit)
 
     # ------------------------------------------------------------------------ to impulses
 
     @cached_property
     def _waves(self) -> ModeWaves:
         """Waves of the modes with their slopes, for kernels."""
-        K, swings = self.z.size, np.zeros(self.z.size)
-        for i, w in self.resonant:
-            swings[i] = w
-        room = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
-        waves = ModeWaves(*room, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
-        WAVES(self.z, swings, float(self.damping), self._section, waves)
-        if not (waves.apart > RESONANT).all():
-            w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise Resonance(
-                f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
-                "resonance with the orbit: change gamma or spring, or give it damping."
-            )
+        waves = _room(self.basis.lam.size)
+        WAVES(self._medium, self._section, waves)
+        self._check_apart(waves)
         return waves
+
+    @property
+    def _medium(self) -> Medium:
+        lam, swings = _swings(self.lattice, self.hit, self.resonant)
+        return Medium(lam, swings, float(self.gamma), float(self.spring), float(self.damping))
+
+    def _check_apart(self, waves: ModeWaves) -> None:
+        if waves.apart.min() > RESONANT:
+            return
+        w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
+        raise Resonance(
+            f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
+            "resonance with the orbit: change gamma or spring, or give it damping."
+        )
 
     @property
     def _section(self) -> Recurring:
@@ -282,7 +303,21 @@ class ModalResponse(Response):
         return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
-        return _modal_interactions(self, times.tobytes())[by]
+        rows = _modal_place(self, times.tobytes())[0]
+        return rows[BY[by] : BY[by] + 3] if by else rows[VALUE:4]
+
+    def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        h, f = _modal_place(self, times.tobytes())
+        return h[VALUE:4], f[VALUE:4]
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        if not rates.keys().isdisjoint(self.drive.params):
+            return super().slopes_at_impacts(times, rates)
+        way, rows = [rates.get(name, 0.0) for name in BY], _modal_place(self, times.tobytes())
+        h, f = (np.dot(way, of[4:].reshape(3, -1)).reshape(3, *of.shape[1:]) for of in rows)
+        return h, f
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
@@ -443,11 +478,12 @@ class ModalResponse(Response):
         return weights[0] * self._at_rest.bonds + weights[1] * self._at_rest.springs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    interactions = Response.interactions
+    interactions, at_impacts = Response.interactions, Response.at_impacts
+    slopes_at_impacts = Response.slopes_at_impacts
 
     @cached_property
     def basis(self) -> Basis:
@@ -487,23 +523,69 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
 
 
 @lru_cache(maxsize=16)
-def _modal_interactions(of: ModalResponse, times: bytes) -> dict[str, FloatArray]:
-    """Interactions, and what they change by: kept, as equations and their slopes ask in turn."""
-    at = np.frombuffer(times)
-    out = np.empty((13, at.size, at.size))
-    lam, weights = _couplings(of.lattice, of.hits)
-    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, float(of.damping), at, out)
-    first = {"": VALUE, "gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}
-    return {name: out[row : row + (3 if name else 4)] for name, row in first.items()}
+def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
+    """What it answers at the impacts, and what that changes by: kept, as equations and their slopes
+    ask in turn."""
+    at, modes = np.frombuffer(times), of._medium
+    waves = _room(modes.lam.size)
+    out, forced = np.empty((13, at.size, at.size)), np.empty((13, at.size))
+    weights, drive = _couplings(of.lattice, of.hits), _pushes(of.lattice, of.drive, of.hits)
+    MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
+    of._check_apart(waves)
+    of.__dict__["_waves"] = waves  # all its answers are made of these
+    if math.isnan(forced[VALUE].sum()):
+        of.driven()  # says why
+    return out, forced
 
 
 @lru_cache(maxsize=64)
-def _couplings(lattice: Any, hits: Sites) -> tuple[FloatArray, FloatArray]:
-    """lam of each mode, and how strongly it passes an impulse on from each impact to each."""
+def _kicks(lattice: Any, hit: Sites) -> FloatArray:
+    sites = np.array(hit)
+    return np.asarray(lattice.basis(hit).at(sites) * lattice.masses[sites][:, None])
+
+
+@lru_cache(maxsize=64)
+def _weights(lattice: Any, hit: Sites, sites: Sites) -> FloatArray:
+    """How strongly each mode passes an impulse on from each site that is hit to each."""
+    kicks = _kicks(lattice, hit)
+    return np.asarray(
+        (lattice.basis(hit).at(np.array(sites))[:, None] * kicks).reshape(-1, kicks.shape[1])
+    )
+
+
+def _room(K: int) -> ModeWaves:
+    parts = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
+    return ModeWaves(*parts, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
+
+
+@lru_cache(maxsize=64)
+def _swings(lattice: Any, hit: Sites, resonant: Resonant) -> tuple[FloatArray, FloatArray]:
+    """lam of each mode, and its harmonic that is taken out."""
+    lam: FloatArray = lattice.basis(hit).lam
+    swings = np.zeros(lam.size)
+    for i, w in resonant:
+        swings[i] = w
+    return lam, swings
+
+
+@lru_cache(maxsize=64)
+def _couplings(lattice: Any, hits: Sites) -> FloatArray:
+    """How strongly each mode passes an impulse on from each impact to each."""
     sites = np.array(hits)
-    basis = lattice.basis(tuple(sorted({*hits})))
-    values = basis.at(sites)
-    return basis.lam, values[:, None] * (values * lattice.masses[sites][:, None])
+    values = lattice.basis(tuple(sorted({*hits}))).at(sites)
+    return np.asarray(values[:, None] * (values * lattice.masses[sites][:, None]))
+
+
+@lru_cache(maxsize=64)
+def _pushes(lattice: Any, drive: Forcing, hits: Sites) -> FloatArray:
+    """Rows for `driven_motion`."""
+    from contbreather.lattice.modal_flow import driven_modes
+
+    m, shapes, lam, pushes, limits = driven_modes(lattice, drive)
+    shapes = shapes[list(hits)] if len(shapes) > 1 else shapes[np.zeros(len(hits), dtype=int)]
+    rows = np.broadcast_arrays(lam, m, pushes.real, pushes.imag, limits)
+    at = [np.broadcast_to(shape[:, None], pushes.shape) for shape in shapes]
+    return np.array([*rows, *at]).reshape(5 + len(hits), -1).T.copy()
 
 
 @lru_cache(maxsize=256)
@@ -512,8 +594,9 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     sizes, level = waves.sizes, waves.level
     if by == "damping":
         sizes, level = sizes * waves.rates, 0.0 * level
-    kicks = of.kicks * of.basis.lam if by == "gamma" else of.kicks  # dz/dgamma
-    weights = (of.basis.at(np.array(sites))[:, None] * kicks).reshape(-1, level.size)
+    weights = _weights(of.lattice, of.hit, sites)
+    if by == "gamma":
+        weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes
     return _as_table(of, sites, weights @ level, waves.rates, grown)
 

@@ -289,7 +289,7 @@ class ByImpacts:
         if self.resonant:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
-            slopes[name] = self.equations.moved(at, on.params, name)[2]
+            slopes[name] = self.equations.moved(at, {name: 1.0})[2]
         slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
         if "k" in names:
             slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
@@ -375,7 +375,6 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=equations.residual,
         start=equations.named(motion.x),
         params=params if endless else on.params,
-        jacobian=equations.jacobian,
         equations=equations,
         events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
         record=_columns(on, section, threshold),

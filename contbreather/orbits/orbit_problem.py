@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,7 @@ class OrbitProblem(Problem):
     conditions: Conditions = field(kw_only=True)
     section: Section = field(kw_only=True)
     threshold: float = field(kw_only=True)
+    tested: ClassVar[bool] = True
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
@@ -85,6 +86,13 @@ class OrbitProblem(Problem):
 
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
         return Orbit(self.motion_at(point.x, point.params))
+
+    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
+        """Derivatives in the unknowns, and along directions of the parameters: rates by name."""
+        raise NotImplementedError
+
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+        return self.along(x, params, [{name: 1.0} for name in free])
 
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
@@ -115,8 +123,8 @@ class OrbitProblem(Problem):
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
         domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
-        ties = _TiesOfDrive(driven.ties.base, driven.ties.functions, driven.ties.domain)
-        residual = partial(_in_users_units, driven.residual)
+        ties = _TiesOfDrive(self, driven.ties.functions, driven.ties.domain)
+        residual = partial(_in_users_units, ties.of(self.residual))
         return replace(driven, residual=residual, ties=ties, domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
@@ -147,9 +155,10 @@ class OrbitProblemByEquations(OrbitProblem):
 
     equations: Any = field(kw_only=True)
 
-    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:  # type: ignore[override]
-        derivative: FloatArray = self.equations.sensitivity(x, params, name)
-        return derivative
+    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
+        of = self.equations
+        columns = [of.along(x, params, way) for way in rates]
+        return np.column_stack([of.jacobian(x, params), *columns])
 
 
 def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
@@ -171,8 +180,29 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
 
 
 class _TiesOfDrive(Ties):
-    def untied(self, *given: Any) -> Any:
-        return _in_users_units(super().untied, *given)
+    def __call__(self, params: Params) -> dict[str, Any]:
+        omega = params["omega"]
+        return {n: params[n] / omega ** POWERS.get(n, 0) for n in self.functions}
+
+    def within(self, params: Params) -> dict[str, Any]:
+        return _in_users_units(super().within, params)
+
+    def slopes(self, params: Params, free: tuple[str, ...]) -> dict[str, FloatArray]:
+        ways = [self.rates(params, name) for name in free]
+        names = [name for name in self.functions if any(name in way for way in ways)]
+        return {name: np.array([way.get(name, 0.0) for way in ways]) for name in names}
+
+    def rates(self, params: Params, name: str) -> dict[str, float]:
+        """How fast those of the base change with one."""
+        omega = params["omega"]
+        if name != "omega":
+            return {name: omega ** -POWERS.get(name, 0)}
+        by = {
+            n: -power * params[n] / omega ** (power + 1)
+            for n, power in POWERS.items()
+            if n in params
+        }
+        return {n: rate for n, rate in by.items() if rate}
 
 
 def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
@@ -182,6 +212,8 @@ def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivenProblem(TiedProblem, OrbitProblem):
     """Orbits under a drive of any frequency, by the equations in the time of the drive."""
+
+    tested: ClassVar[bool] = True
 
     @property
     def serialised(self) -> Mapping[str, Any]:
@@ -204,6 +236,11 @@ class DrivenProblem(TiedProblem, OrbitProblem):
         """Data of kernels, which know of omega."""
         base: Any = self.base
         return base.kernel_data(*given, **more)
+
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+        ties: Any = self.ties
+        base: Any = self.base
+        return base.along(x, ties.within(params), [ties.rates(params, name) for name in free])
 
     def simpler(self, point: Point) -> Problem | None:
         return OrbitProblem.simpler(self, point)
