@@ -50,6 +50,7 @@ class Medium(NamedTuple):
     gamma: float
     spring: float
     damping: float
+    circles: bool  # take means over circles for all modes: slopes then are waves of the same rates
 
 
 def find_waves(of: Medium, on: Recurring, out: ModeWaves) -> None:
@@ -58,7 +59,7 @@ def find_waves(of: Medium, on: Recurring, out: ModeWaves) -> None:
     for k in range(of.lam.size):
         z = of.gamma * of.lam[k] + of.spring
         apart = out.apart[k] = harmonic_gap(z, swings[k], damping, on)
-        slow = abs(z - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
+        slow = of.circles or abs(z - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
         if not on.half:
             slow = slow or abs(z) < CLOSE * apart
         out.level[k, 0] = out.level[k, 1] = 0.0

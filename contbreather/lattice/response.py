@@ -35,6 +35,7 @@ from contbreather.lattice.modal_waves import (
     BY_DAMPING,
     BY_GAMMA,
     BY_SPRING,
+    GROWTH,
     MODAL_PLACE,
     MOST,
     RADIUS,
@@ -244,6 +245,12 @@ class AnswerWaves(NamedTuple):
     level: FloatArray
 
 
+def _told(waves: ModeWaves, part: int) -> AnswerWaves:
+    n = int(waves.filled[0])
+    rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+    return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, int(part == GROWTH)].copy())
+
+
 def harmonics(turns: int, sign: int) -> tuple[float, float]:
     """The lowest harmonic of an orbit besides 0, and the distance between two."""
     return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
@@ -273,15 +280,19 @@ class ModalResponse(Response):
     @cached_property
     def _waves(self) -> ModeWaves:
         """Waves of the modes with their slopes, for kernels."""
-        waves = _room(self.basis.lam.size)
-        WAVES(self._medium, self._section, waves)
+        return self._found(self._medium)
+
+    def _found(self, modes: Medium) -> ModeWaves:
+        waves = _room(modes.lam.size)
+        WAVES(modes, self._section, waves)
         self._check_apart(waves)
         return waves
 
     @property
     def _medium(self) -> Medium:
         lam, swings = _swings(self.lattice, self.hit, self.resonant)
-        return Medium(lam, swings, float(self.gamma), float(self.spring), float(self.damping))
+        held = float(self.gamma), float(self.spring), float(self.damping)
+        return Medium(lam, swings, *held, False)
 
     def _check_apart(self, waves: ModeWaves) -> None:
         if waves.apart.min() > RESONANT:
@@ -298,9 +309,12 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        waves, n = self._waves, int(self._waves.filled[0])
-        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
-        return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
+        return _told(self._waves, SIZE)
+
+    @cached_property
+    def _slopes(self) -> AnswerWaves:
+        """Derivatives in z."""
+        return _told(self._found(self._medium._replace(circles=True)), GROWTH)
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         rows = _modal_place(self, times.tobytes())[0]
@@ -318,42 +332,6 @@ class ModalResponse(Response):
         way, rows = [rates.get(name, 0.0) for name in BY], _modal_place(self, times.tobytes())
         h, f = (np.dot(way, of[4:].reshape(3, -1)).reshape(3, *of.shape[1:]) for of in rows)
         return h, f
-
-    @cached_property
-    def _slopes(self) -> AnswerWaves:
-        """Derivatives in z."""
-        return self._with_circles([], np.zeros(self.z.size), np.arange(self.z.size), 1)
-
-    def _with_circles(
-        self, parts: list[Any], level: FloatArray, modes: Any, order: int
-    ) -> AnswerWaves:
-        if modes.size:
-            radius = RADIUS * self._waves.apart[modes]
-            rates, sizes, means = self._exponentials(self.z[modes] + radius * PLACES[:, None])
-            weight = (PLACES[:, None] * radius) ** -order / 8.0  # with conjugates: real parts
-            level[modes] = (means * weight).real.sum(axis=0)
-            which = np.broadcast_to(modes, rates[0].shape).ravel()
-            parts += [(rates[i].ravel(), (sizes[i] * weight).ravel(), which) for i in (0, 1)]
-        for i, w in self.resonant:
-            radius = RADIUS * self._waves.apart[i]
-            weight = (PLACES * radius) ** -order / 8.0
-            for turn in (1j * w, -1j * w):
-                gap = self.z[i] + radius * PLACES - w * w + turn * self.damping
-                size = (-weight / (self.length * gap)).sum(keepdims=True)
-                parts.append((np.array([turn]), size, np.array([i])))
-        rates, sizes, which = (np.concatenate(column) for column in zip(*parts, strict=True))
-        sorted_ = np.argsort(which, kind="stable")
-        return AnswerWaves(rates[sorted_], sizes[sorted_], which[sorted_], level)
-
-    def _exponentials(self, z: Array) -> tuple[Array, Array, Array]:
-        """Rates and amplitudes of both waves of a mode, and what is taken out of its mean."""
-        T, half = self.length, 0.5 * self.damping
-        w = np.sqrt(z - half * half)
-        rates = np.array([1j * w - half, -1j * w - half])
-        sizes = np.array([[1.0], [-1.0]]).reshape(2, *[1] * z.ndim) / (2j * w)
-        if self.sign < 0:
-            return rates, sizes / (1.0 + np.exp(rates * T)), np.zeros_like(z)
-        return rates, sizes / -np.expm1(rates * T), -1.0 / (z * T)
 
     def table(self, sites: Sites, by: str = "") -> Responses:
         return _modal_table(self, sites, by)

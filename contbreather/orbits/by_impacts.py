@@ -34,7 +34,7 @@ from contbreather.orbits.asymmetric_breather import (
     pitchfork_of_arms,
 )
 from contbreather.orbits.closure import general_roots
-from contbreather.orbits.grazing import GrazingSite
+from contbreather.orbits.grazing import GrazingSite, in_unknowns
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
 from contbreather.orbits.orbit_events import events_of, from_arms
@@ -53,7 +53,7 @@ from contbreather.orbits.section import (
     check_order,
     check_possible,
 )
-from contbreather.orbits.site_motion import SiteMotion, Terms
+from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import NAMES, NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, section_map
@@ -436,8 +436,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     does not. So that this end is known by one name, margins are those per asymmetry.
     """
     share = None if orbit.spring else orbit.representation.response.profile(site)
-    slopes, motion = partial(_motion_slopes, site, share), partial(_motion, site, share)
-    followed = GrazingSite(site, slopes, motion)
+    followed = GrazingSite(site, share)
     if orbit.section.symmetric:
         return followed
     arm = orbit.section.two_impacts and orbit.conditions.symmetric
@@ -449,32 +448,6 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
     return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
-
-
-def _motion(site: int, share: FloatArray | None, orbit: Orbit, t: float) -> Terms:
-    motion = orbit.motion
-    u, v, w = motion.at(site, t)
-    if share is None or not orbit.offsets:
-        return u, v, w
-    return u + float(share @ orbit.offsets - motion.offset(site)), v, w
-
-
-def _motion_slopes(
-    site: int, share: FloatArray | None, curve: Curve, orbit: Orbit, t: float
-) -> FloatArray:
-    """Slopes of displacement and velocity, in the time at last."""
-    slopes = orbit.motion.slopes(site, t, curve.free, share)
-    return in_unknowns(orbit, slopes, (*curve.problem.start, *curve.free, "t"))
-
-
-def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
-    """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
-    if "p" in names:  # of two impacts J = -2p and 2p
-        signs = np.sign(orbit.impulses)
-        by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
-        slopes = {**slopes, "p": by_p}
-    still = np.zeros_like(slopes["t1"])
-    return np.column_stack([slopes.get(name, still) for name in names])
 
 
 def _towards(side: float, point: Point) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -201,9 +201,10 @@ class ClosedForm:
         return defining_system(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        from contbreather.orbits.closed_problem import local_maximum
+        from contbreather.orbits.closed_problem import contact_walker
+        from contbreather.orbits.grazing import GrazingSite
 
-        return local_maximum(self, site)
+        return GrazingSite(site, walker=partial(contact_walker, self.lattice.distance(site)))
 
     def speed_slope(self, j: int) -> None:
         """(11) has no root with p = 0."""

@@ -47,7 +47,6 @@ from contbreather.orbits.closure import (
     terms_at,
     terms_derivative,
 )
-from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_of, saddle_node
 from contbreather.orbits.orbit_problem import (
@@ -329,19 +328,20 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
-def _scalar_walker(name: str, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+def _scalar_walker(fold: bool, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
     # its pitchfork with springs is no scalar that kernels have
-    data = problem.kernel_data(free, params, held=name == "FOLD")
-    return data and (getattr(kernels, name), data)  # by its name it is sent to other processes
+    data = problem.kernel_data(free, params, held=fold)
+    mean = data and (data.chi if fold else data.sigma)
+    return data and (kernels.SCALAR, kernels.ScalarData(data, mean, fold))
 
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), partial(_scalar_walker, "FOLD"),
+    partial(terms_derivative, mean="chi"), partial(_scalar_walker, True),
 )  # fmt: skip
 PITCHFORK = Scalar(
     pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative,
-    partial(_scalar_walker, "PITCHFORK"),
+    partial(_scalar_walker, False),
 )  # fmt: skip
 
 
@@ -372,12 +372,7 @@ def _pair_walker(problem: Any, free: tuple[str, ...], params: Mapping[str, float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def local_maximum(breather: Breather, site: int) -> GrazingSite:
-    distance = breather.lattice.distance(site)
-    return GrazingSite(site, partial(_slopes, site), walker=partial(_contact_walker, distance))
-
-
-def _contact_walker(
+def contact_walker(
     distance: int, wall: float, problem: Any, free: tuple[str, ...], params: Mapping[str, float]
 ) -> Any:
     """On the infinite chain alone."""
@@ -389,10 +384,3 @@ def _contact_walker(
     responses = half_period_green(lattice, 0.0, (distance, distance))  # but for its table
     responses = responses._replace(table=np.zeros(responses.table.shape))
     return kernels.CONTACT, kernels.ContactData(data, wall, distance, expansions.copy(), responses)
-
-
-def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
-    """Slopes of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
-    slopes = orbit.motion.slopes(site, t, curve.free)
-    slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
-    return np.array([slopes[name] for name in (*curve.slots, "t")]).T
