@@ -196,24 +196,9 @@ def periodic_green(
     periods: int = 1,
     by: str = "",
 ) -> Responses:
-    """The periodic Green's function of sites to impulses at others, without its static part.
-
-    Parameters
-    ----------
-    lattice : InfiniteChain or Ring
-    gamma : float
-        Coupling in [0, 1/4).
-    sites, hits : tuple of int
-        Those that are watched, and those that are pushed.
-    periods : int
-        n, for impulses that recur after 2 pi n.
-    by : {"", "gamma"}
-        Its derivative in the coupling.
-
-    Raises
-    ------
-    BadInput
-        Where a harmonic 1/n lies in the band of the infinite chain, ``gamma >= 1/(4 n^2)``.
+    """The periodic Green's function of sites to impulses at others that recur after 2 pi n, without
+    its static part; or its derivative in the coupling. `BadInput` where a harmonic 1/n lies in the
+    band of the infinite chain, ``gamma >= 1/(4 n^2)``.
     """
     apart = [[lattice.distance(site - hit) for hit in hits] for site in sites]
     distances, places = np.unique(apart, return_inverse=True)

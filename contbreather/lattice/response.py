@@ -77,30 +77,17 @@ class Resonance(BadInput):
 
 @dataclass(frozen=True, eq=False)  # `answers_of` keeps them, and finds each again
 class Response:
-    """Answer of a lattice to the drive and to recurring impulses at some of its sites.
-
-    Parameters
-    ----------
-    lattice : InfiniteChain, Ring or Lattice
-    drive : Forcing
-    gamma, spring, damping : float
-    hits : tuple of int
-        The site of each impact of a section.
-    turns, sign : int
-        Of the section.
-    resonant : sequence of (mode, frequency)
-        Modes whose amplitude at a harmonic of the orbit is an unknown.
-    """
+    """Answer of a lattice to the drive and to recurring impulses at some of its sites."""
 
     lattice: Any
     drive: Forcing
     gamma: float
     spring: float
     damping: float
-    hits: Sites
+    hits: Sites  # the site of each impact of a section
     turns: int
     sign: int
-    resonant: Resonant = ()
+    resonant: Resonant = ()  # modes whose amplitude at a harmonic of the orbit is an unknown
 
     @cached_property
     def hit(self) -> Sites:

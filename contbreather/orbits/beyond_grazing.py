@@ -40,18 +40,10 @@ _SIMULATED = {
 
 @dataclass(frozen=True)
 class GrazingSwitch(SwitchingProblem):
-    """An orbit at GR or VI as a problem of other impacts.
+    """An orbit at GR or VI as a problem of other impacts."""
 
-    Parameters
-    ----------
-    point : Point
-        On the branch that ends there.
-    contacts : tuple of Impact
-        What is an impact on one of both branches only.
-    """
-
-    point: Point = field(kw_only=True)
-    contacts: tuple[Impact, ...] = field(kw_only=True)
+    point: Point = field(kw_only=True)  # on the branch that ends there
+    contacts: tuple[Impact, ...] = field(kw_only=True)  # impacts on one of both branches only
 
     def seeds(self) -> tuple[Seed, ...]:
         """The start of the branch, and what becomes of the orbit: it "persists" as one with other
@@ -115,15 +107,6 @@ class GrazingSwitch(SwitchingProblem):
 def past_grazing(point: Point) -> GrazingSwitch:
     """Switch from GR to the orbit with impacts where sites touch their walls, from VI to the one
     without those that vanish.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
-    >>> end = cb.trace(ring, "a", towards="up").first("GR")
-    >>> start = cb.switch(end, within={"a": (0.85, 1)})[0][0]
-    >>> start.solution.section.describe(), start["beyond"]
-    ('period 2 pi, impacts 0+ 1+ 8+, half of a symmetric orbit', 'fold')
     """
     orbit: Orbit = point.solution
     contacts, there = _vanished(orbit) if point.kind == "VI" else _touching(orbit)

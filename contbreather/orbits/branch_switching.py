@@ -34,14 +34,10 @@ class OrbitSwitching(SwitchingProblem):
     """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
     branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
     comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
-
-    Parameters
-    ----------
-    along : ndarray, optional
-        The tangent of the branch there, where on the arms neighbours that hit their walls at once
-        do so in one order or the other: then they leave with a kink.
     """
 
+    # the tangent of the branch there, where on the arms neighbours that hit their walls at once do
+    # so in one order or the other: then they leave with a kink
     along: FloatArray | None = None
 
     def seeds(self) -> tuple[Seed, ...]:
@@ -65,28 +61,10 @@ class OrbitSwitching(SwitchingProblem):
 
 
 def lift(point: Point) -> OrbitSwitching:
-    """The orbit of a pitchfork or a period doubling with one section and the next as one.
+    """The orbit of a located PF or PD with one section and the next as one.
 
-    Parameters
-    ----------
-    point : Point
-        A located PF or PD on a branch of orbits, ``branch.first("PF")``.
-
-    Raises
-    ------
-    BadInput
-        If it is none, or if orbits of twice the period radiate: on the infinite chain from
-        gamma = 1/(16 n^2) on.
-    NotConverged
-        If the equations of the longer orbit are regular there.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", towards="up", within={"a": (0, 0.8)})
-    >>> arm = orbit_at(lift(branch.first("PF")).arm(0.02))
-    >>> round(arm.asymmetry, 3)
-    0.028
+    `BadInput` if it is none, or if orbits of twice the period radiate: on the infinite chain from
+    gamma = 1/(16 n^2) on. `NotConverged` if the equations of the longer orbit are regular there.
     """
     orbit, free = _orbit_at(point), point.curve.free[-1]
     problem = _lifted(orbit).having(free)

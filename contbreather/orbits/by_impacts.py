@@ -66,32 +66,15 @@ Params = Mapping[str, float]
 
 @dataclass(frozen=True)
 class ByImpacts:
-    """The motion with any impacts, on any lattice: a solution of `OrbitEquations`.
-
-    Attributes
-    ----------
-    conditions : Conditions
-        On the infinite chain without damping and springs.
-    section : Section
-    impacts : tuple of Impact
-        Those of one section; times count modulo the period.
-    offsets : tuple of float
-        Static displacement of each impacting site, from left to right; none of half an orbit.
-    resonant, amplitudes
-        Modes that may have a harmonic of the orbit for their frequency, and how they move.
-
-    Raises
-    ------
-    BadInput
-        Of the infinite chain, for impulses that push a site into its wall, or parameters out of
-        range.
+    """The motion with any impacts, on any lattice: a solution of `OrbitEquations`. Times count
+    modulo the period; the infinite chain has no damping and no springs.
     """
 
     conditions: Conditions
     section: Section
-    impacts: tuple[Impact, ...]
-    offsets: tuple[float, ...]
-    resonant: Resonant = ()
+    impacts: tuple[Impact, ...]  # of one section
+    offsets: tuple[float, ...]  # of each impacting site, from left to right; none of half an orbit
+    resonant: Resonant = ()  # modes that may have a harmonic of the orbit for their frequency
     amplitudes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -225,15 +208,7 @@ class ByImpacts:
 
     @property
     def family(self) -> str:
-        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`.
-
-        Examples
-        --------
-        >>> from contbreather.lattice import Ring
-        >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
-        >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
-        ['upper', 'lower']
-        """
+        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`."""
         k = self.conditions.at_sites("k", self.impacts[0].site)
         chi, loss = _closure(self.terms.h, float(k))
         _, slope, bend, _ = self.terms.forced[:, 0]
@@ -544,21 +519,8 @@ def _closure(h: FloatArray, k: float) -> tuple[float, float]:
 
 
 def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
-    """Symmetric orbits of one impacting site of a finite lattice, by descending p.
-
-    Raises
-    ------
-    BadInput
-        In resonance: a mode whose frequency is an odd whole number, without damping.
-    NoSolution
-        If the forcing is too weak for any.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Ring
-    >>> orbit = symmetric_orbits(0, Conditions(0.5, 0.12, 0.4, lattice=Ring(20)))[0]
-    >>> round(orbit.p, 9), round(orbit.phi, 9)
-    (0.680056002, -2.519293143)
+    """Symmetric orbits of one impacting site of a finite lattice, by descending p: `BadInput` in
+    resonance, a mode with an odd whole number for its frequency, without damping.
     """
     section = Section(((site, 1),), sign=-1).placed(on.lattice)
     (site, _) = section.impacts[0]

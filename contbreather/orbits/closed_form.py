@@ -65,16 +65,6 @@ HALF = Section(((0, 1),), sign=-1)
 class ClosedForm:
     """The motion of a symmetric breather, from the roots (p, phi) of (11): one site of the infinite
     chain or of a ring that hits its walls in turn, at phi and phi + pi.
-
-    Attributes
-    ----------
-    a, gamma, k : float
-        Amplitude of the forcing, coupling, restitution coefficient.
-    p, phi : float
-        Half the momentum of an impact, and its phase lag.
-    forcing : Forcing
-        Where springs hold the sites to the ground, `SpringResponse`, the response to a forcing.
-    lattice : InfiniteChain or Ring
     """
 
     a: float
@@ -82,6 +72,7 @@ class ClosedForm:
     k: float
     p: float
     phi: float
+    # where springs hold the sites to the ground a `SpringResponse`
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: UniformLattice = field(default_factory=InfiniteChain)
 

@@ -216,12 +216,8 @@ def other_contacts(
 
 
 def shallow_impact(orbit: Orbit) -> DefiningSystem:
-    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0.
-
-    Raises
-    ------
-    Undefined
-        Where they do not, or with k = 0.
+    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0;
+    `Undefined` where they do not, or with k = 0.
     """
     j = int(abs(orbit.incoming).argmin())
     slope = orbit.representation.speed_slope(j)

@@ -48,23 +48,13 @@ class OrbitEquations:
 
     ``x = (t_1..t_m, J_1..J_m, c..., amplitudes...)``; ``params`` names a, gamma, k, damping and
     spring where they are not 0, and those of the forcing.
-
-    Parameters
-    ----------
-    section : Section
-        The impacts of one section, in order.
-    forcing : Forcing
-    lattice : InfiniteChain, Ring or Lattice
-    at : Walls
-    resonant : sequence of (mode, frequency)
-        Modes whose amplitudes, cosine and sine, are unknowns.
     """
 
     section: Section
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Any = field(default_factory=InfiniteChain)
     at: Walls = field(default_factory=Walls)
-    resonant: Resonant = ()
+    resonant: Resonant = ()  # modes whose amplitudes, cosine and sine, are unknowns
 
     def __post_init__(self) -> None:
         if self.lattice.sites is not None:

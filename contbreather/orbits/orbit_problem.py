@@ -45,25 +45,13 @@ Make = TypeVar("Make", bound=Callable[..., Problem])
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrbitProblem(Problem):
-    """A `Problem` with orbits for its points.
+    """A `Problem` with orbits for its points."""
 
-    Parameters
-    ----------
-    kind : str
-        By which files make it again, see `read_by`.
-    motion_at : callable
-        The representation with given unknowns and parameters.
-    conditions, section
-        Of the orbit it was made for.
-    threshold : float
-        Of its events, on finite lattices.
-    """
-
-    kind: str = field(kw_only=True)
-    motion_at: At = field(kw_only=True)
-    conditions: Conditions = field(kw_only=True)
+    kind: str = field(kw_only=True)  # by which files make it again, see `read_by`
+    motion_at: At = field(kw_only=True)  # the representation with given unknowns and parameters
+    conditions: Conditions = field(kw_only=True)  # of the orbit it was made for
     section: Section = field(kw_only=True)
-    threshold: float = field(kw_only=True)
+    threshold: float = field(kw_only=True)  # of its events, on finite lattices
     tested: ClassVar[bool] = True
 
     @classmethod
@@ -434,17 +422,10 @@ Slopes = Callable[[Any, Curve, FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class OnCircle:
-    """``radius exp(i pi nu)`` is a multiplier over the section.
-
-    Parameters
-    ----------
-    radius : float
-    nu : float, optional
-        0 or 1, for a real multiplier; else one more unknown.
-    """
+    """``radius exp(i pi nu)`` is a multiplier over the section."""
 
     radius: float = 1.0
-    nu: float | None = None
+    nu: float | None = None  # 0 or 1, for a real multiplier; else one more unknown
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
         """Its locus, by ``slopes(of, curve, z, extra)``, the derivative along a curve."""
