@@ -107,6 +107,15 @@ class GrazingSwitch(SwitchingProblem):
 def past_grazing(point: Point) -> GrazingSwitch:
     """Switch from GR to the orbit with impacts where sites touch their walls, from VI to the one
     without those that vanish.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
+    >>> end = cb.trace(ring, "a", towards="up").first("GR")
+    >>> start = cb.switch(end, within={"a": (0.85, 1)})[0][0]
+    >>> start.solution.section.describe(), start["beyond"]
+    ('period 2 pi, impacts 0+ 1+ 8+, half of a symmetric orbit', 'fold')
     """
     orbit: Orbit = point.solution
     contacts, there = _vanished(orbit) if point.kind == "VI" else _touching(orbit)

@@ -61,10 +61,28 @@ class OrbitSwitching(SwitchingProblem):
 
 
 def lift(point: Point) -> OrbitSwitching:
-    """The orbit of a located PF or PD with one section and the next as one.
+    """The orbit of a pitchfork or a period doubling with one section and the next as one.
 
-    `BadInput` if it is none, or if orbits of twice the period radiate: on the infinite chain from
-    gamma = 1/(16 n^2) on. `NotConverged` if the equations of the longer orbit are regular there.
+    Parameters
+    ----------
+    point : Point
+        A located PF or PD on a branch of orbits, ``branch.first("PF")``.
+
+    Raises
+    ------
+    BadInput
+        If it is none, or if orbits of twice the period radiate: on the infinite chain from
+        gamma = 1/(16 n^2) on.
+    NotConverged
+        If the equations of the longer orbit are regular there.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", towards="up", within={"a": (0, 0.8)})
+    >>> arm = orbit_at(lift(branch.first("PF")).arm(0.02))
+    >>> round(arm.asymmetry, 3)
+    0.028
     """
     orbit, free = _orbit_at(point), point.curve.free[-1]
     problem = _lifted(orbit).having(free)

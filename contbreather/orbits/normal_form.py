@@ -85,9 +85,31 @@ class PitchforkForm(HtmlRepr):
 
 
 def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
-    """Criticality and coefficient of the pitchfork of a symmetric orbit that is at one, in any
-    representation, along any of its parameters. `Undefined` where a second multiplier is 1, or no
-    orbit is beside this one.
+    """Criticality and coefficient of the pitchfork of a symmetric orbit, in any representation.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        At its pitchfork, ``branch.first("PF").solution``.
+    free : str
+        Any of its parameters.
+
+    Raises
+    ------
+    BadInput
+        If there is no such parameter, or this orbit is at no pitchfork.
+    Undefined
+        Where a second multiplier is 1, or no orbit is beside this one.
+
+    Examples
+    --------
+    At gamma = 0 everything is elementary:
+
+    >>> import contbreather as cb, math
+    >>> a = 2 * math.sqrt(4 + (math.pi / 9) ** 2) / (math.pi**2 - 4)
+    >>> form = pitchfork_form(cb.symmetric(a, 0.0, 0.8))
+    >>> form.criticality, round(form.coefficient, 3)
+    ('supercritical', 9.166)
     """
     curve = Curve(orbit.problem.having(free), (free,))
     upwards = np.eye(1, curve.start.size, curve.size)[0]

@@ -346,7 +346,8 @@ def test_what_is_about_the_band_is_in_the_time_of_the_drive():
 def test_what_is_proved_at_a_frequency_holds_the_scaled_breather(free):
     orbit, scaled = driven("chain", 1.3)
     proof, same = certify(orbit), certify(scaled)
-    assert proof.exists and proof.unique and proof.admissible and proof.unstable == same.unstable
+    assert (proof.exists, proof.unique, proof.admissible) == (True, True, True)
+    assert proof.unstable == same.unstable
     for name in ("p", "phi", "chi", "b"):
         one, other = proof.enclosure[name], same.enclosure[name]
         assert max(one.low, other.low) <= min(one.high, other.high) + 1e-14
@@ -356,7 +357,8 @@ def test_what_is_proved_at_a_frequency_holds_the_scaled_breather(free):
     ends = (here, 1.05 * here)
     branch = cb.trace(start, free, within={free: ends}, towards="up", progress=False)
     covering = certify(branch)
-    assert covering.tiles and not covering.unproved
+    assert covering.tiles
+    assert not covering.unproved
     for point in branch:
         tile = next(t for t in covering.tiles if t.covers.low <= point[t.along] <= t.covers.high)
         assert all(box.low <= point[n] <= box.high for n, box in tile.box.items())
