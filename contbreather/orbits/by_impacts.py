@@ -391,12 +391,11 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
     return domain
 
 
-def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -> ByImpacts:
-    """The orbit in a file of shooting, whose first unknowns were the times."""
-    return ByImpacts.closest(on.at(params), section, x[: section.count])
-
-
-read_by("shooting", _by_times)(impact_problem)
+# in a file of shooting the first unknowns were the times
+read_by(
+    "shooting",
+    lambda on, section, x, params: ByImpacts.closest(on.at(params), section, x[: section.count]),
+)(impact_problem)
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------

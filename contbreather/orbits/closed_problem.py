@@ -56,7 +56,6 @@ from contbreather.orbits.orbit_problem import (
     ring_label,
     unstable_by,
 )
-from contbreather.orbits.section import Section
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.one_impact import band_workspace
 from contbreather.stability.verdict import THRESHOLD
@@ -183,6 +182,9 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         # parameter by itself
         domain["gamma"] = 0.0, gamma.domain[1] - 0.25 * on.spring
         domain["spring"] = 0.0, 1.0 - gamma.margin - 4.0 * on.gamma
+    # of asymmetric breathers the first time is an unknown; (3): the wall +1 at phi
+    of_arms = {} if "t1" in forcing.params else {"t1": Implied(itemgetter("phi"))}
+    of_arms |= of_whole_period(motion.section, ["phi"], forcing.params)
     return SymmetricProblem.of(
         "symmetric breather",
         partial(type(motion).of, forcing, lattice),
@@ -192,18 +194,11 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         start={"p": motion.p, "phi": motion.phi},
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
         events=(saddle_node(), *events_of(motion.section, on, threshold)),
-        record={"unstable": unstable_by(threshold), **_of_arms(motion.section, forcing.params)},
+        record={"unstable": unstable_by(threshold), **of_arms},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
-
-
-def _of_arms(section: Section, params: Mapping[str, float]) -> dict[str, Implied]:
-    """Columns that asymmetric breathers have: of them the first time is an unknown."""
-    # (3): the wall +1 at phi
-    first = {} if "t1" in params else {"t1": Implied(itemgetter("phi"))}
-    return first | of_whole_period(section, ["phi"], params)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -102,18 +103,17 @@ class OrbitProblem(Problem):
 
     def at_frequency(self, omega: float) -> DrivenProblem:
         """These equations in the time in which the drive has this frequency, a parameter."""
-        powers = {name: power for name, power in POWERS.items() if name in self.params}
-        functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
-        values = {name: self.params[name] * omega**n for name, n in powers.items()}
-        driven: DrivenProblem = DrivenProblem.tie(
-            self, functions, {**values, "omega": omega},
+        params = {n: value * omega ** POWERS.get(n, 0) for n, value in self.params.items()}
+        scaled = {n: edges for n, edges in self.domain.items() if n in POWERS}
+        domain = {n: edges for n, edges in self.domain.items() if n not in POWERS}
+        ties = _TiesOfDrive(self, {n: itemgetter(n) for n in self.params}, scaled)
+        return DrivenProblem(
+            partial(_in_users_units, ties.of(self.residual)), self.start,
+            {**params, "omega": omega}, events=self.events, label=self.label, record=self.record,
+            domain={**domain, "omega": NUMBERS["omega"].domain}, scales=self.scales, ties=ties,
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
-        domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
-        ties = _TiesOfDrive(self, driven.ties.functions, driven.ties.domain)
-        residual = partial(_in_users_units, ties.of(self.residual))
-        return replace(driven, residual=residual, ties=ties, domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         if "omega" in names:
@@ -168,6 +168,8 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
 
 
 class _TiesOfDrive(Ties):
+    """Of the functions only the names count: values go by their powers of omega."""
+
     def __call__(self, params: Params) -> dict[str, Any]:
         omega = params["omega"]
         return {n: params[n] / omega ** POWERS.get(n, 0) for n in self.functions}
@@ -191,10 +193,6 @@ class _TiesOfDrive(Ties):
             if n in params
         }
         return {n: rate for n, rate in by.items() if rate}
-
-
-def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
-    return params[name] / params["omega"] ** power
 
 
 @dataclass(frozen=True, eq=False, repr=False)
