@@ -23,9 +23,9 @@ from contbreather.certified.averages import (
     check_forcing,
     equations,
     fold_condition,
-    in_time_of_drive,
     pitchfork_condition,
     saltation_enclosure,
+    scaled_values,
 )
 from contbreather.certified.balls import (
     Ball,
@@ -128,7 +128,7 @@ def certify_point(
             none = excluded(system, point, within)
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
-        values = in_time_of_drive({**fixed, **dict(zip(names, zero, strict=True))})
+        values = scaled_values({**fixed, **dict(zip(names, zero, strict=True))})
         follows = {"chi": averages.chi(values["gamma"]), "b": saltation_enclosure(values)}
         enclosed = {**dict(zip(names, zero, strict=True)), **follows}
         return replace(
@@ -284,7 +284,7 @@ def _reach(
 
 def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     """Add the proofs about all breathers of a tile."""
-    values = in_time_of_drive({**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))})
+    values = scaled_values({**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))})
     clear = admissible(values)
     if not clear.holds:
         why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"

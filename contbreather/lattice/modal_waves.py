@@ -42,7 +42,7 @@ class ModeWaves(NamedTuple):
     filled: Counts  # number of all waves
 
 
-class Medium(NamedTuple):
+class HeldModes(NamedTuple):
     """Modes of a lattice, and the harmonics that are taken out of each: of most none, 0."""
 
     lam: Vector
@@ -53,7 +53,7 @@ class Medium(NamedTuple):
     circles: bool  # take means over circles for all modes: slopes then are waves of the same rates
 
 
-def find_waves(of: Medium, on: Recurring, out: ModeWaves) -> None:
+def find_waves(of: HeldModes, on: Recurring, out: ModeWaves) -> None:
     """Waves of modes ``z = gamma lam + spring``."""
     out.filled[0], T, damping, swings = 0, section_length(on), of.damping, of.swings
     for k in range(of.lam.size):
@@ -219,7 +219,7 @@ def modal_interactions(
         out[BY_DAMPING + 2, i, i] += 1.0
 
 
-def driven_motion(of: Medium, drive: Matrix, times: Vector, out: Matrix) -> None:
+def driven_motion(of: HeldModes, drive: Matrix, times: Vector, out: Matrix) -> None:
     """Forced motion of each impact's site at unit amplitude, and its slopes, in the same rows: by
     rows of lam, m, push and limit for each mode and harmonic, then its shape at each impact. NaN
     where a driven mode answers a harmonic beyond all bounds."""
@@ -246,7 +246,7 @@ def driven_motion(of: Medium, drive: Matrix, times: Vector, out: Matrix) -> None
 
 
 def modal_place(
-    of: Medium, weights: Cube, on: Recurring, drive: Matrix, times: Vector, waves: ModeWaves,
+    of: HeldModes, weights: Cube, on: Recurring, drive: Matrix, times: Vector, waves: ModeWaves,
     out: Cube, forced: Matrix,
 ) -> None:  # fmt: skip
     """All that equations of an orbit ask of the lattice at the impacts."""

@@ -43,7 +43,7 @@ from contbreather.lattice.modal_waves import (
     SIZE,
     VALUE,
     WAVES,
-    Medium,
+    HeldModes,
     ModeWaves,
     Recurring,
 )
@@ -257,29 +257,24 @@ class ModalResponse(Response):
         """Squared frequencies of the modes."""
         return np.asarray(self.gamma * self.basis.lam + self.spring)
 
-    @property
-    def kicks(self) -> FloatArray:
-        """Kicks of the modes by an impulse at each site that is hit, (r, K)."""
-        return _kicks(self.lattice, self.hit)
-
     # ------------------------------------------------------------------------ to impulses
 
     @cached_property
     def _waves(self) -> ModeWaves:
         """Waves of the modes with their slopes, for kernels."""
-        return self._found(self._medium)
+        return self._found(self._held_modes)
 
-    def _found(self, modes: Medium) -> ModeWaves:
+    def _found(self, modes: HeldModes) -> ModeWaves:
         waves = _room(modes.lam.size)
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
         return waves
 
     @property
-    def _medium(self) -> Medium:
+    def _held_modes(self) -> HeldModes:
         lam, swings = _swings(self.lattice, self.hit, self.resonant)
         held = float(self.gamma), float(self.spring), float(self.damping)
-        return Medium(lam, swings, *held, False)
+        return HeldModes(lam, swings, *held, False)
 
     def _check_apart(self, waves: ModeWaves) -> None:
         if waves.apart.min() > RESONANT:
@@ -301,7 +296,7 @@ class ModalResponse(Response):
     @cached_property
     def _slopes(self) -> AnswerWaves:
         """Derivatives in z."""
-        return _told(self._found(self._medium._replace(circles=True)), GROWTH)
+        return _told(self._found(self._held_modes._replace(circles=True)), GROWTH)
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         rows = _modal_place(self, times.tobytes())[0]
@@ -326,7 +321,7 @@ class ModalResponse(Response):
     def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
         """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
         from the times and impulses of a section, shape (3, times, K)."""
-        waves, kicks = self._answers, self.kicks[[self.hit.index(n) for n in self.hits]]
+        waves, kicks = self._answers, _kicks(self.lattice, self.hit, self.hits)
         laps, age = self._since(at[:, None] - times)
         last, row = age.argmin(axis=1), np.arange(at.size)  # the latest impact of each time
         before, ages = self._since(times[:, None] - times)
@@ -491,10 +486,11 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
 def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
     """What it answers at the impacts, and what that changes by: kept, as equations and their slopes
     ask in turn."""
-    at, modes = np.frombuffer(times), of._medium
+    at, modes = np.frombuffer(times), of._held_modes
     waves = _room(modes.lam.size)
     out, forced = np.empty((13, at.size, at.size)), np.empty((13, at.size))
-    weights, drive = _couplings(of.lattice, of.hits), _pushes(of.lattice, of.drive, of.hits)
+    weights = _passed_on(of.lattice, of.hit, of.hits, of.hits)
+    drive = _pushes(of.lattice, of.drive, of.hits)
     MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
     of._check_apart(waves)
     of.__dict__["_waves"] = waves  # all its answers are made of these
@@ -504,18 +500,17 @@ def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArra
 
 
 @lru_cache(maxsize=64)
-def _kicks(lattice: Any, hit: Sites) -> FloatArray:
-    sites = np.array(hit)
+def _kicks(lattice: Any, hit: Sites, hits: Sites) -> FloatArray:
+    """Kicks of the modes by an impulse at the site of each impact, (m, K)."""
+    sites = np.array(hits)
     return np.asarray(lattice.basis(hit).at(sites) * lattice.masses[sites][:, None])
 
 
 @lru_cache(maxsize=64)
-def _weights(lattice: Any, hit: Sites, sites: Sites) -> FloatArray:
-    """How strongly each mode passes an impulse on from each site that is hit to each."""
-    kicks = _kicks(lattice, hit)
-    return np.asarray(
-        (lattice.basis(hit).at(np.array(sites))[:, None] * kicks).reshape(-1, kicks.shape[1])
-    )
+def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArray:
+    """How strongly each mode passes an impulse on from each impact to each site, (n, m, K)."""
+    values = lattice.basis(hit).at(np.array(sites))[:, None]
+    return np.asarray(values * _kicks(lattice, hit, hits))
 
 
 def _room(K: int) -> ModeWaves:
@@ -531,14 +526,6 @@ def _swings(lattice: Any, hit: Sites, resonant: Resonant) -> tuple[FloatArray, F
     for i, w in resonant:
         swings[i] = w
     return lam, swings
-
-
-@lru_cache(maxsize=64)
-def _couplings(lattice: Any, hits: Sites) -> FloatArray:
-    """How strongly each mode passes an impulse on from each impact to each."""
-    sites = np.array(hits)
-    values = lattice.basis(tuple(sorted({*hits}))).at(sites)
-    return np.asarray(values[:, None] * (values * lattice.masses[sites][:, None]))
 
 
 @lru_cache(maxsize=64)
@@ -559,7 +546,7 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     sizes, level = waves.sizes, waves.level
     if by == "damping":
         sizes, level = sizes * waves.rates, 0.0 * level
-    weights = _weights(of.lattice, of.hit, sites)
+    weights = _passed_on(of.lattice, of.hit, sites, of.hit).reshape(-1, level.size)
     if by == "gamma":
         weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes
