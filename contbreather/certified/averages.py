@@ -222,13 +222,21 @@ def saltation_enclosure(values: Values) -> Value:
     return (1 + values["k"]) ** 2 * pull / (2 * values["p"])
 
 
+def scaled_values(values: Values) -> dict[str, Value]:
+    """Parameters with the time in units of 1/omega; p and phi are in it already."""
+    own = dict(values)
+    if (omega := own.pop("omega", None)) is not None:
+        own |= {name: own[name] / (omega * omega) for name in ("a", "gamma")}
+    return own
+
+
 def equations(
     fixed: Values, names: Sequence[str], more: Callable[[Values], Value] | None = None
 ) -> Callable[[Sequence[Value]], list[Value]]:
     """The closure, and one equation more, in these unknowns; all other values are fixed."""
 
     def at(point: Sequence[Value]) -> list[Value]:
-        values = {**fixed, **dict(zip(names, point, strict=True))}
+        values = scaled_values({**fixed, **dict(zip(names, point, strict=True))})
         residuals = closure(values)
         return residuals if more is None else [*residuals, more(values)]
 

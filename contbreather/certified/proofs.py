@@ -25,6 +25,7 @@ from contbreather.certified.averages import (
     fold_condition,
     pitchfork_condition,
     saltation_enclosure,
+    scaled_values,
 )
 from contbreather.certified.balls import (
     Ball,
@@ -65,11 +66,6 @@ def parameters(orbit: Any) -> dict[str, float]:
             "certify() is about breathers of the infinite chain, without springs or damping, walls "
             f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
             f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
-        )
-    if on.omega != 1.0:
-        raise BadInput(
-            f"omega = {on.omega:g}: certify() is about a drive of frequency 1; take the breather "
-            "of a/omega^2 and gamma/omega^2, which is the same motion in another unit of time."
         )
     check_forcing(on.forcing)
     return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
@@ -121,7 +117,7 @@ def certify_point(
             none = any(not value.contains(0) for value in system(box))  # surely no zero in it
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
-        values = {**fixed, **dict(zip(names, zero, strict=True))}
+        values = scaled_values({**fixed, **dict(zip(names, zero, strict=True))})
         follows = {"chi": averages.chi(values["gamma"]), "b": saltation_enclosure(values)}
         enclosed = {**dict(zip(names, zero, strict=True)), **follows}
         return replace(
@@ -269,13 +265,16 @@ def _reach(
     first, last = (end[along] for end in ends)
     side = OVERLAP if last > first else -OVERLAP
     low, high = sorted((first - side * (not outer[0]), last + side * (not outer[1])))
-    bottom, top = DOMAIN.get(sheet.names[along], (low, high))
+    name = sheet.names[along]
+    bottom, top = DOMAIN.get(name, (low, high))
+    if name == "gamma" and "omega" in sheet.fixed:
+        top *= float(sheet.fixed["omega"]) ** 2
     return hull(max(low, bottom), min(high, top))
 
 
 def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     """Add the proofs about all breathers of a tile."""
-    values = {**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))}
+    values = scaled_values({**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))})
     clear = admissible(values)
     if not clear.holds:
         why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"

@@ -284,20 +284,7 @@ def check_drive(omega: float, gamma: Any, spring: Any, lattice: Any) -> None:
 
 @dataclass(frozen=True)
 class SpringResponse(Periodic):
-    """The response to a forcing, with the spring as one of its parameters.
-
-    Attributes
-    ----------
-    of : Forcing
-    spring : float
-        Below 1, the square of the lowest harmonic.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Harmonic
-    >>> spring_response(Harmonic(), 0.2).f(0.0)
-    1.25
-    """
+    """The response to a forcing, with the spring, below 1, as one of its parameters."""
 
     of: Forcing
     spring: float

@@ -125,8 +125,8 @@ def driven_spectrum(
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
     in gamma, spring, damping or a parameter of the forcing; 0 in all others."""
     own = by if by in forcing.params else ""
-    m, F = _forces(forcing, own)
     if not lattice.even:
+        m, F = _forces(forcing, own)
         medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)
         answer = medium.answers(m, forces)
         if by in ("gamma", "spring", "damping"):
@@ -135,27 +135,9 @@ def driven_spectrum(
         elif by and not own:
             answer = np.zeros_like(answer)
         return DrivenSpectrum(m, answer)
-    lam, shapes, share, gap = _driven_modes(lattice, forcing, gamma, spring, damping, own)
-    answer = share * F / gap
-    if by and not own:  # d(F/gap) = -F/gap^2 d(gap)
-        rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
-        answer = -answer * rises.get(by, 0.0) / gap
-    return DrivenSpectrum(m, np.asarray(shapes @ answer))
-
-
-@lru_cache(maxsize=16)
-def _driven_modes(
-    lattice: Finite, forcing: Forcing, gamma: float, spring: float, damping: float, by: str
-) -> tuple[FloatArray, FloatArray, FloatArray, Array]:
-    """lam, shapes and shares of the modes that a drive moves, and how far each is from answering
-    its harmonics, or those of its derivative, beyond all bounds."""
-    # where nothing stretches a bond all sites are one
-    modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
-    lam, shapes, share = modes
-    m, F = _forces(forcing, by)
-    gap = (gamma * lam + spring)[:, None] - m * m + 1j * m * damping
-    # so close to a harmonic a driven mode answers it beyond all bounds
-    low = (abs(gap) <= 1e-12 * m * m) & (F != 0.0)
+    m, shapes, lam, pushes, limits = driven_modes(lattice, forcing, own)
+    gap = (gamma * lam + spring) - m * m + 1j * m * damping
+    low = abs(gap) <= limits
     if low.any():
         raise BadInput(
             f"the drive is in resonance: at gamma = {gamma:.9g}, spring = {spring:.9g} a mode of "
@@ -163,7 +145,25 @@ def _driven_modes(
             "its harmonics, and without damping grows without bound; change gamma, spring or "
             "damping."
         )
-    return lam[:, None], shapes, share[:, None], gap
+    answer = pushes / gap
+    if by and not own:  # d(F/gap) = -F/gap^2 d(gap)
+        rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
+        answer = -answer * rises.get(by, 0.0) / gap
+    return DrivenSpectrum(m, np.asarray(shapes @ answer))
+
+
+@lru_cache(maxsize=64)
+def driven_modes(
+    lattice: Finite, forcing: Forcing, by: str = ""
+) -> tuple[FloatArray, FloatArray, FloatArray, Array, FloatArray]:
+    """Harmonics of a drive, or of its derivative, shapes of the modes that it moves, their lam, how
+    each harmonic pushes each, and how near to it a mode answers it beyond all bounds."""
+    # where nothing stretches a bond all sites are one
+    modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
+    lam, shapes, share = modes
+    m, F = _forces(forcing, by)
+    limits = np.where(F != 0.0, 1e-12 * m * m, -1.0)
+    return m, shapes, lam[:, None], share[:, None] * F, limits
 
 
 @lru_cache(maxsize=256)

@@ -42,25 +42,37 @@ class ModeWaves(NamedTuple):
     filled: Counts  # number of all waves
 
 
-def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: ModeWaves) -> None:
-    """ModeWaves of modes z; `swings` are the harmonics that are taken out, of other modes 0."""
-    out.filled[0], T = 0, section_length(on)
-    for k in range(z.size):
-        apart = out.apart[k] = harmonic_gap(z[k], swings[k], damping, on)
-        slow = abs(z[k] - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
+class HeldModes(NamedTuple):
+    """Modes of a lattice, and the harmonics that are taken out of each: of most none, 0."""
+
+    lam: Vector
+    swings: Vector
+    gamma: float
+    spring: float
+    damping: float
+    circles: bool  # take means over circles for all modes: slopes then are waves of the same rates
+
+
+def find_waves(of: HeldModes, on: Recurring, out: ModeWaves) -> None:
+    """Waves of modes ``z = gamma lam + spring``."""
+    out.filled[0], T, damping, swings = 0, section_length(on), of.damping, of.swings
+    for k in range(of.lam.size):
+        z = of.gamma * of.lam[k] + of.spring
+        apart = out.apart[k] = harmonic_gap(z, swings[k], damping, on)
+        slow = of.circles or abs(z - 0.25 * damping * damping) < CLOSE * apart or swings[k] > 0.0
         if not on.half:
-            slow = slow or abs(z[k]) < CLOSE * apart
+            slow = slow or abs(z) < CLOSE * apart
         out.level[k, 0] = out.level[k, 1] = 0.0
         if not slow:
-            swinging = z[k] > 0.25 * damping * damping  # both waves are one, and its conjugate
-            add_waves(out, k, complex(z[k], 0.0), damping, on, 2.0 if swinging else 1.0, 0j, 0j)
+            swinging = z > 0.25 * damping * damping  # both waves are one, and its conjugate
+            add_waves(out, k, complex(z, 0.0), damping, on, 2.0 if swinging else 1.0, 0j, 0j)
             if not on.half:
-                out.level[k, 0], out.level[k, 1] = -1.0 / (z[k] * T), 1.0 / (z[k] * z[k] * T)
+                out.level[k, 0], out.level[k, 1] = -1.0 / (z * T), 1.0 / (z * z * T)
             continue
         for p in range(8):
             angle = math.pi * (p + 0.5) / 8.0
             step = RADIUS * apart * complex(math.cos(angle), math.sin(angle))
-            place, share = z[k] + step, 0.125 / step  # with its conjugate: real parts
+            place, share = z + step, 0.125 / step  # with its conjugate: real parts
             add_waves(out, k, place, damping, on, 0.0, 0.125 + 0j, share)
             if not on.half:
                 out.level[k, 0] -= (0.125 / (place * T)).real
@@ -72,7 +84,7 @@ def find_waves(z: Vector, swings: Vector, damping: float, on: Recurring, out: Mo
                 for p in range(8):
                     angle = math.pi * (p + 0.5) / 8.0
                     step = RADIUS * apart * complex(math.cos(angle), math.sin(angle))
-                    gap = z[k] + step - swings[k] * swings[k] + rate * damping
+                    gap = z + step - swings[k] * swings[k] + rate * damping
                     harmonic -= 0.125 / (T * gap)
                     harmonic_slope -= 0.125 / (step * T * gap)
                 add(out, k, rate, harmonic, harmonic_slope, 0j)
@@ -161,14 +173,9 @@ def complex_root(x: complex) -> complex:
 
 
 def modal_interactions(
-    of: ModeWaves,
-    lam: Vector,
-    weights: Cube,
-    on: Recurring,
-    damping: float,
-    times: Vector,
+    of: ModeWaves, lam: Vector, weights: Cube, on: Recurring, damping: float, times: Vector,
     out: Cube,
-) -> None:
+) -> None:  # fmt: skip
     """Answers of each impact's site to each impact, ``[VALUE + order, i, j]``, order 0 to 3, and
     their slopes in gamma, spring and damping, to order 2: as they go on where the last impact comes
     after the first of the next section; of an impact to itself the mean velocity, and the
@@ -212,4 +219,40 @@ def modal_interactions(
         out[BY_DAMPING + 2, i, i] += 1.0
 
 
-WAVES, MODAL_INTERACTIONS = Kernel(find_waves), Kernel(modal_interactions)
+def driven_motion(of: HeldModes, drive: Matrix, times: Vector, out: Matrix) -> None:
+    """Forced motion of each impact's site at unit amplitude, and its slopes, in the same rows: by
+    rows of lam, m, push and limit for each mode and harmonic, then its shape at each impact. NaN
+    where a driven mode answers a harmonic beyond all bounds."""
+    for i in range(times.size):
+        for row in range(out.shape[0]):
+            out[row, i] = 0.0
+        for p in range(drive.shape[0]):
+            lam, m = drive[p, 0], drive[p, 1]
+            gap = complex(of.gamma * lam + of.spring - m * m, m * of.damping)
+            if abs(gap.real) + abs(gap.imag) <= drive[p, 4]:
+                out[VALUE, i] = math.nan
+                continue
+            wave = drive[p, 5 + i] * exponential(complex(0.0, m * times[i]))
+            answer = wave * complex(drive[p, 2], drive[p, 3]) / gap
+            slope, power = -answer / gap, 1.0 + 0j
+            for order in range(4):
+                out[VALUE + order, i] += (answer * power).real
+                if order < 3:
+                    out[BY_GAMMA + order, i] += lam * (slope * power).real
+                    out[BY_SPRING + order, i] += (slope * power).real
+                if order > 0:
+                    out[BY_DAMPING + order - 1, i] += (slope * power).real
+                power *= complex(0.0, m)
+
+
+def modal_place(
+    of: HeldModes, weights: Cube, on: Recurring, drive: Matrix, times: Vector, waves: ModeWaves,
+    out: Cube, forced: Matrix,
+) -> None:  # fmt: skip
+    """All that equations of an orbit ask of the lattice at the impacts."""
+    find_waves(of, on, waves)
+    modal_interactions(waves, of.lam, weights, on, of.damping, times, out)
+    driven_motion(of, drive, times, forced)
+
+
+WAVES, MODAL_PLACE = Kernel(find_waves), Kernel(modal_place)

@@ -196,24 +196,9 @@ def periodic_green(
     periods: int = 1,
     by: str = "",
 ) -> Responses:
-    """The periodic Green's function of sites to impulses at others, without its static part.
-
-    Parameters
-    ----------
-    lattice : InfiniteChain or Ring
-    gamma : float
-        Coupling in [0, 1/4).
-    sites, hits : tuple of int
-        Those that are watched, and those that are pushed.
-    periods : int
-        n, for impulses that recur after 2 pi n.
-    by : {"", "gamma"}
-        Its derivative in the coupling.
-
-    Raises
-    ------
-    BadInput
-        Where a harmonic 1/n lies in the band of the infinite chain, ``gamma >= 1/(4 n^2)``.
+    """The periodic Green's function of sites to impulses at others that recur after 2 pi n, without
+    its static part; or its derivative in the coupling. `BadInput` where a harmonic 1/n lies in the
+    band of the infinite chain, ``gamma >= 1/(4 n^2)``.
     """
     apart = [[lattice.distance(site - hit) for hit in hits] for site in sites]
     distances, places = np.unique(apart, return_inverse=True)
@@ -249,15 +234,25 @@ def half_period_tables(
     """Tables of `half_period_green` of infinite chains of many couplings, and perhaps as many
     springs, (n, sites, POWERS + 2), and `largest` of each."""
     x, rest, m = 4.0 * gamma[:, None], 1.0 - np.reshape(spring, (-1, 1)), np.array(distances)
-    powers = moments_of(InfiniteChain(), distances) * x[..., None] ** np.arange(TERMS + 1)
-    if np.any(spring):
-        powers = powers @ in_powers_of_x(spring).swapaxes(-1, -2)
-    r = np.sqrt(1.0 - x / rest)
+    powers = np.vander(4.0 * gamma, TERMS + 1, increasing=True)
     table = np.zeros((gamma.size, m.size, POWERS + 2))
-    table[..., :POWERS] = powers @ weights_per_impulse()
+    if np.any(spring):
+        moments = moments_of(InfiniteChain(), distances) * powers[:, None]
+        weights = in_powers_of_x(spring).swapaxes(-1, -2) @ weights_per_impulse()
+        table[..., :POWERS] = moments @ weights
+    else:
+        table[..., :POWERS] = (powers @ _weighted_moments(distances)).reshape(-1, m.size, POWERS)
+    r = np.sqrt(1.0 - x / rest)
     rho = x / (rest * (1.0 + r) ** 2)
     table[..., POWERS] = 2.0 / math.pi * (-1.0) ** m * rho**m / (r * rest)
     return table, _largest(table, half=True)
+
+
+@lru_cache(maxsize=16)
+def _weighted_moments(distances: tuple[int, ...]) -> FloatArray:
+    """What each power of 4 gamma adds to a table, (TERMS + 1, sites POWERS)."""
+    moments = moments_of(InfiniteChain(), distances)
+    return np.einsum("mj,jp->jmp", moments, weights_per_impulse()).reshape(TERMS + 1, -1)
 
 
 @lru_cache(maxsize=1)

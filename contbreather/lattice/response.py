@@ -19,7 +19,7 @@ of the orbit.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -35,13 +35,15 @@ from contbreather.lattice.modal_waves import (
     BY_DAMPING,
     BY_GAMMA,
     BY_SPRING,
-    MODAL_INTERACTIONS,
+    GROWTH,
+    MODAL_PLACE,
     MOST,
     RADIUS,
     RATE,
     SIZE,
     VALUE,
     WAVES,
+    HeldModes,
     ModeWaves,
     Recurring,
 )
@@ -64,6 +66,7 @@ Array = NDArray[Any]
 Sites = tuple[int, ...]
 Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of the orbit
 
+BY = {"gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}  # first rows of derivatives
 RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
 PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
@@ -72,32 +75,19 @@ class Resonance(BadInput):
     """A mode of the lattice follows the impacts without bound."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # `answers_of` keeps them, and finds each again
 class Response:
-    """Answer of a lattice to the drive and to recurring impulses at some of its sites.
-
-    Parameters
-    ----------
-    lattice : InfiniteChain, Ring or Lattice
-    drive : Forcing
-    gamma, spring, damping : float
-    hits : tuple of int
-        The site of each impact of a section.
-    turns, sign : int
-        Of the section.
-    resonant : sequence of (mode, frequency)
-        Modes whose amplitude at a harmonic of the orbit is an unknown.
-    """
+    """Answer of a lattice to the drive and to recurring impulses at some of its sites."""
 
     lattice: Any
     drive: Forcing
     gamma: float
     spring: float
     damping: float
-    hits: Sites
+    hits: Sites  # the site of each impact of a section
     turns: int
     sign: int
-    resonant: Resonant = ()
+    resonant: Resonant = ()  # modes whose amplitude at a harmonic of the orbit is an unknown
 
     @cached_property
     def hit(self) -> Sites:
@@ -131,6 +121,21 @@ class Response:
         if jump:
             out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
         return out
+
+    def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """`interactions`, and the forced motion of each impact's site."""
+        return self.interactions(times), self.forced(self.hits, times)
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of both along a direction of the parameters, without the third."""
+        h, f = np.zeros((3, times.size, times.size)), np.zeros((3, times.size))
+        for name, rate in rates.items():
+            f += rate * self.forced_slope(name, self.hits, times)
+            if name in HELD and name not in self.drive.params:
+                h += rate * self.interactions(times, name)[:3]
+        return h, f
 
     # ------------------------------------------------------------------------ to the drive
 
@@ -168,18 +173,18 @@ class Response:
         are held at 0, and what it pulls at these with, per mass; or derivatives."""
         return np.zeros(1), np.zeros(len(self.hit))
 
-    def varied(self, name: str) -> Response:
-        """Itself, as one that has derivatives in a parameter."""
+    def varied(self, *names: str) -> Response:
+        """Itself, as one that has derivatives in parameters."""
         return self
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UniformResponse(Response):
     """Response of the infinite chain, and of rings without losses, in closed form, to drives
     without a mean."""
 
-    def varied(self, name: str) -> Response:
-        held = name in ("damping", "spring") and name not in self.drive.params
+    def varied(self, *names: str) -> Response:
+        held = {"damping", "spring"}.intersection(names) - self.drive.params.keys()
         return ModalResponse(*(getattr(self, f.name) for f in fields(self))) if held else self
 
     def table(self, sites: Sites, by: str = "") -> Responses:
@@ -227,12 +232,18 @@ class AnswerWaves(NamedTuple):
     level: FloatArray
 
 
+def _told(waves: ModeWaves, part: int) -> AnswerWaves:
+    n = int(waves.filled[0])
+    rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+    return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, int(part == GROWTH)].copy())
+
+
 def harmonics(turns: int, sign: int) -> tuple[float, float]:
     """The lowest harmonic of an orbit besides 0, and the distance between two."""
     return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModalResponse(Response):
     """Response of any finite lattice with masses, damping and springs, mode by mode."""
 
@@ -246,30 +257,33 @@ class ModalResponse(Response):
         """Squared frequencies of the modes."""
         return np.asarray(self.gamma * self.basis.lam + self.spring)
 
-    @cached_property
-    def kicks(self) -> FloatArray:
-        """Kicks of the modes by an impulse at each site that is hit, (r, K)."""
-        hit = np.array(self.hit)
-        return np.asarray(self.basis.at(hit) * self.lattice.masses[hit][:, None])
-
     # ------------------------------------------------------------------------ to impulses
 
     @cached_property
     def _waves(self) -> ModeWaves:
         """Waves of the modes with their slopes, for kernels."""
-        K, swings = self.z.size, np.zeros(self.z.size)
-        for i, w in self.resonant:
-            swings[i] = w
-        room = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
-        waves = ModeWaves(*room, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
-        WAVES(self.z, swings, float(self.damping), self._section, waves)
-        if not (waves.apart > RESONANT).all():
-            w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise Resonance(
-                f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
-                "resonance with the orbit: change gamma or spring, or give it damping."
-            )
+        return self._found(self._held_modes)
+
+    def _found(self, modes: HeldModes) -> ModeWaves:
+        waves = _room(modes.lam.size)
+        WAVES(modes, self._section, waves)
+        self._check_apart(waves)
         return waves
+
+    @property
+    def _held_modes(self) -> HeldModes:
+        lam, swings = _swings(self.lattice, self.hit, self.resonant)
+        held = float(self.gamma), float(self.spring), float(self.damping)
+        return HeldModes(lam, swings, *held, False)
+
+    def _check_apart(self, waves: ModeWaves) -> None:
+        if waves.apart.min() > RESONANT:
+            return
+        w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
+        raise Resonance(
+            f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
+            "resonance with the orbit: change gamma or spring, or give it damping."
+        )
 
     @property
     def _section(self) -> Recurring:
@@ -277,48 +291,29 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        waves, n = self._waves, int(self._waves.filled[0])
-        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, SIZE))
-        return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, 0].copy())
-
-    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
-        return _modal_interactions(self, times.tobytes())[by]
+        return _told(self._waves, SIZE)
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
         """Derivatives in z."""
-        return self._with_circles([], np.zeros(self.z.size), np.arange(self.z.size), 1)
+        return _told(self._found(self._held_modes._replace(circles=True)), GROWTH)
 
-    def _with_circles(
-        self, parts: list[Any], level: FloatArray, modes: Any, order: int
-    ) -> AnswerWaves:
-        if modes.size:
-            radius = RADIUS * self._waves.apart[modes]
-            rates, sizes, means = self._exponentials(self.z[modes] + radius * PLACES[:, None])
-            weight = (PLACES[:, None] * radius) ** -order / 8.0  # with conjugates: real parts
-            level[modes] = (means * weight).real.sum(axis=0)
-            which = np.broadcast_to(modes, rates[0].shape).ravel()
-            parts += [(rates[i].ravel(), (sizes[i] * weight).ravel(), which) for i in (0, 1)]
-        for i, w in self.resonant:
-            radius = RADIUS * self._waves.apart[i]
-            weight = (PLACES * radius) ** -order / 8.0
-            for turn in (1j * w, -1j * w):
-                gap = self.z[i] + radius * PLACES - w * w + turn * self.damping
-                size = (-weight / (self.length * gap)).sum(keepdims=True)
-                parts.append((np.array([turn]), size, np.array([i])))
-        rates, sizes, which = (np.concatenate(column) for column in zip(*parts, strict=True))
-        sorted_ = np.argsort(which, kind="stable")
-        return AnswerWaves(rates[sorted_], sizes[sorted_], which[sorted_], level)
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        rows = _modal_place(self, times.tobytes())[0]
+        return rows[BY[by] : BY[by] + 3] if by else rows[VALUE:4]
 
-    def _exponentials(self, z: Array) -> tuple[Array, Array, Array]:
-        """Rates and amplitudes of both waves of a mode, and what is taken out of its mean."""
-        T, half = self.length, 0.5 * self.damping
-        w = np.sqrt(z - half * half)
-        rates = np.array([1j * w - half, -1j * w - half])
-        sizes = np.array([[1.0], [-1.0]]).reshape(2, *[1] * z.ndim) / (2j * w)
-        if self.sign < 0:
-            return rates, sizes / (1.0 + np.exp(rates * T)), np.zeros_like(z)
-        return rates, sizes / -np.expm1(rates * T), -1.0 / (z * T)
+    def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        h, f = _modal_place(self, times.tobytes())
+        return h[VALUE:4], f[VALUE:4]
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        if not rates.keys().isdisjoint(self.drive.params):
+            return super().slopes_at_impacts(times, rates)
+        way, rows = [rates.get(name, 0.0) for name in BY], _modal_place(self, times.tobytes())
+        h, f = (np.dot(way, of[4:].reshape(3, -1)).reshape(3, *of.shape[1:]) for of in rows)
+        return h, f
 
     def table(self, sites: Sites, by: str = "") -> Responses:
         return _modal_table(self, sites, by)
@@ -326,7 +321,7 @@ class ModalResponse(Response):
     def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
         """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
         from the times and impulses of a section, shape (3, times, K)."""
-        waves, kicks = self._answers, self.kicks[[self.hit.index(n) for n in self.hits]]
+        waves, kicks = self._answers, _kicks(self.lattice, self.hit, self.hits)
         laps, age = self._since(at[:, None] - times)
         last, row = age.argmin(axis=1), np.arange(at.size)  # the latest impact of each time
         before, ages = self._since(times[:, None] - times)
@@ -443,11 +438,12 @@ class ModalResponse(Response):
         return weights[0] * self._at_rest.bonds + weights[1] * self._at_rest.springs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    interactions = Response.interactions
+    interactions, at_impacts = Response.interactions, Response.at_impacts
+    slopes_at_impacts = Response.slopes_at_impacts
 
     @cached_property
     def basis(self) -> Basis:
@@ -487,23 +483,61 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
 
 
 @lru_cache(maxsize=16)
-def _modal_interactions(of: ModalResponse, times: bytes) -> dict[str, FloatArray]:
-    """Interactions, and what they change by: kept, as equations and their slopes ask in turn."""
-    at = np.frombuffer(times)
-    out = np.empty((13, at.size, at.size))
-    lam, weights = _couplings(of.lattice, of.hits)
-    MODAL_INTERACTIONS(of._waves, lam, weights, of._section, float(of.damping), at, out)
-    first = {"": VALUE, "gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}
-    return {name: out[row : row + (3 if name else 4)] for name, row in first.items()}
+def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
+    """What it answers at the impacts, and what that changes by: kept, as equations and their slopes
+    ask in turn."""
+    at, modes = np.frombuffer(times), of._held_modes
+    waves = _room(modes.lam.size)
+    out, forced = np.empty((13, at.size, at.size)), np.empty((13, at.size))
+    weights = _passed_on(of.lattice, of.hit, of.hits, of.hits)
+    drive = _pushes(of.lattice, of.drive, of.hits)
+    MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
+    of._check_apart(waves)
+    of.__dict__["_waves"] = waves  # all its answers are made of these
+    if math.isnan(forced[VALUE].sum()):
+        of.driven()  # says why
+    return out, forced
 
 
 @lru_cache(maxsize=64)
-def _couplings(lattice: Any, hits: Sites) -> tuple[FloatArray, FloatArray]:
-    """lam of each mode, and how strongly it passes an impulse on from each impact to each."""
+def _kicks(lattice: Any, hit: Sites, hits: Sites) -> FloatArray:
+    """Kicks of the modes by an impulse at the site of each impact, (m, K)."""
     sites = np.array(hits)
-    basis = lattice.basis(tuple(sorted({*hits})))
-    values = basis.at(sites)
-    return basis.lam, values[:, None] * (values * lattice.masses[sites][:, None])
+    return np.asarray(lattice.basis(hit).at(sites) * lattice.masses[sites][:, None])
+
+
+@lru_cache(maxsize=64)
+def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArray:
+    """How strongly each mode passes an impulse on from each impact to each site, (n, m, K)."""
+    values = lattice.basis(hit).at(np.array(sites))[:, None]
+    return np.asarray(values * _kicks(lattice, hit, hits))
+
+
+def _room(K: int) -> ModeWaves:
+    parts = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
+    return ModeWaves(*parts, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
+
+
+@lru_cache(maxsize=64)
+def _swings(lattice: Any, hit: Sites, resonant: Resonant) -> tuple[FloatArray, FloatArray]:
+    """lam of each mode, and its harmonic that is taken out."""
+    lam: FloatArray = lattice.basis(hit).lam
+    swings = np.zeros(lam.size)
+    for i, w in resonant:
+        swings[i] = w
+    return lam, swings
+
+
+@lru_cache(maxsize=64)
+def _pushes(lattice: Any, drive: Forcing, hits: Sites) -> FloatArray:
+    """Rows for `driven_motion`."""
+    from contbreather.lattice.modal_flow import driven_modes
+
+    m, shapes, lam, pushes, limits = driven_modes(lattice, drive)
+    shapes = shapes[list(hits)] if len(shapes) > 1 else shapes[np.zeros(len(hits), dtype=int)]
+    rows = np.broadcast_arrays(lam, m, pushes.real, pushes.imag, limits)
+    at = [np.broadcast_to(shape[:, None], pushes.shape) for shape in shapes]
+    return np.array([*rows, *at]).reshape(5 + len(hits), -1).T.copy()
 
 
 @lru_cache(maxsize=256)
@@ -512,8 +546,9 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     sizes, level = waves.sizes, waves.level
     if by == "damping":
         sizes, level = sizes * waves.rates, 0.0 * level
-    kicks = of.kicks * of.basis.lam if by == "gamma" else of.kicks  # dz/dgamma
-    weights = (of.basis.at(np.array(sites))[:, None] * kicks).reshape(-1, level.size)
+    weights = _passed_on(of.lattice, of.hit, sites, of.hit).reshape(-1, level.size)
+    if by == "gamma":
+        weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes
     return _as_table(of, sites, weights @ level, waves.rates, grown)
 

@@ -28,17 +28,7 @@ REST = (
 
 
 def zeta(s: ArrayLike, first: float = 1.0) -> Any:
-    """``sum over n >= 0 of (first + n)^-s`` for s > 1 and ``first >= 1/2``, to rounding.
-
-    Parameters
-    ----------
-    s : array_like
-    first : float
-
-    Returns
-    -------
-    float or ndarray, the shape of s
-    """
+    """``sum over n >= 0 of (first + n)^-s`` for s > 1 and ``first >= 1/2``, to rounding."""
     s = np.asarray(s, dtype=float)
     end = first + FIRST
     total = end**-s * (0.5 + end / (s - 1.0))

@@ -40,18 +40,10 @@ _SIMULATED = {
 
 @dataclass(frozen=True)
 class GrazingSwitch(SwitchingProblem):
-    """An orbit at GR or VI as a problem of other impacts.
+    """An orbit at GR or VI as a problem of other impacts."""
 
-    Parameters
-    ----------
-    point : Point
-        On the branch that ends there.
-    contacts : tuple of Impact
-        What is an impact on one of both branches only.
-    """
-
-    point: Point = field(kw_only=True)
-    contacts: tuple[Impact, ...] = field(kw_only=True)
+    point: Point = field(kw_only=True)  # on the branch that ends there
+    contacts: tuple[Impact, ...] = field(kw_only=True)  # impacts on one of both branches only
 
     def seeds(self) -> tuple[Seed, ...]:
         """The start of the branch, and what becomes of the orbit: it "persists" as one with other

@@ -34,14 +34,10 @@ class OrbitSwitching(SwitchingProblem):
     """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
     branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
     comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
-
-    Parameters
-    ----------
-    along : ndarray, optional
-        The tangent of the branch there, where on the arms neighbours that hit their walls at once
-        do so in one order or the other: then they leave with a kink.
     """
 
+    # the tangent of the branch there, where on the arms neighbours that hit their walls at once do
+    # so in one order or the other: then they leave with a kink
     along: FloatArray | None = None
 
     def seeds(self) -> tuple[Seed, ...]:

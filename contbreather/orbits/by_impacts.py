@@ -34,7 +34,7 @@ from contbreather.orbits.asymmetric_breather import (
     pitchfork_of_arms,
 )
 from contbreather.orbits.closure import general_roots
-from contbreather.orbits.grazing import GrazingSite
+from contbreather.orbits.grazing import GrazingSite, in_unknowns
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
 from contbreather.orbits.orbit_events import events_of, from_arms
@@ -53,7 +53,7 @@ from contbreather.orbits.section import (
     check_order,
     check_possible,
 )
-from contbreather.orbits.site_motion import SiteMotion, Terms
+from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import NAMES, NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, section_map
@@ -66,32 +66,15 @@ Params = Mapping[str, float]
 
 @dataclass(frozen=True)
 class ByImpacts:
-    """The motion with any impacts, on any lattice: a solution of `OrbitEquations`.
-
-    Attributes
-    ----------
-    conditions : Conditions
-        On the infinite chain without damping and springs.
-    section : Section
-    impacts : tuple of Impact
-        Those of one section; times count modulo the period.
-    offsets : tuple of float
-        Static displacement of each impacting site, from left to right; none of half an orbit.
-    resonant, amplitudes
-        Modes that may have a harmonic of the orbit for their frequency, and how they move.
-
-    Raises
-    ------
-    BadInput
-        Of the infinite chain, for impulses that push a site into its wall, or parameters out of
-        range.
+    """The motion with any impacts, on any lattice: a solution of `OrbitEquations`. Times count
+    modulo the period; the infinite chain has no damping and no springs.
     """
 
     conditions: Conditions
     section: Section
-    impacts: tuple[Impact, ...]
-    offsets: tuple[float, ...]
-    resonant: Resonant = ()
+    impacts: tuple[Impact, ...]  # of one section
+    offsets: tuple[float, ...]  # of each impacting site, from left to right; none of half an orbit
+    resonant: Resonant = ()  # modes that may have a harmonic of the orbit for their frequency
     amplitudes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -225,15 +208,7 @@ class ByImpacts:
 
     @property
     def family(self) -> str:
-        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`.
-
-        Examples
-        --------
-        >>> from contbreather.lattice import Ring
-        >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
-        >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
-        ['upper', 'lower']
-        """
+        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`."""
         k = self.conditions.at_sites("k", self.impacts[0].site)
         chi, loss = _closure(self.terms.h, float(k))
         _, slope, bend, _ = self.terms.forced[:, 0]
@@ -289,7 +264,7 @@ class ByImpacts:
         if self.resonant:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
-            slopes[name] = self.equations.moved(at, on.params, name)[2]
+            slopes[name] = self.equations.moved(at, {name: 1.0})[2]
         slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
         if "k" in names:
             slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
@@ -375,7 +350,6 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=equations.residual,
         start=equations.named(motion.x),
         params=params if endless else on.params,
-        jacobian=equations.jacobian,
         equations=equations,
         events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
         record=_columns(on, section, threshold),
@@ -417,12 +391,11 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
     return domain
 
 
-def _by_times(on: Conditions, section: Section, x: FloatArray, params: Params) -> ByImpacts:
-    """The orbit in a file of shooting, whose first unknowns were the times."""
-    return ByImpacts.closest(on.at(params), section, x[: section.count])
-
-
-read_by("shooting", _by_times)(impact_problem)
+# in a file of shooting the first unknowns were the times
+read_by(
+    "shooting",
+    lambda on, section, x, params: ByImpacts.closest(on.at(params), section, x[: section.count]),
+)(impact_problem)
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
@@ -437,8 +410,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     does not. So that this end is known by one name, margins are those per asymmetry.
     """
     share = None if orbit.spring else orbit.representation.response.profile(site)
-    slopes, motion = partial(_motion_slopes, site, share), partial(_motion, site, share)
-    followed = GrazingSite(site, slopes, motion)
+    followed = GrazingSite(site, share)
     if orbit.section.symmetric:
         return followed
     arm = orbit.section.two_impacts and orbit.conditions.symmetric
@@ -450,32 +422,6 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
     return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
-
-
-def _motion(site: int, share: FloatArray | None, orbit: Orbit, t: float) -> Terms:
-    motion = orbit.motion
-    u, v, w = motion.at(site, t)
-    if share is None or not orbit.offsets:
-        return u, v, w
-    return u + float(share @ orbit.offsets - motion.offset(site)), v, w
-
-
-def _motion_slopes(
-    site: int, share: FloatArray | None, curve: Curve, orbit: Orbit, t: float
-) -> FloatArray:
-    """Slopes of displacement and velocity, in the time at last."""
-    slopes = orbit.motion.slopes(site, t, curve.free, share)
-    return in_unknowns(orbit, slopes, (*curve.problem.start, *curve.free, "t"))
-
-
-def in_unknowns(orbit: Orbit, slopes: Mapping[str, FloatArray], names: Any) -> FloatArray:
-    """Slopes by names of unknowns and parameters side by side, of arms in their momentum."""
-    if "p" in names:  # of two impacts J = -2p and 2p
-        signs = np.sign(orbit.impulses)
-        by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
-        slopes = {**slopes, "p": by_p}
-    still = np.zeros_like(slopes["t1"])
-    return np.column_stack([slopes.get(name, still) for name in names])
 
 
 def _towards(side: float, point: Point) -> float:
@@ -572,21 +518,8 @@ def _closure(h: FloatArray, k: float) -> tuple[float, float]:
 
 
 def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
-    """Symmetric orbits of one impacting site of a finite lattice, by descending p.
-
-    Raises
-    ------
-    BadInput
-        In resonance: a mode whose frequency is an odd whole number, without damping.
-    NoSolution
-        If the forcing is too weak for any.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Ring
-    >>> orbit = symmetric_orbits(0, Conditions(0.5, 0.12, 0.4, lattice=Ring(20)))[0]
-    >>> round(orbit.p, 9), round(orbit.phi, 9)
-    (0.680056002, -2.519293143)
+    """Symmetric orbits of one impacting site of a finite lattice, by descending p: `BadInput` in
+    resonance, a mode with an odd whole number for its frequency, without damping.
     """
     section = Section(((site, 1),), sign=-1).placed(on.lattice)
     (site, _) = section.impacts[0]

@@ -157,15 +157,7 @@ def single(motion: Motion) -> Along:
 
 
 def clearance(orbit: SiteMotion) -> Admissibility:
-    """Say whether, and by how much, an orbit keeps off all walls except at its impacts.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> verdict = symmetric(0.5, 0.12, 0.4).admissibility()
-    >>> verdict.ok, round(verdict.max_neighbour, 12)
-    (True, 0.667948289045)
-    """
+    """Say whether, and by how much, an orbit keeps off all walls except at its impacts."""
     measured = measured_margins(orbit, orbit.idle, orbit.beside)
     far = Clearance(orbit.far, None, orbit.far_time())
     centre, idle = smallest_margins(of_flights(orbit, measured)), of_idle(orbit, measured)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -65,16 +65,6 @@ HALF = Section(((0, 1),), sign=-1)
 class ClosedForm:
     """The motion of a symmetric breather, from the roots (p, phi) of (11): one site of the infinite
     chain or of a ring that hits its walls in turn, at phi and phi + pi.
-
-    Attributes
-    ----------
-    a, gamma, k : float
-        Amplitude of the forcing, coupling, restitution coefficient.
-    p, phi : float
-        Half the momentum of an impact, and its phase lag.
-    forcing : Forcing
-        Where springs hold the sites to the ground, `SpringResponse`, the response to a forcing.
-    lattice : InfiniteChain or Ring
     """
 
     a: float
@@ -82,6 +72,7 @@ class ClosedForm:
     k: float
     p: float
     phi: float
+    # where springs hold the sites to the ground a `SpringResponse`
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: UniformLattice = field(default_factory=InfiniteChain)
 
@@ -201,9 +192,10 @@ class ClosedForm:
         return defining_system(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        from contbreather.orbits.closed_problem import local_maximum
+        from contbreather.orbits.closed_problem import contact_walker
+        from contbreather.orbits.grazing import GrazingSite
 
-        return local_maximum(self, site)
+        return GrazingSite(site, walker=partial(contact_walker, self.lattice.distance(site)))
 
     def speed_slope(self, j: int) -> None:
         """(11) has no root with p = 0."""

@@ -8,7 +8,7 @@ two and the unknown time for a site that grazes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -47,7 +47,6 @@ from contbreather.orbits.closure import (
     terms_at,
     terms_derivative,
 )
-from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_of, saddle_node
 from contbreather.orbits.orbit_problem import (
@@ -57,7 +56,6 @@ from contbreather.orbits.orbit_problem import (
     ring_label,
     unstable_by,
 )
-from contbreather.orbits.section import Section
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.one_impact import band_workspace
 from contbreather.stability.verdict import THRESHOLD
@@ -184,6 +182,9 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         # parameter by itself
         domain["gamma"] = 0.0, gamma.domain[1] - 0.25 * on.spring
         domain["spring"] = 0.0, 1.0 - gamma.margin - 4.0 * on.gamma
+    # of asymmetric breathers the first time is an unknown; (3): the wall +1 at phi
+    of_arms = {} if "t1" in forcing.params else {"t1": Implied(itemgetter("phi"))}
+    of_arms |= of_whole_period(motion.section, ["phi"], forcing.params)
     return SymmetricProblem.of(
         "symmetric breather",
         partial(type(motion).of, forcing, lattice),
@@ -193,18 +194,11 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         start={"p": motion.p, "phi": motion.phi},
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
         events=(saddle_node(), *events_of(motion.section, on, threshold)),
-        record={"unstable": unstable_by(threshold), **_of_arms(motion.section, forcing.params)},
+        record={"unstable": unstable_by(threshold), **of_arms},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
-
-
-def _of_arms(section: Section, params: Mapping[str, float]) -> dict[str, Implied]:
-    """Columns that asymmetric breathers have: of them the first time is an unknown."""
-    # (3): the wall +1 at phi
-    first = {} if "t1" in params else {"t1": Implied(itemgetter("phi"))}
-    return first | of_whole_period(section, ["phi"], params)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,15 +206,19 @@ class SymmetricProblem(OrbitProblem):
     """The closure (11) as a problem."""
 
     closure: Closure = field(kw_only=True)
-    tested = True
 
     @property
     def serialised(self) -> Mapping[str, Any]:
         form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
-    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
-        return self.closure.derivatives(x, params, free)
+    def along(
+        self, x: Array, params: Mapping[str, float], rates: Sequence[Mapping[str, float]]
+    ) -> Array:
+        names = tuple({name: None for way in rates for name in way})
+        whole = self.closure.derivatives(x, params, names)
+        chain = [[way.get(name, 0.0) for way in rates] for name in names]
+        return np.hstack([whole[:, :2], whole[:, 2:] @ np.reshape(chain, (len(names), len(rates)))])
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)
@@ -325,19 +323,20 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
-def _scalar_walker(name: str, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+def _scalar_walker(fold: bool, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
     # its pitchfork with springs is no scalar that kernels have
-    data = problem.kernel_data(free, params, held=name == "FOLD")
-    return data and (getattr(kernels, name), data)  # by its name it is sent to other processes
+    data = problem.kernel_data(free, params, held=fold)
+    mean = data and (data.chi if fold else data.sigma)
+    return data and (kernels.SCALAR, kernels.ScalarData(data, mean, fold))
 
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), partial(_scalar_walker, "FOLD"),
+    partial(terms_derivative, mean="chi"), partial(_scalar_walker, True),
 )  # fmt: skip
 PITCHFORK = Scalar(
     pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative,
-    partial(_scalar_walker, "PITCHFORK"),
+    partial(_scalar_walker, False),
 )  # fmt: skip
 
 
@@ -368,12 +367,7 @@ def _pair_walker(problem: Any, free: tuple[str, ...], params: Mapping[str, float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def local_maximum(breather: Breather, site: int) -> GrazingSite:
-    distance = breather.lattice.distance(site)
-    return GrazingSite(site, partial(_slopes, site), walker=partial(_contact_walker, distance))
-
-
-def _contact_walker(
+def contact_walker(
     distance: int, wall: float, problem: Any, free: tuple[str, ...], params: Mapping[str, float]
 ) -> Any:
     """On the infinite chain alone."""
@@ -385,10 +379,3 @@ def _contact_walker(
     responses = half_period_green(lattice, 0.0, (distance, distance))  # but for its table
     responses = responses._replace(table=np.zeros(responses.table.shape))
     return kernels.CONTACT, kernels.ContactData(data, wall, distance, expansions.copy(), responses)
-
-
-def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
-    """Slopes of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
-    slopes = orbit.motion.slopes(site, t, curve.free)
-    slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
-    return np.array([slopes[name] for name in (*curve.slots, "t")]).T

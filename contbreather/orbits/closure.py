@@ -132,14 +132,8 @@ def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Fo
 def roots(
     a: float, gamma: float, k: float, forcing: Forcing, lattice: UniformLattice
 ) -> tuple[tuple[float, float], ...]:
-    """Every ``(p, phi)`` with p > 0 that solves (11), by descending p; phi in [-pi, pi].
-
-    A double root (the fold) is listed once.
-
-    Raises
-    ------
-    NoSolution
-        Below the fold; the sentence names the smallest a.
+    """Every ``(p, phi)`` with p > 0 that solves (11), by descending p; phi in [-pi, pi]. A double
+    root (the fold) is listed once; `NoSolution` below the fold names the smallest a.
     """
     chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
     if isinstance(forcing, Harmonic):

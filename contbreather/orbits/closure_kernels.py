@@ -81,6 +81,14 @@ class ClosureData(NamedTuple):
     extra: int  # unknowns of an event between phi and the freed parameters
 
 
+class ScalarData(NamedTuple):
+    """A symmetric breather, and a quantity that vanishes at its fold or its pitchfork."""
+
+    closure: ClosureData
+    mean: BandAverage  # chi or sigma; where it has a spring, the same that (11) is asked with
+    fold: bool
+
+
 class PairData(NamedTuple):
     """A breather of the infinite chain, and two multipliers on the circle."""
 
@@ -235,39 +243,25 @@ def closure_slopes(z: Any, on: ClosureData, out: Any) -> int:
     return 0
 
 
-def fold_system(z: Any, on: ClosureData, out: Any) -> int:
-    """(11) and the determinant of its derivatives, eq. (14)."""
-    if closure_system(z, on, out) != 0:
+def scalar_system(z: Any, on: ScalarData, out: Any) -> int:
+    """(11), and the determinant of its derivatives, eq. (14), or ``a f'' - 2 p sigma``."""
+    closure = on.closure
+    if closure_system(z, closure, out) != 0:
         return 1
-    out[2] = fold_scalar(terms(z, on, on.chi, series_motion(on.harmonics, z[1])))
+    t = terms(z, closure, on.mean, series_motion(closure.harmonics, z[1]))
+    out[2] = fold_scalar(t) if on.fold else pitchfork_scalar(t)
     return 0
 
 
-def fold_slopes(z: Any, on: ClosureData, out: Any) -> int:
-    if closure_slopes(z, on, out) != 0:
+def scalar_slopes(z: Any, on: ScalarData, out: Any) -> int:
+    closure = on.closure
+    if closure_slopes(z, closure, out) != 0:
         return 1
-    f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
-    t = terms(z, on, on.chi, f)
+    f, width = series_motion(closure.harmonics, z[1]), 2 + closure.freed.size
+    t = terms(z, closure, on.mean, f)
     for i in range(width):
-        out[2 * width + i] = fold_derivative(t, terms_slope(z, on, on.chi, f, i))
-    return 0
-
-
-def pitchfork_system(z: Any, on: ClosureData, out: Any) -> int:
-    """(11) and ``a f'' - 2 p sigma``."""
-    if closure_system(z, on, out) != 0:
-        return 1
-    out[2] = pitchfork_scalar(terms(z, on, on.sigma, series_motion(on.harmonics, z[1])))
-    return 0
-
-
-def pitchfork_slopes(z: Any, on: ClosureData, out: Any) -> int:
-    if closure_slopes(z, on, out) != 0:
-        return 1
-    f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
-    t = terms(z, on, on.sigma, f)
-    for i in range(width):
-        out[2 * width + i] = pitchfork_derivative(t, terms_slope(z, on, on.sigma, f, i))
+        d = terms_slope(z, closure, on.mean, f, i)
+        out[2 * width + i] = fold_derivative(t, d) if on.fold else pitchfork_derivative(t, d)
     return 0
 
 
@@ -366,8 +360,7 @@ def contact_slopes(z: Any, on: ContactData, out: Any) -> int:
 
 
 CLOSURE = walker(closure_system, closure_slopes, ClosureData)
-FOLD = walker(fold_system, fold_slopes, ClosureData)
-PITCHFORK = walker(pitchfork_system, pitchfork_slopes, ClosureData)
+SCALAR = walker(scalar_system, scalar_slopes, ScalarData)
 PAIR = walker(pair_system, pair_slopes, PairData)
 CONTACT = walker(contact, contact_slopes, ContactData)
 

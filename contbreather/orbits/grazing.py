@@ -8,7 +8,7 @@ last impact of a section comes at once with the first of the next one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -34,23 +34,18 @@ from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.orbits.section import AT_ONCE
-from contbreather.orbits.site_motion import IMAGE, SiteMotion, Terms
+from contbreather.orbits.site_motion import IMAGE, SiteMotion
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class GrazingSite:
-    """One site whose local maximum is followed: on a wall, without velocity, at an unknown time.
-
-    The representation of an orbit knows how its motion depends on its unknowns.
-    """
+    """One site whose local maximum is followed: on a wall, without velocity, at an unknown time."""
 
     site: int
-    slopes: Callable[[Curve, Orbit, float], Any]
-    """Derivatives of displacement and velocity in all unknowns, free parameters and the time."""
-    motion: Callable[[Orbit, float], Terms] | None = None
-    """Motion of the site, unless it is that of the orbit."""
+    share: Array | None = None
+    """Its share of the offsets, unless it is that of the orbit."""
     walker: Callable[..., Any] | None = None
     """Steps in machine code, with a wall first, as `DefiningSystem` has them."""
     further: tuple[Event, ...] = ()
@@ -65,14 +60,28 @@ class GrazingSite:
         return DefiningSystem({"t": t}, conditions, self._derivative, walker=walker, **more)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = Point(curve, z).solution, float(extra[0])
-        u, v, _ = self.motion(orbit, t) if self.motion else orbit.motion.at(self.site, t)
+        motion: SiteMotion = Point(curve, z).solution.motion
+        u, v, _ = motion.at(self.site, float(extra[0]))
+        offsets = motion.representation.offsets
+        if self.share is not None and offsets:
+            u += float(self.share @ offsets - motion.offset(self.site))
         return np.array([u - wall, v])
 
     @chained
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        slopes: Array = self.slopes(curve, Point(curve, z).solution, float(extra[0]))
-        return slopes
+        orbit: Orbit = Point(curve, z).solution
+        slopes = orbit.motion.slopes(self.site, float(extra[0]), curve.free, self.share)
+        return in_unknowns(orbit, slopes, (*curve.problem.start, *curve.free, "t"))
+
+
+def in_unknowns(orbit: Orbit, slopes: Mapping[str, Array], names: Iterable[str]) -> Array:
+    """Slopes by names of unknowns and parameters side by side; of closed forms and of arms in half
+    the momentum, ``|J| = 2p``, and the phase."""
+    signs = np.sign(orbit.impulses)
+    by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
+    slopes = {**slopes, "p": by_p, "phi": slopes["t1"]}
+    still = np.zeros_like(slopes["t1"])
+    return np.column_stack([slopes.get(name, still) for name in names])
 
 
 def _margin(point: Point) -> float:
@@ -207,12 +216,8 @@ def other_contacts(
 
 
 def shallow_impact(orbit: Orbit) -> DefiningSystem:
-    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0.
-
-    Raises
-    ------
-    Undefined
-        Where they do not, or with k = 0.
+    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0;
+    `Undefined` where they do not, or with k = 0.
     """
     j = int(abs(orbit.incoming).argmin())
     slope = orbit.representation.speed_slope(j)

@@ -272,17 +272,11 @@ def margins(
     """The margin, and when, of each flight and of each site without impacts that is near or may
     have the least of the others; besides the contact of one site, if any, which may be its own.
 
-    Parameters
-    ----------
-    near : array
-        1 for sites without impacts whose margin is wanted whatever it is; or empty.
-    ceiling : float
-        Others are wanted only below it and below those of all flights; infinite: of all.
-    touching : int
-        The site that touches its wall at `time`; -1: none.
-    work : array
-        At its end rows for flights, for sites without impacts and, of one that touches, for its
-        other crests at its wall and at the other one; infinite where nothing was computed.
+    Those that are not `near` (one number for each site, or none) are wanted only below the ceiling
+    and all flights; an infinite one: of all. Site `touching`, unless it is -1, touches its wall at
+    `time`. At the end of the work are rows for flights, for sites without impacts and, of one that
+    touches, for its other crests at its wall and at the other one; infinite where nothing was
+    computed.
     """
     first, below = FOUND + motion.flights, ceiling
     for row in range(FOUND, work.shape[0]):

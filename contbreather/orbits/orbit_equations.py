@@ -48,23 +48,13 @@ class OrbitEquations:
 
     ``x = (t_1..t_m, J_1..J_m, c..., amplitudes...)``; ``params`` names a, gamma, k, damping and
     spring where they are not 0, and those of the forcing.
-
-    Parameters
-    ----------
-    section : Section
-        The impacts of one section, in order.
-    forcing : Forcing
-    lattice : InfiniteChain, Ring or Lattice
-    at : Walls
-    resonant : sequence of (mode, frequency)
-        Modes whose amplitudes, cosine and sine, are unknowns.
     """
 
     section: Section
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Any = field(default_factory=InfiniteChain)
     at: Walls = field(default_factory=Walls)
-    resonant: Resonant = ()
+    resonant: Resonant = ()  # modes whose amplitudes, cosine and sine, are unknowns
 
     def __post_init__(self) -> None:
         if self.lattice.sites is not None:
@@ -172,38 +162,48 @@ class OrbitEquations:
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``."""
-        at, k = self.terms(x, params), float(params["k"])
-        balance, driven = np.zeros(self.offsets), np.zeros(2 * len(self.resonant))
-        moved = self.moved(at, params, name)[:2]
-        if name == "k":
+        return self.along(x, params, {name: 1.0})
+
+    def along(self, x: FloatArray, params: Params, rates: Params) -> FloatArray:
+        """Derivatives along a direction of the parameters: how fast each of some changes."""
+        at, response = self.terms(x, params), None
+        moved = self.moved(at, rates)
+        parts = [moved[0], moved[1]]
+        if "k" in rates:
             share = self.shares  # d(q/2)/dk
-            moved[1] -= share * at.impulses / (1.0 + k * share) ** 2
-        if self.offsets and name not in ("k", "damping"):
-            response = at.response.varied(name)
-            lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
-            links = response.links(name) @ at.offsets if name in HELD else 0.0
-            balance = self.section.period * (lift - links)
-        if name in HELD and self.resonant:
-            driven = -at.response.gaps(name) @ at.amplitudes
-        return np.concatenate([*moved, balance, driven])
+            parts[1] = moved[1] - (
+                rates["k"] * share * at.impulses / (1.0 + float(params["k"]) * share) ** 2
+            )
+        if self.offsets:
+            balance = np.zeros(self.offsets)
+            for name, rate in rates.items():
+                if name in ("k", "damping"):
+                    continue
+                response = at.response.varied(name)
+                lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
+                links = response.links(name) @ at.offsets if name in HELD else 0.0
+                balance += self.section.period * rate * (lift - links)
+            parts.append(balance)
+        if self.resonant:
+            gaps = sum(rates[name] * at.response.gaps(name) for name in HELD if name in rates)
+            parts.append(-gaps @ at.amplitudes if np.ndim(gaps) else np.zeros(at.amplitudes.size))
+        return np.concatenate(parts)
 
     def terms(self, x: FloatArray, params: Params) -> Any:
         """Terms of the equations at one place."""
         x = np.asarray(x, dtype=float)
         return _place(self, x.tobytes(), tuple(params.items()))
 
-    def moved(self, at: Any, params: Params, name: str) -> FloatArray:
-        """Derivative of displacement, velocity and acceleration at each impact in a parameter, the
-        unknowns as they are."""
-        if name == "a":
-            return np.array(at.forced[:3])
-        if name == "k":
-            return np.zeros((3, self.section.count))
-        a, response = float(params["a"]), at.response.varied(name)
-        out = a * response.forced_slope(name, self.sites, at.times)
-        if name in HELD:
-            out = out + response.interactions(at.times, name)[:3] @ at.impulses
-        return np.asarray(out)
+    def moved(self, at: Any, rates: Params) -> FloatArray:
+        """Derivatives of displacement, velocity and acceleration at each impact along a direction
+        of the parameters, the unknowns as they are."""
+        out = np.zeros((3, self.section.count))
+        if "a" in rates:
+            out += rates["a"] * at.forced[:3]
+        if others := {name: rate for name, rate in rates.items() if name not in ("a", "k")}:
+            h, f = at.response.varied(*others).slopes_at_impacts(at.times, others)
+            out += at.a * f + h @ at.impulses
+        return out
 
     @cached_property
     def shares(self) -> FloatArray:
@@ -233,8 +233,7 @@ class _Place:
             raise BadInput(f"a = {self.a}, x = {x}: the orbit needs finite numbers.")
         self.times, self.impulses, self.offsets, self.amplitudes = of.split(x)
         self.response = of.response(params)
-        self.h = self.response.interactions(self.times)
-        self.forced = self.response.forced(of.sites, self.times)
+        self.h, self.forced = self.response.at_impacts(self.times)
         self.f = self.a * self.forced  # with modes in resonance
         if of.resonant:
             self.swing = self.response.swing(of.sites, self.times)

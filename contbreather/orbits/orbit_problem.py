@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, TypeVar
+from operator import itemgetter
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,25 +46,14 @@ Make = TypeVar("Make", bound=Callable[..., Problem])
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrbitProblem(Problem):
-    """A `Problem` with orbits for its points.
+    """A `Problem` with orbits for its points."""
 
-    Parameters
-    ----------
-    kind : str
-        By which files make it again, see `read_by`.
-    motion_at : callable
-        The representation with given unknowns and parameters.
-    conditions, section
-        Of the orbit it was made for.
-    threshold : float
-        Of its events, on finite lattices.
-    """
-
-    kind: str = field(kw_only=True)
-    motion_at: At = field(kw_only=True)
-    conditions: Conditions = field(kw_only=True)
+    kind: str = field(kw_only=True)  # by which files make it again, see `read_by`
+    motion_at: At = field(kw_only=True)  # the representation with given unknowns and parameters
+    conditions: Conditions = field(kw_only=True)  # of the orbit it was made for
     section: Section = field(kw_only=True)
-    threshold: float = field(kw_only=True)
+    threshold: float = field(kw_only=True)  # of its events, on finite lattices
+    tested: ClassVar[bool] = True
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
@@ -86,6 +76,13 @@ class OrbitProblem(Problem):
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
         return Orbit(self.motion_at(point.x, point.params))
 
+    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
+        """Derivatives in the unknowns, and along directions of the parameters: rates by name."""
+        raise NotImplementedError
+
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+        return self.along(x, params, [{name: 1.0} for name in free])
+
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
         found = (image.representation.x for image in images_of(orbit))
@@ -106,18 +103,17 @@ class OrbitProblem(Problem):
 
     def at_frequency(self, omega: float) -> DrivenProblem:
         """These equations in the time in which the drive has this frequency, a parameter."""
-        powers = {name: power for name, power in POWERS.items() if name in self.params}
-        functions = {name: partial(_in_time_of_drive, name, n) for name, n in powers.items()}
-        values = {name: self.params[name] * omega**n for name, n in powers.items()}
-        driven: DrivenProblem = DrivenProblem.tie(
-            self, functions, {**values, "omega": omega},
+        params = {n: value * omega ** POWERS.get(n, 0) for n, value in self.params.items()}
+        scaled = {n: edges for n, edges in self.domain.items() if n in POWERS}
+        domain = {n: edges for n, edges in self.domain.items() if n not in POWERS}
+        ties = _TiesOfDrive(self, {n: itemgetter(n) for n in self.params}, scaled)
+        return DrivenProblem(
+            partial(_in_users_units, ties.of(self.residual)), self.start,
+            {**params, "omega": omega}, events=self.events, label=self.label, record=self.record,
+            domain={**domain, "omega": NUMBERS["omega"].domain}, scales=self.scales, ties=ties,
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
             conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
         )  # fmt: skip
-        domain = {**driven.domain, "omega": NUMBERS["omega"].domain}
-        ties = _TiesOfDrive(driven.ties.base, driven.ties.functions, driven.ties.domain)
-        residual = partial(_in_users_units, driven.residual)
-        return replace(driven, residual=residual, ties=ties, domain=domain)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         if "omega" in names:
@@ -147,9 +143,10 @@ class OrbitProblemByEquations(OrbitProblem):
 
     equations: Any = field(kw_only=True)
 
-    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:  # type: ignore[override]
-        derivative: FloatArray = self.equations.sensitivity(x, params, name)
-        return derivative
+    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
+        of = self.equations
+        columns = [of.along(x, params, way) for way in rates]
+        return np.column_stack([of.jacobian(x, params), *columns])
 
 
 def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
@@ -171,17 +168,38 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
 
 
 class _TiesOfDrive(Ties):
-    def untied(self, *given: Any) -> Any:
-        return _in_users_units(super().untied, *given)
+    """Of the functions only the names count: values go by their powers of omega."""
 
+    def __call__(self, params: Params) -> dict[str, Any]:
+        omega = params["omega"]
+        return {n: params[n] / omega ** POWERS.get(n, 0) for n in self.functions}
 
-def _in_time_of_drive(name: str, power: int, params: Params) -> Any:
-    return params[name] / params["omega"] ** power
+    def within(self, params: Params) -> dict[str, Any]:
+        return _in_users_units(super().within, params)
+
+    def slopes(self, params: Params, free: tuple[str, ...]) -> dict[str, FloatArray]:
+        ways = [self.rates(params, name) for name in free]
+        names = [name for name in self.functions if any(name in way for way in ways)]
+        return {name: np.array([way.get(name, 0.0) for way in ways]) for name in names}
+
+    def rates(self, params: Params, name: str) -> dict[str, float]:
+        """How fast those of the base change with one."""
+        omega = params["omega"]
+        if name != "omega":
+            return {name: omega ** -POWERS.get(name, 0)}
+        by = {
+            n: -power * params[n] / omega ** (power + 1)
+            for n, power in POWERS.items()
+            if n in params
+        }
+        return {n: rate for n, rate in by.items() if rate}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivenProblem(TiedProblem, OrbitProblem):
     """Orbits under a drive of any frequency, by the equations in the time of the drive."""
+
+    tested: ClassVar[bool] = True
 
     @property
     def serialised(self) -> Mapping[str, Any]:
@@ -204,6 +222,11 @@ class DrivenProblem(TiedProblem, OrbitProblem):
         """Data of kernels, which know of omega."""
         base: Any = self.base
         return base.kernel_data(*given, **more)
+
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+        ties: Any = self.ties
+        base: Any = self.base
+        return base.along(x, ties.within(params), [ties.rates(params, name) for name in free])
 
     def simpler(self, point: Point) -> Problem | None:
         return OrbitProblem.simpler(self, point)
@@ -397,17 +420,10 @@ Slopes = Callable[[Any, Curve, FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class OnCircle:
-    """``radius exp(i pi nu)`` is a multiplier over the section.
-
-    Parameters
-    ----------
-    radius : float
-    nu : float, optional
-        0 or 1, for a real multiplier; else one more unknown.
-    """
+    """``radius exp(i pi nu)`` is a multiplier over the section."""
 
     radius: float = 1.0
-    nu: float | None = None
+    nu: float | None = None  # 0 or 1, for a real multiplier; else one more unknown
 
     def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
         """Its locus, by ``slopes(of, curve, z, extra)``, the derivative along a curve."""

@@ -59,18 +59,10 @@ def pair_leaves(lattice: Any, threshold: float, *, every: bool = False) -> Event
 
 @dataclass(frozen=True)
 class _Pair:
-    """The complex multipliers that are nearest to leaving a circle.
+    """The complex multipliers that are nearest to leaving a circle."""
 
-    Parameters
-    ----------
-    threshold : float
-        Their modulus over the whole period on a finite lattice.
-    every : bool
-        Whether each one that passes it counts, not the first alone; of multipliers by modes.
-    """
-
-    threshold: float
-    every: bool = False
+    threshold: float  # their modulus over the whole period on a finite lattice
+    every: bool = False  # whether each one that passes it counts, not the first; of those by modes
 
     def circle(self, map: Any) -> OnCircle:
         """Over a section, which may be half the period."""

@@ -108,13 +108,6 @@ def regions(
     """Pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
 
     Where nothing is counted `lower` and `beyond` are asked, if given, what else there is.
-
-    Examples
-    --------
-    >>> across = np.array([[0.0, 0.0], [1.0, 1.0]])
-    >>> above, below = regions([across], ((0, 1), (0, 1)), lambda x, y: 2 if y > x else None)
-    >>> sorted([above.verdict, below.verdict])
-    ['', 'US']
     """
     corners = numbers("box", box)
     if corners.shape != (2, 2):

@@ -13,13 +13,6 @@ def beyond_grazing(breather: Orbit, threshold: float) -> str:
     """Say which orbit is there in place of a breather that passes walls, and whether it is stable:
     the one `switch` leads to from the GR at a smaller amplitude, and from the next ones on the way.
     Empty where there is no such GR.
-
-    Examples
-    --------
-    >>> from contbreather.orbits import symmetric_roots
-    >>> upper, lower = symmetric_roots(0.95, 0.1, 0.8)
-    >>> beyond_grazing(upper, 1.005)
-    '3 sites impact: unstable'
     """
     a, window = breather.a, {"a": (0.0, breather.a)}
     problem = breather.problem_beyond(threshold)

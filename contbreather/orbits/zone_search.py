@@ -312,21 +312,11 @@ def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class RowPiece:
-    """Admissible breathers that follow each other on a row, with one beyond at either end.
+    """Admissible breathers that follow each other on a row, with one beyond at either end."""
 
-    Attributes
-    ----------
-    middle : Point
-        On the curve with free amplitude.
-    z : ndarray
-        p, phi, a of each.
-    values : sequence of (Event, tests, counts)
-        At each of them; counts are None of events without one.
-    """
-
-    middle: Point
-    z: Array
-    values: Sequence[tuple[Event, Array, Any]]
+    middle: Point  # on the curve with free amplitude
+    z: Array  # p, phi, a of each
+    values: Sequence[tuple[Event, Array, Any]]  # tests and counts, None of events without one
 
     def is_known(self, least: float, known: Known) -> bool:
         """Test whether all events on it, from an amplitude on, lie on known curves."""

@@ -9,7 +9,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Steps, refined
-from contbreather.orbits.closure_kernels import CLOSURE, CONTACT, FOLD, PAIR, PITCHFORK
+from contbreather.orbits.closure_kernels import CLOSURE, CONTACT, PAIR, SCALAR
 
 pytestmark = pytest.mark.skipif(CLOSURE.walk.code is None, reason="nothing is compiled here")
 
@@ -20,7 +20,7 @@ SHORT = Steps(largest=5e-3)
 def _alike(walked: Callable[[], cb.Branch], monkeypatch: pytest.MonkeyPatch) -> None:
     """By machine code, and as on a machine where nothing is compiled."""
     pieces = walked()
-    for kernels in (CLOSURE, FOLD, PITCHFORK, PAIR, CONTACT):
+    for kernels in (CLOSURE, SCALAR, PAIR, CONTACT):
         monkeypatch.setattr(kernels.walk, "code", None)
     plain = walked()
     assert (pieces.stop, pieces.began) == (plain.stop, plain.began)

@@ -340,8 +340,28 @@ def test_a_sweep_of_the_frequency_keeps_the_velocities_of_the_sites():
 def test_what_is_about_the_band_is_in_the_time_of_the_drive():
     orbit, scaled = driven("ring", 1.9)
     assert band(orbit) == pytest.approx(band(scaled))
-    with pytest.raises(BadInput, match=r"certify\(\) is about a drive of frequency 1"):
-        certify(driven("chain", 1.9)[0])
+
+
+@pytest.mark.parametrize("free", ["omega", "a", "gamma"])
+def test_what_is_proved_at_a_frequency_holds_the_scaled_breather(free):
+    orbit, scaled = driven("chain", 1.3)
+    proof, same = certify(orbit), certify(scaled)
+    assert (proof.exists, proof.unique, proof.admissible) == (True, True, True)
+    assert proof.unstable == same.unstable
+    for name in ("p", "phi", "chi", "b"):
+        one, other = proof.enclosure[name], same.enclosure[name]
+        assert max(one.low, other.low) <= min(one.high, other.high) + 1e-14
+    # tiles of a branch, from omega = 1 on, too, hold its points
+    start = orbit if free != "omega" else scaled
+    here = getattr(start, free)
+    ends = (here, 1.05 * here)
+    branch = cb.trace(start, free, within={free: ends}, towards="up", progress=False)
+    covering = certify(branch)
+    assert covering.tiles
+    assert not covering.unproved
+    for point in branch:
+        tile = next(t for t in covering.tiles if t.covers.low <= point[t.along] <= t.covers.high)
+        assert all(box.low <= point[n] <= box.high for n, box in tile.box.items())
 
 
 def test_smooth_walls_have_no_frequency_but_in_the_units_that_the_sentence_says():

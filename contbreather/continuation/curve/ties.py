@@ -74,6 +74,16 @@ class Ties:
         rows = self.schemes[free](tied, place)
         return {name: row for name, row in zip(self.functions, rows, strict=True) if row.any()}
 
+    def within(self, params: Params) -> dict[str, Any]:
+        """The parameters of the base; `Undefined` outside of its domain."""
+        inner = self(params)
+        for name, (low, high) in self.domain.items():
+            value = inner[name]
+            # an end that was calculated is met to rounding
+            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
+                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
+        return inner
+
     def untied(
         self, start: Mapping[str, Any], x: Array, params: Params, free: tuple[str, ...]
     ) -> tuple[Curve, Array, Array]:
@@ -83,13 +93,7 @@ class Ties:
         `Undefined` outside of the domain of the base; not so where its equations are evaluated, for
         differences look beyond the edges of a domain.
         """
-        inner = self(params)
-        for name, (low, high) in self.domain.items():
-            value = inner[name]
-            # an end that was calculated is met to rounding
-            if not (low <= value <= high or min(abs(value - low), abs(value - high)) < 1e-12):
-                raise Undefined(f"{name} = {value:.6g} leaves its domain, {low:g} to {high:g}")
-        rows = self.slopes(params, free)
+        inner, rows = self.within(params), self.slopes(params, free)
         names, still = (*rows,), inner.keys() - rows.keys()
         curve = self.curves.get(names)
         if curve is None or any(curve.fixed[name] != inner[name] for name in still):
