@@ -189,5 +189,10 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
         first = left.pop(0)
         left.pop(int(np.argmin([abs(first * other - 1) for other in left])))
         found.append((first + 1 / first) / 2)
-    indices = np.array(found, dtype=complex)
+    return on_axis(np.array(found, dtype=complex))
+
+
+def on_axis(indices: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Indices that are off the real axis by rounding, on it."""
+    indices = np.asarray(indices, dtype=complex)
     return np.where(abs(indices.imag) > _LEAVES, indices, indices.real)
