@@ -107,6 +107,7 @@ class UncoupledSites:
         end = self.run(self.sizes * ways[:, None], [periods * self.period], 1e-6)[..., 0]
         inside = abs(end[0]) < far
         closed, largest = self.closed(np.where(inside, end, 0.0))
+        inside &= abs(closed[0]) < far  # what has escaped stays, but is no motion
         times = np.linspace(0, self.period, 200)
         swings = 0.5 * np.ptp(self.run(closed, times, 1e-6)[0], axis=2)
         found: list[list[Attractor]] = [[] for _ in range(chain.sites)]

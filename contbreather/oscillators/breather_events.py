@@ -13,7 +13,7 @@ import numpy as np
 
 from ..continuation.algebra.linear_algebra import least_singular, solved
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import Matrix, above, any_vector, beside, is_sparse
+from ..continuation.algebra.sparse import Matrix, above, any_vector, beside
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Point
