@@ -76,7 +76,7 @@ class Breather(Cycle):
     def flights(self) -> tuple[TrajectorySegment, ...]:
         flights = self.equations.flights(self.x, self.params)
         if isinstance(self.equations, HalfOrbit):
-            return (unfolded_half(flights[0], self.equations.reversor),)
+            return (unfolded_half(flights[0]),)
         return flights
 
     @property

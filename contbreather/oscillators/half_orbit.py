@@ -132,10 +132,6 @@ class HalfOrbit(FlowEquations):
         )
         return HalfMap(A, B, C, D, (start, end))
 
-    @property
-    def reversor(self) -> Array:
-        return np.repeat([1.0, -1.0], self.chain.sites)
-
     # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
 
     @cached_property
@@ -248,8 +244,9 @@ class SparseWholeOrbit(WholeOrbit, SparseFlowEquations):
     """The same of many sites."""
 
 
-def unfolded_half(flight: TrajectorySegment, reversor: Array) -> TrajectorySegment:
+def unfolded_half(flight: TrajectorySegment) -> TrajectorySegment:
     """Go on with the way back: the whole orbit of a half."""
+    reversor = np.repeat([1.0, -1.0], flight.dimension // 2)
     knots = np.concatenate([0.5 * flight.knots, 1 - 0.5 * flight.knots[-2::-1]])
     ends = np.vstack([flight.states[1:], flight.end])
     return replace(
