@@ -51,7 +51,7 @@ class Unfolded:
     exact, but analytic, as it is differentiated by complex steps.
     """
 
-    f: Function
+    f: Any  # (t, x, p), perhaps with a `jacobian`
     quantities: Quantities
     steps: Array
 
@@ -186,7 +186,7 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return on_axis(np.array(found, dtype=complex))
 
 
-def on_axis(indices: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def on_axis(indices: NDArray[Any]) -> NDArray[np.complex128]:
     """Indices that are off the real axis by rounding, on it."""
     indices = np.asarray(indices, dtype=complex)
     return np.where(abs(indices.imag) > _LEAVES, indices, indices.real)

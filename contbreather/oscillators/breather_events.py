@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,8 @@ def _at_minus_one(point: Point) -> DefiningSystem:
     ends: those that do here."""
     curve, z = point.base_point.curve, point.base_point.z
     ways = (("v", "u"), ("u", "v"))
-    return _locus(*min(ways, key=lambda way: abs(_weak(*way, curve, z)[0])))
+    starts, ends = min(ways, key=lambda way: abs(_weak(way[0], way[1], curve, z)[0]))
+    return _locus(starts, ends)
 
 
 def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array]:
@@ -118,8 +120,8 @@ def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
     def ends(curve: Curve, z: Array) -> Matrix:
         return half.open.derivatives(z[: curve.size], curve.params(z), curve.free)
 
-    ways = zip(*(np.split(vector, 2) for vector in (rows.T @ left, right)), strict=True)
-    in_z = sum(along_by_difference(curve, z, *way, ends) for way in ways)
+    ways = zip(np.split(rows.T @ left, 2), np.split(right, 2), strict=True)
+    in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
     x, p = z[: curve.size], curve.params(z)
     in_index = left @ (turned @ (_twice(half.open.derivatives(x, p)) @ right))
     return -np.append(in_z, -math.sin(extra[0]) * in_index)
