@@ -51,7 +51,7 @@ class Unfolded:
     exact, but analytic, as it is differentiated by complex steps.
     """
 
-    f: Function
+    f: Any  # (t, x, p), perhaps with a `jacobian`
     quantities: Quantities
     steps: Array
 
@@ -59,10 +59,6 @@ class Unfolded:
     def near(cls, f: Function, quantities: Quantities, states: Array) -> Unfolded:
         sizes = abs(states).max(axis=1)
         return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
-
-    @property
-    def jacobian(self) -> Any:
-        return FieldAlone(self.f) if hasattr(self.f, "jacobian") else None
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         field = rows_of(self.f(t, x, p), x)
@@ -77,29 +73,27 @@ class Unfolded:
                 field = field + p[name] * (rise[0] - rise[1]) / (2 * aside)
         return field
 
+    # --- its derivative, where one was given of the field: as that, for lambda adds rounding ------
 
-@dataclass(frozen=True, eq=False)
-class FieldAlone:
-    """The derivative that was given of a field, for that of it unfolded: in the states, where
-    lambda adds rounding, which need not be in its pattern."""
-
-    f: Any
+    @property
+    def jacobian(self) -> Any:
+        return self if hasattr(self.f, "jacobian") else None
 
     def is_sparse(self, *at: Any) -> bool:
         return bool(self.f.jacobian.is_sparse(*at))
 
-    def slopes(self, *at: Any) -> tuple[Array, Any, Array]:
+    def slopes(self, _: Any, *at: Any) -> tuple[Array, Any, Array]:
         return self._beside(self.f.jacobian.slopes, *at)
 
-    def entries(self, *at: Any) -> tuple[Array, Any, Array]:
+    def entries(self, _: Any, *at: Any) -> tuple[Array, Any, Array]:
         return self._beside(self.f.jacobian.entries, *at)
 
     def _beside(
-        self, given: Any, unfolded: Unfolded, t: Any, x: Array, p: Params, names: tuple[str, ...]
+        self, given: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Any, Array]:
         # what is linear in lambda is differentiated where that is 0, not rounding
-        p = {**p, **dict.fromkeys(unfolded.quantities, 0.0)}
-        value, other = slopes_along(unfolded, t, x, p, names, np.empty((len(x), 0)))
+        p = {**p, **dict.fromkeys(self.quantities, 0.0)}
+        value, other = slopes_along(self, t, x, p, names, np.empty((len(x), 0)))
         return value, given(self.f, t, x, p, ())[1], other
 
 
@@ -189,5 +183,10 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
         first = left.pop(0)
         left.pop(int(np.argmin([abs(first * other - 1) for other in left])))
         found.append((first + 1 / first) / 2)
-    indices = np.array(found, dtype=complex)
+    return on_axis(np.array(found, dtype=complex))
+
+
+def on_axis(indices: NDArray[Any]) -> NDArray[np.complex128]:
+    """Indices that are off the real axis by rounding, on it."""
+    indices = np.asarray(indices, dtype=complex)
     return np.where(abs(indices.imag) > _LEAVES, indices, indices.real)

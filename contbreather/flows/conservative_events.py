@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -55,23 +55,31 @@ def examine_place(place: float, found: Examined, point: Point) -> Examined:
     return unresolved(point) or (found if off < _NEAR else far)
 
 
-def _energy_over_period(point: Point) -> float:
-    """Solve for the change of the energy along the family at given parameters, for a change of the
-    period that is given: it vanishes where a pair is at +1 and branches do not cross."""
-    base = point.base_point
+def _longer(base: Point) -> tuple[int, Array] | None:
     kept, layout = equations_of(base).conservation, equations_of(base).layout
     if kept is None or kept.held != "period":
+        return None
+    return int(layout.lambdas[0]), np.eye(1, layout.size, layout.levels[0])[0]
+
+
+def turn_of_energy(longer: Callable[[Point], tuple[int, Array] | None], point: Point) -> float:
+    """Solve for the change of the energy along the family at given parameters, for a change of the
+    period: it vanishes where a pair is at +1 and branches do not cross.
+
+    `longer` tells which equation gives the period, and how the energy changes with the unknowns;
+    None where it is given itself.
+    """
+    base = point.base_point
+    if (places := longer(base)) is None:
         return math.nan
-    longer = np.zeros(layout.size)
-    longer[layout.lambdas[0]] = 1.0  # the equation T = period
-    matrix = base.curve.in_unknowns(base.z)
+    matrix, right = base.curve.in_unknowns(base.z), np.eye(1, base.curve.size, places[0])[0]
     if is_sparse(matrix):
-        change = solved(matrix, longer, "a fold in the period")
+        change = solved(matrix, right, "a fold in the period")
     else:  # where branches cross the shortest change is well defined; at a fold there is none
-        change = np.linalg.lstsq(matrix, longer, rcond=_LOST)[0]
-        if abs(matrix @ change - longer).max() > math.sqrt(_LOST):
+        change = np.linalg.lstsq(matrix, right, rcond=_LOST)[0]
+        if abs(matrix @ change - right).max() > math.sqrt(_LOST):
             return math.inf
-    return float(change[layout.levels[0]])
+    return float(places[1] @ change)
 
 
 def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
@@ -87,14 +95,15 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     where they are not known."""
     indices = orbit.indices
     on = indices.real[(indices.imag == 0) & (abs(indices.real) < 1)]
-    whole, form = orbit.symplectic
+    matrix, form = orbit.index_form
     if form is None:
         return on, np.zeros(on.size)
-    mu, vectors = np.linalg.eig(whole)
-    v = vectors[:, abs(mu[:, None] - on - 1j * np.sqrt(1 - on**2)).argmin(axis=0)]
-    forms = (1j * (v.conj() * (form @ v)).sum(axis=0)).real
+    values, vectors = np.linalg.eig(matrix)
+    x = vectors[:, abs(values[:, None] - on).argmin(axis=0)].real
+    turned = form @ x
+    forms, sizes = (x * turned).sum(axis=0), np.sqrt((x**2).sum(axis=0) * (turned**2).sum(axis=0))
     # next to where opposite ones meet their vectors do, too, and rounding decides
-    return on, np.where(abs(forms) > _MET * np.linalg.norm(form, 2), np.sign(forms), 0.0)
+    return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 
 
 def _apart(point: Point) -> float:
@@ -122,40 +131,38 @@ def _examine_collision(point: Point) -> Examined:
     distance, middle = _nearest(point)
     if distance > math.sqrt(_NEAR) or abs(middle) == 1:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
-    angle = math.acos(middle)
-    signs = _signatures_at(point.base_point.solution, angle)
-    return unresolved(point) or {"angle": angle, "signatures": signs}
+    signs = _signatures_at(point.base_point.solution, middle)
+    return unresolved(point) or {"angle": math.acos(middle), "signatures": signs}
 
 
-def _signatures_at(orbit: Cycle, angle: float) -> str:
-    """The signatures of two pairs that meet: those of the form on the plane of both upper ones."""
-    whole, form = orbit.symplectic
+def _signatures_at(orbit: Cycle, index: float) -> str:
+    """The signatures of two pairs that meet: those of the form on the space of both."""
+    matrix, form = orbit.index_form
     if form is None:
         return _UNKNOWN
-    place, mu = complex(math.cos(angle), math.sin(angle)), np.linalg.eigvals(whole)
-    one, other = mu[abs(mu - place).argsort()[:2], None, None] * np.eye(len(whole))
-    plane = np.linalg.svd((whole - one) @ (whole - other))[2][-2:].conj().T  # what it takes to 0
-    signs = np.linalg.eigvalsh(1j * plane.conj().T @ form @ plane)
-    return " ".join("+" if sign > 0 else "-" for sign in signs[::-1])
+    values = np.linalg.eigvals(matrix)
+    each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
+    met = values[abs(values - index).argsort()[: 2 * each]]
+    off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
+    space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
+    signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]
+    return " ".join("+" if sign > 0 else "-" for sign in signs)
 
 
-def _meeting(point: Point) -> DefiningSystem:
+def meeting(number: Callable[..., Any], slope: Callable[..., Any], point: Point) -> DefiningSystem:
     """Equations for two multipliers that meet: both are at one angle, but for a little.
 
-    On the circle ``det(M - exp(i angle))`` is real but for a factor that does not vanish, and so is
-    the number that stands for it here: its phase is that beside the meeting. Next to where it has
-    a double zero in the angle it has two of them, 2e-6 apart.
+    By a number that vanishes where one is at an angle, with vectors, and its slope. On the circle
+    ``det(M - exp(i angle))`` is real but for a factor that does not vanish, and so is the number
+    that stands for it here: its phase is that beside the meeting. Next to where it has a double
+    zero in the angle it has two of them, 2e-6 apart.
     """
     angle, base = math.acos(_nearest(point)[1]), point.base_point
-    beside = complex(bordered(base.curve, base.z, np.array([angle + _BY_SIDE]))[0])
+    beside = complex(number(base.curve, base.z, np.array([angle + _BY_SIDE]))[0])
     both = partial(_at_both, abs(beside) / beside)
     return DefiningSystem(
-        {"angle": angle}, partial(both, _number), partial(both, slope_of_bordered)
+        {"angle": angle}, partial(both, lambda *at: complex(number(*at)[0])), partial(both, slope)
     )
-
-
-def _number(curve: Curve, z: Array, extra: Array) -> complex:
-    return complex(bordered(curve, z, extra)[0])
 
 
 def _at_both(unit: complex, of: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
@@ -169,12 +176,17 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     lp = replace(plain, locus=partial(_fold_locus, plain))
     said = {"said": "a fold in the energy, not in the period"}
     turn = Event(
-        "LP", _energy_over_period, examine=partial(examine_place, 1.0, said),
+        "LP", partial(turn_of_energy, _longer), examine=partial(examine_place, 1.0, said),
         locus=Always(rank_locus(partial(singular_with, 1.0))), may_jump=True,
     )  # fmt: skip
     pd = Event(
         "PD", nearest_to_minus_one, examine=partial(examine_place, -1.0, ""),
         locus=Always(rank_locus(partial(singular_with, -1.0))),
     )  # fmt: skip
-    kc = Event("KC", _apart, locus=_meeting, examine=_examine_collision)
+    kc = Event(
+        "KC",
+        _apart,
+        locus=partial(meeting, bordered, slope_of_bordered),
+        examine=_examine_collision,
+    )
     return lp, turn, branch_point, pd, kc

@@ -160,14 +160,19 @@ class Cycle(HtmlRepr):
         return self.equations.conservation is not None
 
     @cached_property
-    def symplectic(self) -> tuple[Array, Array | None]:
-        """The derivative of the turn where it begins, and the symplectic form, where it is known:
-        where the field is a constant matrix J times the gradient of what is conserved."""
+    def index_form(self) -> tuple[Array, Array | None]:
+        """A matrix whose eigenvalues are the stability indices, each one twice, and the form that
+        has the Krein signature of a pair, where it is known: where the field is a constant matrix J
+        times the gradient of what is conserved, ``x . inv(J) M x``."""
         (factors,), _ = around(self.equations, self.x, self.params)
         kept, states = self.equations.conservation, self.flights[0].states.T
         assert kept is not None
-        J = kept.poisson(self.equations.flows[0].f, states, self.params)
-        return reduce(np.matmul, factors[::-1]), None if J is None else np.asarray(np.linalg.inv(J))
+        J, M = (
+            kept.poisson(self.equations.flows[0].f, states, self.params),
+            reduce(np.matmul, factors[::-1]),
+        )
+        form = None if J is None else np.linalg.inv(J) @ M
+        return (M + np.linalg.inv(M)) / 2, None if form is None else (form + form.T) / 2
 
     @cached_property
     def indices(self) -> NDArray[np.complex128]:

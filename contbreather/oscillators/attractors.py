@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +24,7 @@ _ESCAPED = 10.0  # relative to the same
 _MOST = 400  # periods after which it has settled, or never will
 
 
-class Attractor(NamedTuple):
-    """A periodic motion of the period of the drive: its state at t = 0, and how far it swings."""
-
-    state: Array
-    amplitude: float
+Attractor = tuple[float, Array]  # how far it swings, and its state at t = 0
 
 
 def forcing_period(t: Any, x: Any, p: Params) -> Any:
@@ -107,14 +104,15 @@ class UncoupledSites:
         end = self.run(self.sizes * ways[:, None], [periods * self.period], 1e-6)[..., 0]
         inside = abs(end[0]) < far
         closed, largest = self.closed(np.where(inside, end, 0.0))
+        inside &= abs(closed[0]) < far  # what has escaped stays, but is no motion
         times = np.linspace(0, self.period, 200)
         swings = 0.5 * np.ptp(self.run(closed, times, 1e-6)[0], axis=2)
         found: list[list[Attractor]] = [[] for _ in range(chain.sites)]
         for n, k in np.argwhere(inside & (largest < 1 + 1e-6)):
-            state, others = closed[:, n, k], [orbit.state for orbit in found[n]]
-            if all(abs(state - other).max() > 1e-6 * self.sizes[n] for other in others):
-                found[n].append(Attractor(state, float(swings[n, k])))
-        return [sorted(of, key=lambda orbit: orbit.amplitude) for of in found]
+            state = closed[:, n, k]
+            if all(abs(state - other).max() > 1e-6 * self.sizes[n] for _, other in found[n]):
+                found[n].append((float(swings[n, k]), state))
+        return [sorted(of, key=itemgetter(0)) for of in found]
 
     def closed(self, x: Array) -> tuple[Array, Array]:
         """Newton's iteration for states that come back, and the modulus of the largest multiplier
@@ -159,16 +157,16 @@ def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
     if code == "high" and len(found) == 1:
         raise NoSolution(
             f"site {site}: alone it has one attractor only, with the amplitude "
-            f"{found[0].amplitude:.6g}; 'high' needs two."
+            f"{found[0][0]:.6g}; 'high' needs two."
         )
     if code in ("low", "high"):
-        return found[0 if code == "low" else -1].state
+        return found[0 if code == "low" else -1][1]
     if not real(code) > 0:
         raise BadInput(
             f"site {site}: {code!r} was given; of a driven lattice 'low', 'high' or an "
             "amplitude is expected."
         )
-    return min(found, key=lambda orbit: abs(orbit.amplitude - real(code))).state
+    return min(found, key=lambda orbit: abs(orbit[0] - real(code)))[1]
 
 
 def driven_without_coupling(

@@ -136,20 +136,14 @@ def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[C
     alike.add_nodes_from(codes)
     known, exchanges = set(codes), _exchanges(chain, params)
     for code in codes:
-        images = [_later(code), *(_moved(code, places) for places in exchanges)]
+        # half a period later, and at other sites
+        later = tuple((n, value if isinstance(value, str) else -value) for n, value in code)
+        moved = (tuple(sorted((to[n], value) for n, value in code)) for to in exchanges)
+        images = [later, *moved]
         alike.add_edges_from((code, image) for image in images if image in known)
     order = {code: i for i, code in enumerate(codes)}
     for images in nx.connected_components(alike):
         yield min(images, key=order.__getitem__), len(images)
-
-
-def _later(code: Code) -> Code:
-    """The same half a period later."""
-    return tuple((n, value if isinstance(value, str) else -value) for n, value in code)
-
-
-def _moved(code: Code, places: Mapping[int, int]) -> Code:
-    return tuple(sorted((places[n], value) for n, value in code))
 
 
 def _exchanges(chain: Oscillators, params: Params) -> list[Mapping[int, int]]:
@@ -159,22 +153,15 @@ def _exchanges(chain: Oscillators, params: Params) -> list[Mapping[int, int]]:
     pull, push = chain.W.slope(r, params), chain.W.slope(-r, params)
     if abs(pull + push).max() > 1e-12 * abs(pull).max():
         return []
-    lattice, graph = chain.lattice, nx.Graph()
-    assert lattice is not None
-    for n in range(chain.sites):
-        ground = sum(weight for site, weight in _grounds(chain) if site == n)
-        own = chain.masses[n], chain.onsite[n], lattice.dampings[n], lattice.drive[n], ground
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own))
-    ends = chain.bonds.ends
+    lattice, graph, ends = chain.lattice, nx.Graph(), abs(chain.bonds.ends)
+    single = np.diff(ends.indptr) == 1  # bonds to the ground
+    ground = ends.T @ (single * chain.couplings)
+    own = chain.masses, chain.onsite, lattice.dampings, lattice.drive, ground
+    for n, values in enumerate(zip(*own, strict=True)):
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in values))
     for bond, weight in enumerate(chain.couplings):
         places = ends.indices[ends.indptr[bond] : ends.indptr[bond + 1]].tolist()
         if len(places) == 2:
             total = float(graph.edges.get(places, {}).get("total", 0.0)) + weight
             graph.add_edge(*places, total=total, weight=f"{total:.9g}")
     return list(exchanges_of_sites(graph))
-
-
-def _grounds(chain: Oscillators) -> list[tuple[int, float]]:
-    ends = chain.bonds.ends
-    alone = np.flatnonzero(np.diff(ends.indptr) == 1)
-    return [(int(ends.indices[ends.indptr[bond]]), float(chain.couplings[bond])) for bond in alone]

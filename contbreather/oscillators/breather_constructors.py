@@ -202,7 +202,7 @@ def _with_more_coupling(
     if chain.dissipative:
         equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
     else:
-        equations = HalfOrbit.of(chain, "omega", **more)
+        equations = HalfOrbit.of(chain, **more)
     try:
         begin = breather_problem(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:

@@ -7,96 +7,124 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from ..continuation.algebra.linear_algebra import least_singular, solved
 from ..continuation.algebra.newton import Array
+from ..continuation.algebra.sparse import Matrix, above, any_vector, beside
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Point
-from ..continuation.systems.defining_systems import rank_locus, signed_smallest
-from ..flows.conservative_events import conservative_events, examine_place
+from ..continuation.systems.defining_systems import (
+    along_by_difference,
+    rank_locus,
+    signed_smallest,
+)
+from ..flows.conservative_events import (
+    conservative_events,
+    examine_place,
+    meeting,
+    turn_of_energy,
+)
 from ..flows.cycle_events import BRANCH_POINT, events_of_cycle
-from ..flows.equations import FlowEquations
-from .breather_problem import Breather
+from ..flows.equations import FlowEquations, equations_of
 from .half_orbit import HalfOrbit
 
 
-def _of(curve: Curve) -> HalfOrbit:
-    half: HalfOrbit = curve.problem.residual
-    return half
+def _closed(starts: str, ends: str, curve: Curve, z: Array) -> Matrix:
+    """Close the equations for other perturbations than those of the orbit; those that are at rest
+    at both ends as it is have a given energy in place of a frequency."""
+    half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
+    if starts == ends == "v":
+        return replace(half, held="energy").derivatives(x, {**p, "energy": 0.0}, curve.free)
+    matrix: Matrix = half.closed_by(starts, ends, x, p, curve.free)
+    return matrix
 
 
-def _matrix(starts: str, ends: str, curve: Curve, z: Array) -> Array:
-    x, p = z[: curve.size], curve.params(z)
-    return _of(curve).closed_by(curve.jacobian(z), x, p, curve.free, starts, ends)
-
-
-def _closed(starts: str, ends: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
-    """The least singular value of the equations closed for other perturbations, and its vectors."""
+def _weak(starts: str, ends: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of these, and its vectors."""
 
     def make(z: Array) -> tuple[float, Array, Array]:
-        square = _matrix(starts, ends, curve, z)[:, : curve.size]
-        if starts == ends == "u":  # the orbit's own velocity is one more null vector
-            rows, column, values = _of(curve).border(z[: curve.size], curve.params(z))
-            square[rows, column] = values
-        left, sizes, right = np.linalg.svd(square)
-        sign = np.linalg.det(left) * np.linalg.det(right)
-        return float(sign * sizes[-1]), sign * left[:, -1], right[-1]
+        weak = least_singular(_closed(starts, ends, curve, z)[:, : curve.size])
+        return weak.sign * weak.size, weak.sign * weak.left, weak.right
 
-    weak: tuple[float, Array, Array] = curve.cached(f"closed by {starts} {ends}", z, make)
-    return weak
+    found: tuple[float, Array, Array] = curve.cached(f"closed by {starts} {ends}", z, make)
+    return found
 
 
 def _locus(starts: str, ends: str) -> DefiningSystem:
     """Where these equations lose rank."""
-    matrix = partial(_matrix, starts, ends)
-    return rank_locus(partial(_closed, starts, ends), matrix)
+    return rank_locus(partial(_weak, starts, ends), partial(_closed, starts, ends))
 
 
 def _turned_around(point: Point) -> float:
     """Measure how near perturbations that are at rest in their positions at both ends are to a
     solution, but for the orbit's own: 0 where the map from v to u has another null vector."""
-    orbit: Breather = point.base_point.solution
-    half = _of(point.base_point.curve)
-    factors = half.factors(orbit.x, orbit.params)
-    n, sites = factors.shape[0] // 2, half.chain.sites
-    block = reduce(np.matmul, factors[:n][::-1])[:sites, sites:]
-    (flight, *_) = orbit.flights
-    starts, ends = (half.chain(0.0, flight.states[i], orbit.params)[sites:] for i in (0, n))
-    bordered = np.block([[block, ends[:, None]], [starts, np.zeros(1)]])
-    return signed_smallest(bordered)
+    half = point.base_point.solution.half_map
+    start, end = half.forces
+    return signed_smallest(np.block([[half.B, end[:, None]], [start, np.zeros(1)]]))
 
 
-def _energy_over_period(point: Point) -> float:
-    """Differentiate the energy in the period along the family at given parameters."""
-    base = point.base_point
-    half, layout = _of(base.curve), _of(base.curve).layout
+def _longer(base: Point) -> tuple[int, Array] | None:
+    """The equation of the period, and how the energy changes with unknowns, where that is held."""
+    half = equations_of(base)
+    assert isinstance(half, HalfOrbit)
     if half.held == "energy":
-        return math.nan
-    longer = np.zeros(layout.size)
-    longer[layout.lengths[0]] = 1.0
-    matrix = base.curve.in_unknowns(base.z)
-    if hasattr(matrix, "toarray"):
-        from scipy.sparse.linalg import splu
-
-        change = splu(matrix.tocsc()).solve(longer)
-    else:
-        change = np.linalg.solve(matrix, longer)
-    first = layout.nodes[0][0]
-    return float(half.gradients(base.x[first][:, None], base.params)[0] @ change[first])
+        return None
+    change, u = np.zeros(half.layout.size), half.layout.nodes[0][0][: half.chain.sites]
+    change[u] = half.chain.gradient(base.x[u], base.params)
+    return int(half.layout.lengths[0]), change
 
 
 def _at_minus_one(point: Point) -> DefiningSystem:
     """The perturbations that change their sign are at rest where it begins, or where its half
     ends: those that do here."""
-    base = point.base_point
-    pairs = (("v", "u"), ("u", "v"))
-    starts, ends = min(
-        pairs, key=lambda pair: abs(_closed(pair[0], pair[1], base.curve, base.z)[0])
-    )
+    curve, z = point.base_point.curve, point.base_point.z
+    ways = (("v", "u"), ("u", "v"))
+    starts, ends = min(ways, key=lambda way: abs(_weak(way[0], way[1], curve, z)[0]))
     return _locus(starts, ends)
+
+
+def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array]:
+    """A number that vanishes where a pair of multipliers is at an angle, and the vectors of its
+    derivative, as `multiplier_events.bordered` has them."""
+
+    def make(place: Array) -> tuple[float, Array, Array]:
+        half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
+        rows, _, rest = half.pairs(math.cos(place[-1]))
+        ends = half.open.derivatives(x, p)
+        both = rows @ _twice(ends) + rest
+        a = any_vector(both.shape[0])
+        whole = above(beside(both.tocsc(), a[:, None]), np.append(a, 0.0)[None, :])
+        unit, why = np.eye(1, a.size + 1, a.size)[0], "a second pair is where one is followed"
+        right, left = solved(whole, unit, why), solved(whole.T.tocsc(), unit, why)
+        return float(right[-1]), right[:-1], left[:-1]
+
+    found: tuple[float, Array, Array] = curve.cached("pair", np.append(z, extra), make)
+    return found
+
+
+def _twice(matrix: Matrix) -> Matrix:
+    from scipy import sparse
+
+    return sparse.block_diag([matrix, matrix], format="csc")
+
+
+def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
+    half, (_, right, left) = curve.problem.residual, _bordered(curve, z, extra)
+    rows, turned, _ = half.pairs(math.cos(extra[0]))
+
+    def ends(curve: Curve, z: Array) -> Matrix:
+        return half.open.derivatives(z[: curve.size], curve.params(z), curve.free)
+
+    ways = zip(np.split(rows.T @ left, 2), np.split(right, 2), strict=True)
+    in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
+    x, p = z[: curve.size], curve.params(z)
+    in_index = left @ (turned @ (_twice(half.open.derivatives(x, p)) @ right))
+    return -np.append(in_z, -math.sin(extra[0]) * in_index)
 
 
 def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
@@ -104,12 +132,13 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     if not isinstance(equations, HalfOrbit):
         return events_of_cycle(equations)
     _, turn, branch_point, pd, kc = conservative_events(BRANCH_POINT)
-    turn = replace(turn, test=_energy_over_period, locus=Always(_locus("v", "v")))
+    turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("v", "v")))
     pf = Event(
         "PF", _turned_around, examine=partial(examine_place, 1.0, _UNLIKE),
         locus=Always(_locus("u", "u")),
     )  # fmt: skip
-    return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), replace(kc, locus=None)
+    kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
+    return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc
 
 
 _UNLIKE = {"said": "orbits branch off that are not their own images under a reversal of time"}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from operator import attrgetter
 from typing import Any, cast
 
@@ -20,14 +20,14 @@ from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import crossing
 from ..flows.collocation import TrajectorySegment
-from ..flows.conservation import Unfolded
+from ..flows.conservation import Unfolded, on_axis
 from ..flows.cycle_events import events_of_cycle
 from ..flows.cycle_problem import Cycle, CycleProblem
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
-from .half_orbit import HalfOrbit, WholeOrbit, unfolded_half
+from .half_orbit import HalfMap, HalfOrbit, WholeOrbit, unfolded_half
 from .oscillator_lattice import Oscillators
 
 
@@ -76,7 +76,7 @@ class Breather(Cycle):
     def flights(self) -> tuple[TrajectorySegment, ...]:
         flights = self.equations.flights(self.x, self.params)
         if isinstance(self.equations, HalfOrbit):
-            return (unfolded_half(flights[0], self.equations.reversor),)
+            return (unfolded_half(flights[0]),)
         return flights
 
     @property
@@ -150,22 +150,35 @@ class Breather(Cycle):
 
     @cached_property
     @one_thread
-    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
-        if isinstance(self.equations, HalfOrbit):
-            return self.equations.spectrum(self.x, self.params)
-        return super()._spectrum
+    def half_map(self) -> HalfMap:
+        """Small perturbations over the half of a time-reversible one."""
+        assert isinstance(self.equations, HalfOrbit)
+        return self.equations.half_map(self.x, self.params)
 
     @property
     def paired(self) -> bool:
         return isinstance(self.equations, HalfOrbit) or super().paired
 
     @cached_property
-    def symplectic(self) -> tuple[Array, Array | None]:
+    @one_thread
+    def indices(self) -> NDArray[np.complex128]:
         if not isinstance(self.equations, HalfOrbit):
-            return super().symplectic
-        masses, none = np.diag(self.chain.masses), np.zeros((self.chain.sites,) * 2)
-        form = np.block([[none, -masses], [masses, none]])
-        return reduce(np.matmul, self.equations.factors(self.x, self.params)[::-1]), form
+            return super().indices
+        return on_axis(np.linalg.eigvals(self.half_map.indices))
+
+    @cached_property
+    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
+        if not isinstance(self.equations, HalfOrbit):
+            return super()._spectrum
+        root, one = np.sqrt(self.indices**2 - 1), self.half_map.trivial
+        return np.concatenate([self.indices + root, self.indices - root]), np.array([one, 1 / one])
+
+    @cached_property
+    def index_form(self) -> tuple[Array, Array | None]:
+        if not isinstance(self.equations, HalfOrbit):
+            return super().index_form
+        half, form = self.half_map, -self.half_map.A.T @ self.half_map.C
+        return np.eye(len(form)) + 2 * half.B.T @ half.C, (form + form.T) / 2
 
     @property
     def largest(self) -> float:
@@ -210,14 +223,26 @@ class BreatherProblem(CycleProblem):
         equations: Any = self.residual
         params = {n: value for n, value in self.params.items() if n != equations.held}
         params[name] = getattr(self.solution, name)
-        problem = breather_problem(equations.holding(name), params, self.events, self.label)
+        held = (
+            equations.holding(name)
+            if isinstance(equations, WholeOrbit)
+            else replace(equations, held=name)
+        )
+        problem = breather_problem(held, params, self.events, self.label)
         # the same unknowns in the same order, under other names
         return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):
             return {"PD": _doubled_half, "PF": _whole}.get(kind)
-        return None if isinstance(self.residual, WholeOrbit) else super().lift(kind)
+        return super().lift(kind)
+
+    def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
+        if (
+            isinstance(equations, WholeOrbit) and equations.held == "omega"
+        ):  # it may go around twice
+            params = {**params, "omega": 2 * math.pi / equations.start[0].duration}
+        return breather_problem(equations, params, self.events, label or self.label)
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
@@ -225,10 +250,10 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     changes its sign is at rest, which is at one end of the half or at the other."""
     problem, (free,) = point.curve.problem, point.curve.free
     half: HalfOrbit = problem.residual
-    (whole,), n, k = point.solution.flights, half.chain.sites, len(half.start[0].states)
-    over = reduce(np.matmul, half.factors(np.array(point.x), point.params)[:k][::-1])
+    (whole,), k = point.solution.flights, len(half.start[0].states)
     # at rest where the half begins and without displacement where it ends, or the other way around
-    least = [np.linalg.svd(over[part, part])[1][-1] for part in (slice(0, n), slice(n, None))]
+    blocks = point.solution.half_map.A, point.solution.half_map.D
+    least = [np.linalg.svd(block, compute_uv=False)[-1] for block in blocks]
     if least[1] < least[0]:
         states, slopes, steps = (
             np.roll(part, -k, axis=0) for part in (whole.states, whole.slopes, whole.steps)
@@ -238,9 +263,7 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     params = dict(point.params)
     if half.held == "omega":
         params["omega"] /= 2
-    twice = HalfOrbit.of(
-        half.chain, half.held, start=(whole,), states=half.states, sizes=half.sizes
-    )
+    twice = replace(half, start=(whole,))
     arm: Problem = breather_problem(twice, params, problem.events, problem.label)
     curve = Curve(arm, (free,))
     with suppress(Undefined):  # off PD by as much as the mesh does not resolve

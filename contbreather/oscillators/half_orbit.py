@@ -7,9 +7,14 @@ that is at rest as a whole twice a period is its own image: half of it, with
 
 is all of it. These are as many equations as there are states, and isolated in a family once its
 frequency or its energy is given, without an unfolding and without a phase; without coupling, too,
-where each site has a phase of its own. Small perturbations of the whole are those of the half,
+where each site has a phase of its own.
 
-    M = R M_half^-1 R M_half.
+Small perturbations of the whole are those of the half, M = R M_half^-1 R M_half. In positions and
+momenta the half is a symplectic matrix of four blocks, those of the whole have the stability
+indices that are the eigenvalues of one of them,
+
+    M_half = | A  B |,   M = | 1 + 2 B^T C    2 D^T B   |
+             | C  D |        |   2 A^T C    1 + 2 C^T B |.
 """
 
 from __future__ import annotations
@@ -17,23 +22,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from functools import cached_property, reduce
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
-from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import Matrix
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params, slopes
-from ..flows.multipliers import of_family
-from ..flows.sparse_equations import SparseFlowEquations
+from ..flows.sparse_equations import FEW, SparseFlowEquations
 from .oscillator_lattice import Oscillators
-
-MANY_STATES = 100  # from which on what is eliminated costs more than what is sparse
 
 
 def at_rest(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -43,51 +47,52 @@ def at_rest(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
 
 
 def half_period(t: Any, x: Any, p: Params) -> Any:
-    return math.pi / p["omega"]
+    return math.pi / p.get("omega", 1.0)  # where it is none the energy is given
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyShell:
-    """The condition that an orbit has a given energy."""
+class HalfMap(NamedTuple):
+    """The four blocks of the half, and the accelerations of the orbit at both of its ends, times
+    the masses."""
 
-    chain: Oscillators
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    forces: tuple[Array, Array]
 
-    def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return self.chain.energy(x, p) - p["energy"]
+    @property
+    def indices(self) -> Array:
+        """``1 + 2 B^T C`` without the pair that is trivial: that of the orbit's own velocity, which
+        ends as such, so that forces at the start are at right angles to all of ``B^T``."""
+        across = np.linalg.qr(self.forces[0][:, None], mode="complete")[0][:, 1:]
+        return np.eye(len(self.A) - 1) + 2 * across.T @ self.B.T @ (self.C @ across)
+
+    @property
+    def trivial(self) -> float:
+        """By how much the orbit's own velocity grows, 1 but for what the mesh does not resolve."""
+        start, end = self.forces
+        return float(end @ (self.D @ start) / (end @ end))
 
 
 @dataclass(frozen=True, eq=False)
 class HalfOrbit(FlowEquations):
-    """Half of an orbit of a lattice of oscillators, discretised: the flow ends with half of the
-    period, or where its duration is an unknown, with its energy."""
+    """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
+
+    held: str = "omega"  # what is given of it
+    opened: bool = False  # for minus the state where it ends, in place of what closes it
 
     @classmethod
-    def of(cls, chain: Oscillators, held: str, **more: Any) -> HalfOrbit:
-        until, period = (None, half_period) if held == "omega" else (EnergyShell(chain), None)
-        flow = Flow(chain, until=until, reset=at_rest)
-        large = held == "omega" and 2 * chain.sites >= MANY_STATES
-        kind = SparseHalfOrbit if large else cls
-        return kind(flows=(flow,), period=period, turns=1, **more)
+    def of(cls, chain: Oscillators, **more: Any) -> HalfOrbit:
+        kind = SparseHalfOrbit if 2 * chain.sites >= FEW else cls
+        return kind(flows=(Flow(chain, reset=at_rest),), period=half_period, turns=1, **more)
 
     @property
     def chain(self) -> Oscillators:
         return cast("Oscillators", self.flows[0].f)
 
     @property
-    def held(self) -> str:
-        """What is given of an orbit."""
-        return "energy" if self.period is None else "omega"
-
-    @property
-    def standing(self) -> Array:
-        return np.repeat(
-            [0.0, 1.0], self.chain.sites
-        )  # v_0 = 0 in rows of v, v_end = 0 in those of u
-
-    def holding(self, name: str) -> HalfOrbit:
-        """The equations where this is given."""
-        more = {what: getattr(self, what) for what in ("start", "states", "sizes")}
-        return HalfOrbit.of(self.chain, name, **more)
+    def standing(self) -> Array:  # v_0 = 0 in rows of v, v_end = 0 in those of u
+        return np.repeat([0.0, 0.0 if self.opened else 1.0], self.chain.sites)
 
     def unknowns(
         self, flights: Sequence[TrajectorySegment], p: Params | None = None
@@ -95,81 +100,105 @@ class HalfOrbit(FlowEquations):
         start = super().unknowns(flights, p)
         return {"half" if name == "period" else name: value for name, value in start.items()}
 
-    def gradients(self, states: Array, p: Params) -> Array:
-        """Differentiate the energy at states (n, m): an array (m, n)."""
-        n, chain = self.chain.sites, self.chain
-        return np.concatenate([chain.gradient(states[:n], p), chain.masses[:, None] * states[n:]]).T
+    def _condition(self, i: int, x: Array, flight: TrajectorySegment, p: Params) -> float:
+        if self.held == "omega":
+            return super()._condition(i, x, flight, p)
+        return float(self._energy(0.0, flight.states[0], p) - p["energy"])
 
-    def spectrum(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-        """Compute the multipliers that are not trivial, and the trivial ones."""
-        (flight,), (way,), turned = self.flights(x, p), self.velocities(x, p), self.reversor
-        ends = np.vstack([flight.states[1:], flight.end])
-        field = np.asarray(self.chain(0.0, ends.T, p)).T
-        # the way back begins where intervals end, turned around: f(R x) = -R f(x)
-        ways = np.vstack([way, -turned * field[::-1]])
-        gradients = self.gradients(flight.states.T, p), turned * self.gradients(ends.T, p)[::-1]
-        return of_family(self.factors(x, p), ways, [np.vstack(gradients)])
-
-    def factors(self, x: Array, p: Params) -> Array:
-        """Map small perturbations over each interval, of the half and of the way back."""
-        (piece,) = self.linearised(x, p).linear
-        there = piece.slopes.ends[:, :, : self.start[0].dimension]
-        back = self.reversor[:, None] * np.linalg.inv(there)[::-1] * self.reversor
-        return np.concatenate([there, back])
-
-    @property
-    def reversor(self) -> Array:
-        return np.repeat([1.0, -1.0], self.chain.sites)
-
-    # --- where a multiplier is 1 or -1 ----------------------------------------------------------
-
-    def closed_by(
-        self, matrix: Matrix, x: Array, p: Params, names: tuple[str, ...], starts: str, ends: str
-    ) -> NDArray[np.float64]:
-        """Close the derivative, in unknowns and named parameters, for perturbations with other
-        parts, "u" or "v", at rest at both ends: (v, v) are as the orbit, of a given energy;
-        (u, u) are turned around, and have the multiplier 1, too; (v, u) and (u, v) have -1."""
-        if isinstance(self, SparseFlowEquations):
-            raise Undefined("of so many sites places are located, and not followed as curves")
-        layout, n, sites = self.layout, self.start[0].dimension, self.chain.sites
-        square = np.array(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
-        (piece,), first = self.linearised(x, p, names).linear, layout.nodes[0][0]
-        of = {"u": slice(0, sites), "v": slice(sites, n)}
-        columns = layout.columns(0, len(names))[-1]
-        known = columns >= 0
-        square[first] = 0.0
-        rows, last = first[of[starts]], layout.lengths[0]
-        square[rows, rows] = 1.0
-        left = first[of["u" if starts == "v" else "v"]]
-        square[np.ix_(left, columns[known])] -= piece.arrival[of[ends]][:, known]
-        square[last] = 0.0
-        if starts == ends == "v":
-            energy = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
-            square[last, first], square[last, layout.size :] = energy[:n], energy[n + 1 :]
-        elif starts == ends:  # along the orbit itself it is moved: across that alone
-            square[last, first[sites:]] = self.chain(0.0, x[first], p)[sites:]
-        else:
-            square[last, last] = 1.0
-        return square
-
-    def border(self, x: Array, p: Params) -> tuple[Array, int, Array]:
-        """Rows, the column and values that make (u, u) regular: what ends along the orbit."""
-        first, end = self.layout.nodes[0][0], self.flights(x, p)[0].end
-        sites = self.chain.sites
-        return first[sites:], self.layout.lengths[0], self.chain(0.0, end, p)[sites:]
+    def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
+        matrix = super().derivatives(x, p, names)
+        if self.held == "omega":
+            return matrix
+        first, last = self.layout.nodes[0][0], self.layout.lengths[0]
+        slope = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
+        slope[first.size + 1 :] -= [name == "energy" for name in names]
+        columns = np.append(first, self.layout.size + np.arange(len(names)))
+        row = np.delete(slope, first.size), (np.full(columns.size, last), columns)
+        others = _rows(self.layout.size, np.delete(np.arange(self.layout.size), last))
+        return _alike(matrix, others @ matrix + sparse.csr_array(row, matrix.shape))
 
     def _energy(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.energy(x, p)
 
+    def half_map(self, x: Array, p: Params) -> HalfMap:
+        """Map small perturbations over the half."""
+        (flight,), (piece,), chain = self.flights(x, p), self.linearised(x, p).linear, self.chain
+        factors = piece.slopes.ends[:, :, : flight.dimension]
+        m = np.append(np.ones(chain.sites), chain.masses)  # to momenta
+        whole = m[:, None] * reduce(np.matmul, factors[::-1]) / m
+        (A, B), (C, D) = (np.hsplit(rows, 2) for rows in np.vsplit(whole, 2))
+        start, end = (
+            chain.gradient(state[: chain.sites], p) for state in (x[: m.size], flight.end)
+        )
+        return HalfMap(A, B, C, D, (start, end))
+
+    # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
+
+    @cached_property
+    def open(self) -> HalfOrbit:
+        """The same without what closes it: where all ends is in the rows of the first state."""
+        return replace(self, flows=(Flow(self.chain),), held="omega", opened=True)
+
+    def closed_by(
+        self, starts: str, ends: str, x: Array, p: Params, names: tuple[str, ...]
+    ) -> Matrix:
+        """Close the derivative, in unknowns and named parameters, for perturbations with other
+        parts, "u" or "v", at rest at both ends: (u, u) are turned around, and have the multiplier
+        1; (v, u) and (u, v) have -1."""
+        matrix, size = self.open.derivatives(x, p, names), self.layout.size
+        first, sites, last = self.layout.nodes[0][0], self.chain.sites, self.layout.lengths[0]
+        part = {"u": first[:sites], "v": first[sites:]}
+        rest, moves = part[starts], part["v" if starts == "u" else "u"]
+        kept = np.delete(np.arange(size), first)
+        closed = (_rows(size, kept) + _rows(size, moves, part[ends])) @ matrix
+        closed = closed + _rows(size, rest, width=matrix.shape[1])
+        if starts == ends == "u":  # the orbit's own velocity is one of them: across that alone
+            start, end = (self.chain(0.0, state, p)[sites:]
+                          for state in (x[first], self.flights(x, p)[0].end))  # fmt: skip
+            border = np.append(start, end), (
+                np.append(np.full(sites, last), moves), np.append(part["v"], np.full(sites, last)),
+            )  # fmt: skip
+            closed = closed + sparse.csr_array(border, matrix.shape)
+        return _alike(matrix, closed)
+
+    def pairs(self, index: float) -> tuple[Any, Any, Any]:
+        """What is singular where a pair of multipliers has a stability index, ``L (1 x O) + E``
+        with O the derivative of `open`: L, its derivative in the index, and E.
+
+        Of two perturbations, one from rest and one without displacement, positions end opposite,
+        ``A u + B w = 0``, and velocities with ``(1 + I) C u = (1 - I) D w``.
+        """
+        size, first = self.layout.size, self.layout.nodes[0][0]
+        u, v = np.split(first, 2)
+        kept, ends = _rows(size, np.delete(np.arange(size), first)), _rows(size, u)
+        speeds, none = _rows(size, v), sparse.csr_array((size, size))
+        rows = sparse.block_array(
+            [[kept + ends, ends], [-(1 + index) * speeds, kept + (1 - index) * speeds]]
+        )
+        return (
+            rows, sparse.block_array([[none, none], [-speeds, -speeds]]),
+            sparse.block_diag([speeds, ends]),
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
-    """Half of an orbit of many sites at a given frequency, of which nothing is eliminated."""
+    """Half of an orbit of many sites, of which nothing is eliminated."""
 
     @property
     def closing(self) -> tuple[Any, Any]:
         sites = np.arange(self.chain.sites)
-        return sites, sites + sites.size  # `at_rest`
+        return super().closing if self.opened else (sites, sites + sites.size)  # `at_rest`
+
+
+def _rows(size: int, to: Array, of: Array | None = None, width: int = 0) -> Any:
+    """Select rows of a matrix, and put them elsewhere."""
+    places = to, to if of is None else of
+    return sparse.csr_array((np.ones(len(to)), places), (size, width or size))
+
+
+def _alike(matrix: Matrix, made: Any) -> Matrix:
+    return sparse.csc_array(made) if sparse.issparse(matrix) else np.asarray(made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,10 +211,10 @@ class WholeOrbit(FlowEquations):
         chain, energies = half.chain, quantities_of(half.chain.energy)
         (states,) = (flight.states.T for flight in whole)
         flow = Flow(Unfolded.near(chain, {"lambda": energies["energy"]}, states))
-        held = "period" if half.held == "omega" else "energy"
-        kept = Conservation(energies, held, np.empty((0, len(states))))
-        kind = SparseWholeOrbit if isinstance(half, SparseHalfOrbit) else cls
-        return kind((flow,), whole, None, 1, half.states, half.sizes, kept)
+        kept = Conservation(energies, "energy", np.empty((0, len(states))))
+        kind = SparseWholeOrbit if isinstance(half, SparseFlowEquations) else cls
+        equations = kind((flow,), whole, None, 1, half.states, half.sizes, kept)
+        return equations.holding(half.held)
 
     @property
     def held(self) -> str:
@@ -198,9 +227,7 @@ class WholeOrbit(FlowEquations):
         return replace(self, conservation=replace(self.conservation, held=held))
 
     def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
-        return super()._given(
-            kept, x, {**p, "period": 2 * half_period(0.0, x, {"omega": 1.0, **p})}
-        )
+        return super()._given(kept, x, {**p, "period": 2 * half_period(0.0, x, p)})
 
     def _given_slopes(
         self, kept: Conservation, x: Array, p: Params, names: tuple[str, ...]
@@ -217,8 +244,9 @@ class SparseWholeOrbit(WholeOrbit, SparseFlowEquations):
     """The same of many sites."""
 
 
-def unfolded_half(flight: TrajectorySegment, reversor: Array) -> TrajectorySegment:
+def unfolded_half(flight: TrajectorySegment) -> TrajectorySegment:
     """Go on with the way back: the whole orbit of a half."""
+    reversor = np.repeat([1.0, -1.0], flight.dimension // 2)
     knots = np.concatenate([0.5 * flight.knots, 1 - 0.5 * flight.knots[-2::-1]])
     ends = np.vstack([flight.states[1:], flight.end])
     return replace(

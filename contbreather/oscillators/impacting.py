@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..continuation.algebra.newton import Array
+from ..continuation.walk.trace import trace
 from ..errors import BadInput, ContbreatherError, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.cycle_constructors import cycle
@@ -25,7 +26,7 @@ from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
-_SETTLES = 60  # periods
+_SETTLES, _SETTLED = 60, 0.8  # periods; and the restitution up to which these do
 _LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
 _SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
 _AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
@@ -186,7 +187,8 @@ def _returning(
 
 
 def _single(alone: UncoupledSites, site: int) -> Cycle:
-    """The impacting orbit of one site without coupling, by simulation."""
+    """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
+    settle, and from there along the restitution."""
     chain, p, n = alone.chain, alone.params, alone.chain.sites
     wall, k, period = float(chain.walls(0.0, p)), float(chain.k(0.0, p)), alone.period
 
@@ -196,7 +198,7 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
         return chain(t, whole, p)[[site, n + site]]
 
     def bounce(t: Any, x: Any, p: Params) -> Any:
-        return [x[0], -k * x[1]]
+        return [x[0], -p["k"] * x[1]]
 
     flows = [
         Flow(field, until=lambda t, x, p: wall - x[0], reset=bounce),
@@ -206,15 +208,18 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
         start = {"u": 0.0, "v": velocity * wall * p["omega"]}
         try:
             found = cycle(
-                flows, start, {}, period=period, settle=_SETTLES * period,
+                flows, start, {"k": min(k, _SETTLED)}, period=period, settle=_SETTLES * period,
                 collocation=Collocation(6, 6), events=(),
             )  # fmt: skip
         except ContbreatherError:
             continue
         if len(cycle_of(found).flights) == 2:
-            return cycle_of(found)
+            walk = trace(found, "k", within={"k": (0.0, k)}, towards="up") if k > _SETTLED else ()
+            if not walk or walk[-1]["k"] == k:
+                return walk[-1].solution if walk else cycle_of(found)
     raise NoSolution(
-        f"site {site}: alone it has no attractor that impacts once on each wall in a period"
+        f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
+        f"attracts where impacts keep at most {_SETTLED:g} of their velocity"
     )
 
 

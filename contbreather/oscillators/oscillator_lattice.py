@@ -169,40 +169,22 @@ class Oscillators:
 
     def curvatures(self, u: Any, p: Params) -> tuple[Any, Any, NDArray[Any]]:
         """Differentiate that once more at positions (N, m): rows, columns and values (entries, m)
-        of what is not zero; those of one entry add up."""
-        (rows, columns), spread = self._second
-        values = [spread[0] @ (_beside(self.onsite, u) * self.V.curvature(u, p))]
+        of what is not zero."""
+        rows, columns, spread = self._second
+        values = spread[0] @ (_beside(self.onsite, u) * self.V.curvature(u, p))
         for entries, ((ends, _), weights) in zip(spread[1:], self.parts(p), strict=False):
             r = ends @ u
-            values.append(entries @ (_beside(weights, r) * self.W.curvature(r, p)))
-        return rows, columns, np.asarray(sum(values))
+            values = values + entries @ (_beside(weights, r) * self.W.curvature(r, p))
+        return rows, columns, values
 
     @cached_property
-    def _second(self) -> tuple[tuple[Any, Any], list[Any]]:
-        """Places in the second derivative of the energy, each once, and where the curvature of
-        each site and of each bond goes there, of those that hold one end as well."""
-        ends, n = self.bonds.ends, self.sites
-        sites = sparse.eye_array(n, format="csr")
-        cells, moved = [np.arange(n) * (n + 1)], [(np.arange(n), np.ones(n))]
-        for part, _ in self._ends:
-            pairs = [
-                (i * n + j, bond, a * b)
-                for bond in range(part.shape[0])
-                for i, a in _entries_of(part, bond)
-                for j, b in _entries_of(part, bond)
-            ]
-            cell, bond, sign = (np.array(column) for column in zip(*pairs, strict=True))
-            cells.append(cell)
-            moved.append((bond, sign))
-        places = np.unique(np.concatenate(cells).astype(int))
-        spread = [
-            sparse.csr_array(
-                (sign, (np.searchsorted(places, cell), source.astype(int))),
-                (places.size, sites.shape[0] if k == 0 else ends.shape[0]),
-            )
-            for k, (cell, (source, sign)) in enumerate(zip(cells, moved, strict=True))
-        ]
-        return np.divmod(places, n), spread
+    def _second(self) -> tuple[Any, Any, list[Any]]:
+        """Places in the second derivative of the energy, and where the curvature of each site and
+        of each bond goes there, of those that hold one end as well."""
+        sites, ends = sparse.eye_array(self.sites, format="csc"), abs(self.bonds.ends)
+        rows, columns = (ends.T @ ends + sites).nonzero()
+        parts = [sites, *(part.tocsc() for part, _ in self._ends)]
+        return rows, columns, [(e[:, rows].multiply(e[:, columns])).T.tocsr() for e in parts]
 
     @property
     def jacobian(self) -> LatticeJacobian:
@@ -280,8 +262,8 @@ class LatticeJacobian:
     ) -> tuple[Array, Array, Array]:
         """Evaluate the field at K states, and its derivatives in states, (n, n, K), and in time
         and named parameters."""
-        (n, count), (value, other) = x.shape, self._others(f, t, x, p, names)
-        matrix = np.zeros((n, n, count))
+        value, other = slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
+        matrix = np.zeros((len(x), *x.shape))
         rows, columns, entries = self._entries(x, p)
         matrix[rows, columns] = entries
         return value, matrix, other
@@ -290,7 +272,7 @@ class LatticeJacobian:
         self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Any, Array]:
         """The same as rows, columns and values of one matrix with K blocks on its diagonal."""
-        value, other = self._others(f, t, x, p, names)
+        value, other = slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
         rows, columns, entries = self._entries(x, p)
         first = len(x) * np.arange(x.shape[1])[:, None]
         return value, ((first + rows).ravel(), (first + columns).ravel(), entries.T.ravel()), other
@@ -302,9 +284,6 @@ class LatticeJacobian:
     def is_sparse(self, t: float, x: Array, p: Params) -> bool:
         return True
 
-    def _others(self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Any:
-        return slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
-
     def _entries(self, x: Array, p: Params) -> tuple[Any, Any, Array]:
         chain, n, count = self.chain, self.chain.sites, x.shape[1]
         rows, columns, stiff = chain.curvatures(x[:n], p)
@@ -315,12 +294,6 @@ class LatticeJacobian:
             places.append((n + sites, n + sites, -lost[:, None] * one))
         first, second, entries = (np.concatenate(part) for part in zip(*places, strict=True))
         return first, second, entries
-
-
-def _entries_of(matrix: Any, row: int) -> list[tuple[int, float]]:
-    at = slice(matrix.indptr[row], matrix.indptr[row + 1])
-    pairs = zip(matrix.indices[at].tolist(), matrix.data[at].tolist(), strict=True)
-    return [(j, value) for j, value in pairs if value]
 
 
 def _beside(row: Any, x: Any) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -91,23 +91,14 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Function
         raise BadInput(f"{brief(text)} depends on t: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
     modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
-    functions = []
-    for order in range(3):
-        derivative = (
-            sympy.simplify(sympy.diff(formula, symbols[variable], order)) if order else formula
-        )
-        compiled = sympy.lambdify(arguments, derivative, modules, cse=True)
-        functions.append(_OfParams(compiled, tuple(names)))
-    return tuple(names), tuple(functions)
+    derivatives = (sympy.diff(formula, symbols[variable], order) for order in (1, 2))
+    functions = [formula, *map(sympy.simplify, derivatives)]
+    compiled = [sympy.lambdify(arguments, each, modules, cse=True) for each in functions]
+    return tuple(names), tuple(partial(_at, each, tuple(names)) for each in compiled)
 
 
-@dataclass(frozen=True)
-class _OfParams:
-    compiled: Callable[..., Any]
-    names: tuple[str, ...]
-
-    def __call__(self, u: Any, p: Params) -> Any:
-        return self.compiled(u, *[p[name] for name in self.names]) + 0.0 * u  # as many, if constant
+def _at(compiled: Function, names: tuple[str, ...], u: Any, p: Params) -> Any:
+    return compiled(u, *[p[name] for name in names]) + 0.0 * u  # as many, if constant
 
 
 @lru_cache(maxsize=64)

@@ -74,7 +74,7 @@ def in_omega() -> list[Row]:
         ("with springs", cb.symmetric(0.5, 0.04, 0.8, spring=0.05)),
         ("damped ring of 9", cb.symmetric(0.6, 0.05, 0.8, **ring)),
     ):
-        windows = {"a": (0.15, 0.8), "omega": (0.85, 1.7)}  # of about as many points
+        windows = {"a": (0.15, 0.8), "omega": (0.9, 1.6)}
         walks = [
             partial(cb.trace, start, free, within={free: ends}, steps=cb.Steps(largest=0.01))
             for free, ends in windows.items()

@@ -30,7 +30,7 @@ def test_a_curve_ends_where_two_impacts_of_one_wall_become_one(twice) -> None:
     # its domain: VI-VI is seen within 1e-9 of that, and rounding decides if it can be located.
     assert met.located or "k = " in met.detail["reason"]
     assert end["k"] < 1e-9
-    assert end["t2"] - end["t1"] < 1.1e-4
+    assert end["t2"] - end["t1"] < 1e-4 + 1e-7  # as near as a place is located
     on = {name: end[name] for name in ("a", "gamma", "k", "damping")}
     seed = {"t1": end["t1"]}
     once = orbit_at(

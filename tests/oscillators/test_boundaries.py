@@ -8,6 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.flows.cycle_events import events_of_cycle
+from contbreather.oscillators.breather_problem import breather_problem
+from contbreather.oscillators.half_orbit import SparseHalfOrbit, WholeOrbit
 
 MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
 CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
@@ -136,3 +139,52 @@ def test_collisions_beside_pd_are_all_located() -> None:
         squares = (second + 2) / 2
         assert abs(2 * squares - first**2) < 1e-8  # (I1 - I2)^2
         assert point.detail["signatures"] == "+ -"
+
+
+def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:
+    """By the traces of an integrated half, as above, at both ends of the curve and between."""
+    start = CASES["PD"][0]()
+    branch = cb.trace(start, "omega", within={"omega": (2.0, 2.17)}, towards="up")
+    R, K = np.repeat([1.0, -1.0], 3), stiffness(start.solution.lattice)
+    line = cb.boundary(branch.first("KC"), ("c", "omega"), within={"c": (0.09, 0.11)})
+    assert (line["c"].min(), line["c"].max()) == (0.09, 0.11)
+    assert np.ptp(line["omega"]) > 0.01
+    for point in (line[0], line[len(line) // 2], line[-1]):
+        u = point.base_point.solution.state()[0]
+        blocks = half_map(CUBIC, K, point["c"], u, np.pi / point["omega"])[1]
+        half = np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
+        M = R[:, None] * np.linalg.inv(half) * R @ half
+        first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1
+        assert abs(second + 2 - first**2) < 1e-8  # (I1 - I2)^2
+        assert np.cos(point["angle"]) == pytest.approx(first / 2, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["PF", "PD", "LP", "KC"])
+def test_curves_are_the_same_where_nothing_is_eliminated(kind: str) -> None:
+    """The equations of lattices of many sites, on one of few."""
+    make, free, window, other, around, *_ = CASES["PD" if kind == "KC" else kind]
+    few = make()
+    half, middle = few.residual, few.params[other]
+    of = half.flows, half.start, half.period, half.turns, half.states, half.sizes
+    many = breather_problem(SparseHalfOrbit(*of), few.params, few.events, "")
+    ends = []
+    for problem in (few, many.solve(tolerance=1e-12)[0]):
+        branch = cb.trace(problem, free, within={free: window}, towards="up")
+        aside = {other: (middle, 0.5 * (middle + around[1]))}
+        line = cb.boundary(branch.first(kind), (other, free), within=aside, events=())
+        ends.append([line[free][0], line[free][-1], line[other][-1]])
+    np.testing.assert_allclose(*ends, atol=2e-8)
+
+
+def test_of_orbits_that_are_not_taken_as_half_pd_is_switched_at_as_well() -> None:
+    """The same orbit as the whole of itself doubles into the same family."""
+    start = CASES["PD"][0]()
+    whole = WholeOrbit.of(start.residual, start.solution.flights)
+    same = breather_problem(whole, start.params, events_of_cycle(whole), "").solve()[0]
+    ends = []
+    for problem in (start, same):
+        point = cb.trace(problem, "omega", within={"omega": (1.95, 2.03)}, towards="up").first("PD")
+        (arm,) = cb.switch(point, within={"omega": (1.005, 1.02)})
+        assert arm[0]["omega"] == pytest.approx(point["omega"] / 2, abs=1e-8)
+        ends.append([arm[-1][name] for name in ("omega", "energy", "max|u|")])
+    np.testing.assert_allclose(*ends, atol=1e-6)

@@ -54,13 +54,27 @@ def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
         cb.breather(cb.Oscillators(**how), {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
 
 
+def test_what_escapes_is_no_attractor() -> None:
+    """Beyond a Morse potential nothing leads back: the least motion is that about rest."""
+    chain = cb.Oscillators(
+        V="(1 - exp(-b*u))**2/(2*b**2)", W="c*r**2/2", lattice=cb.Ring(3), damping=0.069,
+        drive="a*cos(omega*t)",
+    )  # fmt: skip
+    low = cb.breather(chain, {0: "low"}, omega=0.7586, params={"b": 1.146, "c": 0.01, "a": 0.06})
+    run = cb.integrate(low, periods=30, perturb=1e-3)
+    np.testing.assert_allclose(run.final, low.solution.states(0.0), atol=1e-4)
+    assert 0.1 < low.solution.farthest < 0.2
+
+
 # --- walls --------------------------------------------------------------------------------------
 
 
-def test_without_potentials_it_is_the_chain_of_the_paper() -> None:
+@pytest.mark.parametrize("k", [0.8, 1.0])
+def test_without_potentials_it_is_the_chain_of_the_paper(k: float) -> None:
+    """Between elastic walls, too, where no simulation settles."""
     ring = cb.Ring(20)
     chain = cb.Oscillators(W="gamma*r**2/2", lattice=ring, drive="-a*cos(t)", walls=1.0, k="k")
-    params = {"a": 0.5, "gamma": 0.08, "k": 0.8}
+    params = {"a": 0.5, "gamma": 0.08, "k": k}
     orbit = cb.breather(chain, {0: 1}, omega=1.0, params=params).solution
     closed_form = cb.symmetric(**params, lattice=ring)
     t = np.linspace(0.1, 6.2, 9)
