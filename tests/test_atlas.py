@@ -104,7 +104,7 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(both)
     with pytest.raises(cb.BadInput, match=r"at c3 = 0\.5: the atlas has \[0\.0, 0\.01\]"):
         plot_atlas(found, at={"c3": 0.5})
-    with pytest.raises(cb.BadInput, match="no surface 'PD'; there are"):
+    with pytest.raises(cb.BadInput, match=r"a kind must be 'LP', .* got 'PD'"):
         plot_atlas(found, at={"c3": 0.0}, kinds=["PD"])
     with pytest.raises(cb.BadInput, match="an atlas was expected"):
         plot_atlas(3)  # type: ignore[arg-type]

@@ -27,7 +27,7 @@ from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
-from .half_orbit import HalfMap, HalfOrbit, WholeOrbit, unfolded_half
+from .half_orbit import HalfBlocks, HalfOrbit, WholeOrbit, unfolded_half
 from .oscillator_lattice import Oscillators
 
 
@@ -150,7 +150,7 @@ class Breather(Cycle):
 
     @cached_property
     @one_thread
-    def half_map(self) -> HalfMap:
+    def half_map(self) -> HalfBlocks:
         """Small perturbations over the half of a time-reversible one."""
         assert isinstance(self.equations, HalfOrbit)
         return self.equations.half_map(self.x, self.params)

@@ -50,7 +50,7 @@ def half_period(t: Any, x: Any, p: Params) -> Any:
     return math.pi / p.get("omega", 1.0)  # where it is none the energy is given
 
 
-class HalfMap(NamedTuple):
+class HalfBlocks(NamedTuple):
     """The four blocks of the half, and the accelerations of the orbit at both of its ends, times
     the masses."""
 
@@ -120,7 +120,7 @@ class HalfOrbit(FlowEquations):
     def _energy(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.energy(x, p)
 
-    def half_map(self, x: Array, p: Params) -> HalfMap:
+    def half_map(self, x: Array, p: Params) -> HalfBlocks:
         """Map small perturbations over the half."""
         (flight,), (piece,), chain = self.flights(x, p), self.linearised(x, p).linear, self.chain
         factors = piece.slopes.ends[:, :, : flight.dimension]
@@ -130,7 +130,7 @@ class HalfOrbit(FlowEquations):
         start, end = (
             chain.gradient(state[: chain.sites], p) for state in (x[: m.size], flight.end)
         )
-        return HalfMap(A, B, C, D, (start, end))
+        return HalfBlocks(A, B, C, D, (start, end))
 
     # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
 
