@@ -13,7 +13,7 @@ from ..continuation.algebra.newton import Array
 from .collocation import TrajectorySegment, sizes_of
 from .equations import FlowEquations
 from .functions import Function, Params, values
-from .jacobian import at_other_time
+from .jacobian import FieldWithJacobian, at_other_time
 
 RETURNS = 24  # so many flows back is looked for a return
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -84,12 +84,20 @@ def _repeats(
         return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
     pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
     return not rest and all(
-        (flow.f, flow.reset) == (successor.f, successor.reset)
+        [*map(_first, (flow.f, flow.reset))] == [*map(_first, (successor.f, successor.reset))]
         and now.dimension == then.dimension
         and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
         <= _REPEATS * size.max()
         for flow, successor, now, then, size in pairs
     )
+
+
+def _first(function: Any) -> Any:
+    """The function that `twice` evaluates some periods before, any number of times."""
+    function = function.f if isinstance(function, FieldWithJacobian) else function
+    while isinstance(function, partial) and function.func is _earlier:
+        function = function.args[-1]
+    return function
 
 
 def _earlier(period: Function, turns: int, function: Function, t: Any, x: Any, p: Params) -> Any:

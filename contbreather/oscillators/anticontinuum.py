@@ -100,6 +100,11 @@ class SingleOscillator:
         found = self.amplitudes(omega, sign)
         if not found:
             small = self.half_periods(_AMPLITUDES[:1], sign)[0]
+            if not math.isfinite(small):
+                raise NoSolution(
+                    f"site {self.site}: it does not oscillate about u = 0, which has to be a "
+                    "minimum of its potential"
+                )
             raise NoSolution(
                 f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
                 f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "

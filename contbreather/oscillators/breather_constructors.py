@@ -160,6 +160,14 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
             f"u = 0 is no equilibrium: the force on site {n} is {force[n]:.3g} there; write the "
             "potentials so that all sites rest at 0"
         )
+    if chain.walls is None and not chain.dissipative:
+        u = np.linspace(0.1, 0.4, chain.sites)  # anywhere, and shifted as a whole
+        here, there = chain.gradient(u, values), chain.gradient(u + 0.3, values)
+        if abs(there - here).max() <= 1e-12 * abs(here).max():
+            raise BadInput(
+                "all sites may be shifted together, so that no breather stands alone: hold the "
+                "ends, OpenChain(n, ends='fixed'), or give the sites a potential V"
+            )
     return values
 
 

@@ -188,6 +188,8 @@ def _ordinate(branches: Sequence[Branch]) -> str:
         return first.curve.varied[1]
     if all(isinstance(problem, OrbitProblem) for problem in problems):
         return _of_breathers(branches)
+    if all("max|u|" in branch.names for branch in branches):  # of lattices of oscillators
+        return "max|u|"
     names = (name[len("max(") : -1] for name in problems[0].record if name.startswith("max("))
     swinging = [name for name in names if len(ordinates(first, name)) > 1]
     unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]

@@ -199,3 +199,27 @@ def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
     assert "its own image" in four.reason
     places = [round(point["A"], 6) for point in four.special]
     assert len(set(places)) == len(places)
+
+
+@pytest.mark.slow
+def test_what_has_doubled_ends_there_where_each_round_is_a_flow_of_its_own() -> None:
+    """Rounds of angles, and of halves with a mirror, are flows at times of their own: the branch
+    ends at the other PD of what has doubled all the same."""
+    field = lambda t, x, p: [x[1], p["a"] * np.cos(0.7 * t) - 0.3 * x[1] - np.sin(x[0]) + 0.3]  # noqa: E731
+    turning = cb.cycle(
+        field, {"angle": 0.0, "v": 1.0}, {"a": 1.0}, period=2 * np.pi / 0.7, settle=100,
+        wraps={"angle": 2 * np.pi},
+    )  # fmt: skip
+    mirrored = cb.Flow(
+        lambda t, x, p: [x[1], p["a"] * np.cos(1.2 * t) - 0.15 * x[1] - x[0] - x[0] ** 3],
+        reset=lambda t, x, p: [-x[0], -x[1]],
+    )
+    half = cb.cycle(
+        mirrored, {"x": 0.0, "v": 1.0}, {"a": 4.0}, period=lambda p: np.pi / 1.2, settle=100
+    )
+    for single, low, high in ((turning, 0.2, 4.0), (half, 3.0, 29.0)):
+        branch = cb.trace(single, "a", within={"a": (low, high)})
+        doubled = cb.switch(branch.first("PD"), within={"a": (low, high)})[0]
+        first, second = (point["a"] for point in branch.special if point.kind == "PD")
+        assert (doubled[0]["a"], doubled[-1]["a"]) == pytest.approx((first, second), rel=1e-7)
+        assert "its own image" in doubled.reason

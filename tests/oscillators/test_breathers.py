@@ -193,3 +193,27 @@ def test_what_ends_on_the_way_names_the_harmonic_and_the_band() -> None:
     high = np.sqrt(1 + 4 * 0.3 * share * np.sin(5 * np.pi / 11) ** 2)
     assert says.endswith(f"the band of small oscillations, 1 to {high:.6g}.")
     assert "the frequency itself, 1.2," in says
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"W": "r**2/2 + r**4/4", "lattice": cb.Ring(10)}, "may be shifted together"),
+        ({"W": "r**2/2 + r**4/4", "lattice": cb.OpenChain(11)}, "may be shifted together"),
+        ({"V": "(u**2 - 1)**2/8", "W": "r**2/2", "lattice": cb.Ring(5)}, "minimum of its potent"),
+    ],
+)
+def test_lattices_without_isolated_breathers_say_why(given, says) -> None:
+    with pytest.raises((cb.BadInput, cb.NoSolution), match=says):
+        cb.breather(cb.Oscillators(**given), {4: 1}, omega=2.5)
+
+
+def test_a_branch_of_breathers_is_drawn_by_its_largest_displacement(tmp_path) -> None:
+    """Also one that was loaded: its unknowns, a mesh and times, say nothing."""
+    branch = cb.trace(phi4(cb.Ring(5), {2: 1}, 0.05), "c", within={"c": (0.04, 0.06)})
+    cb.save(tmp_path / "breathers.nc", branch)
+    for shown in (branch, cb.load(tmp_path / "breathers.nc")):
+        axes = cb.plot(shown).axes
+        drawn = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+        assert drawn.max() == pytest.approx(branch["max|u|"].max())
+        assert "|u|" in axes.get_ylabel()
