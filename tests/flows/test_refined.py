@@ -217,9 +217,9 @@ def test_what_has_doubled_ends_there_where_each_round_is_a_flow_of_its_own() -> 
     half = cb.cycle(
         mirrored, {"x": 0.0, "v": 1.0}, {"a": 4.0}, period=lambda p: np.pi / 1.2, settle=100
     )
-    for single, low, high in ((turning, 0.2, 4.0), (half, 3.0, 29.0)):
-        branch = cb.trace(single, "a", within={"a": (low, high)})
-        doubled = cb.switch(branch.first("PD"), within={"a": (low, high)})[0]
+    for single, near in ((turning, (0.9, 1.3)), (half, (3.0, 29.0))):
+        branch = cb.trace(single, "a", within={"a": near})
+        doubled = cb.switch(branch.first("PD"), within={"a": (0.2, 40.0)})[0]
         first, second = (point["a"] for point in branch.special if point.kind == "PD")
         assert (doubled[0]["a"], doubled[-1]["a"]) == pytest.approx((first, second), rel=1e-7)
         assert "its own image" in doubled.reason
