@@ -305,6 +305,22 @@ class Slopes:
         return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
 
 
+def joined(
+    flights: Sequence[TrajectorySegment], guesses: Sequence[Any]
+) -> tuple[TrajectorySegment, Any]:
+    """Flights of one flow as one, and estimates as `flown` takes them: each interval is solved for
+    by itself."""
+    whole, parts = object.__new__(TrajectorySegment), ("states", "begins", "lengths")
+    vars(whole).update(scheme=flights[0].scheme)
+    for part in parts:
+        vars(whole)[part] = np.concatenate([getattr(flight, part) for flight in flights])
+    if not all(guesses):
+        return whole, None
+    k, inverses, second = zip(*guesses, strict=True)
+    inverse = None if any(one is None for one in inverses) else np.concatenate(inverses)
+    return whole, (np.concatenate(k), inverse, max(second))
+
+
 def flown(
     flow: Flow,
     flight: TrajectorySegment,

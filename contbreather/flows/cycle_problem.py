@@ -291,6 +291,10 @@ class CycleProblem(Problem):
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
         return self.residual(x, params, math.inf)  # the next step is more exact
 
+    def prepare(self, places: Any, names: tuple[str, ...]) -> None:  # type: ignore[override]
+        if not isinstance(self.residual, SparseFlowEquations):  # of which nothing is solved for
+            self.residual.prepare(places, names)
+
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
 

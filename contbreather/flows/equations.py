@@ -21,7 +21,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
 from ..errors import BadInput
-from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
+from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown, joined
 from .conservation import Conservation
 from .flow import Flow, slid_along
 from .functions import Params, slopes, values
@@ -226,22 +226,50 @@ class FlowEquations:
         key = x.tobytes(), tuple(p.items())
         place = self._latest.get(key)
         if place is None or place.error > error:
-            moving, near, flights = x[self.layout.moving].copy(), [*self._latest.values()], []
-            near = self._near(near or [self._begin], moving)
-            t = float(x[-1]) if self.phased else self.start[0].start
+            moving, flights, guesses = self._begun(x, p)
             for i, flow in enumerate(self.flows):
-                plain = self._flight(i, x, t)
-                if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
-                    raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
-                guess = self._guess(i, plain, p, moving, *near) if near else None
-                flights.append(flown(flow, plain, p, self._units[i], guess, error))
-                t += plain.duration
+                flights[i] = flown(flow, flights[i], p, self._units[i], guesses[i], error)
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
-            if len(self._latest) == 16:  # are kept, to begin from the nearest
-                del self._latest[next(iter(self._latest))]
         self._latest.pop(key, None)
+        while len(self._latest) >= 16:  # are kept, to begin from the nearest
+            del self._latest[next(iter(self._latest))]
         self._latest[key] = place
         return place
+
+    def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment], list[Any]]:
+        """Tell a place by its unknowns, its flights without slopes inside, and estimates of these
+        as `flown` takes them."""
+        moving, flights, guesses = x[self.layout.moving].copy(), [], []
+        near = self._near([*self._latest.values()] or [self._begin], moving)
+        t = float(x[-1]) if self.phased else self.start[0].start
+        for i, flow in enumerate(self.flows):
+            flights.append(plain := self._flight(i, x, t))
+            if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
+                raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
+            guesses.append(self._guess(i, plain, p, moving, *near) if near else None)
+            t += plain.duration
+        return moving, flights, guesses
+
+    def prepare(self, places: Sequence[tuple[Array, Params]], names: tuple[str, ...]) -> None:
+        """Solve and linearise at several places at the same parameters, as for one with the
+        intervals of all."""
+        p, wanted = self._unfolded(*places[0]), self._wanted(names)
+        if any(self._unfolded(*place) != p for place in places):
+            return
+        begun = [self._begun(x, p) for x, _ in places]
+        solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, *_ in begun]
+        for i, flow in enumerate(self.flows):
+            flights = [flights[i] for _, flights, _ in begun]
+            whole, guess = joined(flights, [guesses[i] for *_, guesses in begun])
+            whole = flown(flow, whole, p, self._units[i], guess)
+            many = derivatives(flow, whole, whole.slopes, p, wanted)
+            parts = whole.slopes, many.ends, many.inside, many.inverse, many.field
+            apart = [part.reshape(len(begun), -1, *part.shape[1:]) for part in parts]
+            for (x, _), place, flight, k, *of in zip(places, solved, flights, *apart, strict=True):
+                place.flights += (found := flight.with_slopes(k, None),)
+                place.linear += (self._linearised(i, x, found, place, Slopes(*of)),)
+        for (x, _), place in zip(places, solved, strict=True):
+            self._latest[x.tobytes(), tuple(p.items())] = place
 
     @cached_property
     def _units(self) -> list[float]:
@@ -448,17 +476,21 @@ class FlowEquations:
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
-        place = self._solved(x, p)
-        lambdas = self.conservation.lambdas if self.conservation else ()
-        wanted = (*lambdas, *(names or ()))
+        place, wanted = self._solved(x, p), self._wanted(names or ())
         if not place.linear or (names is not None and wanted != place.names):
-            place.names = wanted
-            place.linear = tuple([self._linearised(i, x, place) for i in range(len(self.flows))])
+            place.names, place.linear, p = wanted, (), place.params
+            for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
+                derivative = derivatives(flow, flight, flight.slopes, p, wanted)
+                place.linear += (self._linearised(i, x, flight, place, derivative),)
         return place
 
-    def _linearised(self, i: int, x: Array, place: SolvedPlace) -> Linear:
-        flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
-        derivative = derivatives(flow, flight, flight.slopes, p, names)
+    def _wanted(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        return names if self.conservation is None else (*self.conservation.lambdas, *names)
+
+    def _linearised(
+        self, i: int, x: Array, flight: TrajectorySegment, place: SolvedPlace, derivative: Slopes
+    ) -> Linear:
+        flow, p, names = self.flows[i], place.params, place.names
         path, n = math.exp(x[self.layout.knots[i][-1]]), flight.states.shape[1]
         inside, steps, longer = flight.share_slopes(self.sizes[i], path)
         inside = inside.reshape(len(steps), 1, -1) @ derivative.inside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import count
@@ -237,6 +237,12 @@ class Curve:
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, ``(n, n + len(free))``; not to be written to."""
         return self.cached("jacobian", z, partial(self.call, self._derivatives))
+
+    def prepare(self, places: Sequence[Array]) -> None:
+        """Let the problem solve at once for several places, whose derivatives are asked for next."""
+        if self.problem.prepare is not None:
+            known = [(z[: self.size].copy(), self.params(z)) for z in places]
+            self.call(self.problem.prepare, known, self.free)
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below; once where that is dear."""
