@@ -117,11 +117,12 @@ class Linear(NamedTuple):
 
     slopes: Slopes
     ends: Array  # (intervals, n, columns): of the state where each interval ends
-    arrival: Array  # (n + 1 + parameters, columns): of state, time and parameters where all ends
+    after: Array  # (n, columns): of that where the flow behind it begins
     shares: Array  # (intervals, columns): of the density of the mesh
     longer: Array  # (intervals,): minus the same in the logarithm of the path
-    reset: Array
-    condition: Array | None
+    reset: Array | None = None
+    condition: Array | None = None
+    ending: Array | None = None  # (1, columns): of the condition
 
 
 @dataclass(eq=False)
@@ -251,12 +252,13 @@ class FlowEquations:
         return moving, flights, guesses
 
     def prepare(self, places: Sequence[tuple[Array, Params]], names: tuple[str, ...]) -> None:
-        """Solve and linearise at several places at the same parameters, as for one with the
-        intervals of all."""
+        """Solve and linearise at several places as for one with the intervals of all, where these
+        have the same parameters and are next to one that is linearised."""
         p, wanted = self._unfolded(*places[0]), self._wanted(names)
-        if any(self._unfolded(*place) != p for place in places):
-            return
         begun = [self._begun(x, p) for x, _ in places]
+        known = all(guess and guess[1] is not None for *_, of in begun for guess in of)
+        if not known or any(self._unfolded(*place) != p for place in places):
+            return
         solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, *_ in begun]
         for i, flow in enumerate(self.flows):
             flights = [flights[i] for _, flights, _ in begun]
@@ -464,24 +466,25 @@ class FlowEquations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
-    def velocities(self, x: Array, p: Params) -> tuple[Array, ...]:
+    def velocities(self, x: Array, p: Params) -> list[Array]:
         """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
         flights = self.flights(x, p)
         for flow, flight in zip(self.flows, flights, strict=True):
             if flight.velocities is None:
                 way = values(flow.f, flight.begins, flight.states.T, p).T
                 vars(flight)["velocities"] = way
-        return tuple([flight.velocities for flight in flights])
+        return [flight.velocities for flight in flights]
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
         place, wanted = self._solved(x, p), self._wanted(names or ())
         if not place.linear or (names is not None and wanted != place.names):
-            place.names, place.linear, p = wanted, (), place.params
+            place.names, linear = wanted, []
             for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
-                derivative = derivatives(flow, flight, flight.slopes, p, wanted)
-                place.linear += (self._linearised(i, x, flight, place, derivative),)
+                derivative = derivatives(flow, flight, flight.slopes, place.params, wanted)
+                linear.append(self._linearised(i, x, flight, place, derivative))
+            place.linear = tuple(linear)
         return place
 
     def _wanted(self, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -498,17 +501,22 @@ class FlowEquations:
         # the step of an interval is the difference of the knots at its ends
         shares[:, n] -= steps
         shares[:, n + 1] += steps
-        # where the last interval ends: its time is the sum of its beginning and its length
+        ends = self._in_unknowns(i, flight, derivative.ends)
+        linear = Linear(derivative, ends, ends[-1], shares, longer)
+        if not (flow.reset or flow.until):
+            return linear
+        # of state, time and parameters at its end: the time is the sum of beginning and length
         last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
         last[:n], last[n, n] = derivative.ends[-1], 1.0
         arrival = self._in_unknowns(i, flight, last[None], slice(-1, None))[0]
-        ends = self._in_unknowns(i, flight, derivative.ends)
-        reset, condition = np.eye(n, n + 1 + len(names)), None
+        at = flight.last, flight.end[:, None], p, names
         if flow.reset:
-            reset = slopes(flow.reset, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
+            reset = slopes(flow.reset, *at)[1][:, :, 0]
+            linear = linear._replace(reset=reset, after=reset @ arrival)
         if flow.until:
-            condition = slopes(flow.until, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
-        return Linear(derivative, ends, arrival, shares, longer, reset, condition)
+            condition = slopes(flow.until, *at)[1][:, :, 0]
+            linear = linear._replace(condition=condition, ending=condition @ arrival)
+        return linear
 
     def _in_unknowns(
         self, i: int, flight: TrajectorySegment, of: Array, j: slice = slice(None)
@@ -529,13 +537,9 @@ class FlowEquations:
         dense where there are few."""
         blocks = [self._own]  # their values, where `Layout` says
         for i, piece in enumerate(self.linearised(x, p, names).linear):
-            if piece.condition is not None:
-                condition = piece.condition @ piece.arrival
-            else:
-                condition = self._of_length(i, p, names)
-            after = piece.reset @ piece.arrival
-            blocks += [-piece.ends[:-1].ravel(), -after.ravel(), piece.shares.ravel()]
-            blocks += [-piece.longer, condition.ravel()]
+            ending = self._of_length(i, p, names) if piece.ending is None else piece.ending
+            blocks += [-piece.ends[:-1].ravel(), -piece.after.ravel(), piece.shares.ravel()]
+            blocks += [-piece.longer, ending.ravel()]
         if self.phased:
             blocks.append(self._of_period(None, p, names))
         if self.conservation:

@@ -195,12 +195,13 @@ class Curve:
             return None
         here, ahead = known[near.tobytes()], row.dot(guess - near)
         factors: Dense | Factors | None = None
-        for key in () if is_large(here) else [*known]:
+        for key in () if is_large(here) else [*known][::-1]:  # the latest first
             back = near - np.frombuffer(key)
             length = row.dot(back)
             # of a place about as far behind: how the derivative changes goes on beyond this one
             if 0.25 * ahead < length < 4.0 * ahead and self.length(back) < 2.0 * length:
                 factors = Dense(here + ahead / length * (here - known[key]), row)
+                break
         factors = factors or self.factors(near, row)
         roughly = partial(self.equations, function=self.problem.roughly)
         return chord(self, roughly, factors, guess, row, tolerance)
@@ -239,7 +240,7 @@ class Curve:
         return self.cached("jacobian", z, partial(self.call, self._derivatives))
 
     def prepare(self, places: Sequence[Array]) -> None:
-        """Let the problem solve at once for several places, whose derivatives are asked for next."""
+        """Let the problem solve for several places at once, whose derivatives come next."""
         if self.problem.prepare is not None:
             known = [(z[: self.size].copy(), self.params(z)) for z in places]
             self.call(self.problem.prepare, known, self.free)

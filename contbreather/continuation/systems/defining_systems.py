@@ -221,7 +221,9 @@ def along_by_difference(
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
-    curve.prepare(places := [z + step * way, z - step * way])
+    places = [z + step * way, z - step * way]
+    if jacobian is Curve.jacobian:
+        curve.prepare(places)
     there, behind = (left @ jacobian(curve, place) for place in places)
     return np.asarray((there - behind) / (2 * step))
 
