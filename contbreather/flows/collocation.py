@@ -305,7 +305,7 @@ class Slopes:
         return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
 
 
-def joined(
+def as_one_flight(
     flights: Sequence[TrajectorySegment], guesses: Sequence[Any]
 ) -> tuple[TrajectorySegment, Any]:
     """Flights of one flow, and estimates as `flown` takes them, as of one: each interval is solved

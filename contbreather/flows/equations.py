@@ -21,7 +21,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
 from ..errors import BadInput
-from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown, joined
+from .collocation import ROUNDING, Slopes, TrajectorySegment, as_one_flight, derivatives, flown
 from .conservation import Conservation
 from .flow import Flow, slid_along
 from .functions import Params, slopes, values
@@ -262,7 +262,7 @@ class FlowEquations:
         solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, *_ in begun]
         for i, flow in enumerate(self.flows):
             flights = [flights[i] for _, flights, _ in begun]
-            whole, guess = joined(flights, [guesses[i] for *_, guesses in begun])
+            whole, guess = as_one_flight(flights, [guesses[i] for *_, guesses in begun])
             whole = flown(flow, whole, p, self._units[i], guess)
             many = derivatives(flow, whole, whole.slopes, p, wanted)
             parts = whole.slopes, many.ends, many.inside, many.inverse, many.field
