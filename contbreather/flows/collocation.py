@@ -305,6 +305,18 @@ class Slopes:
         return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
 
 
+def as_one_flight(
+    flights: Sequence[TrajectorySegment], guesses: Sequence[Any]
+) -> tuple[TrajectorySegment, Any]:
+    """Flights of one flow, and estimates as `flown` takes them, as of one: each interval is solved
+    for by itself."""
+    whole, parts = object.__new__(TrajectorySegment), ("states", "begins", "lengths")
+    of = {name: np.concatenate([getattr(flight, name) for flight in flights]) for name in parts}
+    vars(whole).update(of, scheme=flights[0].scheme)
+    k, inverses, second = zip(*guesses, strict=True)
+    return whole, (np.concatenate(k), np.concatenate(inverses), max(second))
+
+
 def flown(
     flow: Flow,
     flight: TrajectorySegment,
@@ -339,12 +351,7 @@ def _newton(
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
     # where all is at rest slopes count as a tenth of what moves
     moves = max(abs(k).max(), 0.1 * unit)
-    t, begins, count, first_order = (
-        flight.inner,
-        flight.states.T,
-        k[..., 0].size,
-        inverse is not None,
-    )
+    t, count, first_order = flight.inner, k[..., 0].size, inverse is not None
     if error < math.inf:  # what is exact is asked for its velocities, too
         t = np.concatenate([t, flight.begins])
     for _ in range(12):
@@ -353,7 +360,7 @@ def _newton(
             h_f, inverse, good, velocities = linear.field, linear.inverse, True, None
         else:
             x = reached(flight, k)
-            x = x if t.size == count else np.concatenate([x, begins], axis=1)
+            x = x if t.size == count else np.concatenate([x, flight.states.T], axis=1)
             f = calling(flow.f, t, x, p)(t, x, p).T
             h_f, velocities = f[:count].reshape(k.shape) * lengths, f[count:]
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear

@@ -132,9 +132,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
 
     Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
     """
-    equations, orbit, i, p = (
-        equations_of(point), point.solution, point.detail["flow"], point.params
-    )  # fmt: skip
+    equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
     short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
@@ -157,10 +155,8 @@ def _at_edge(point: Point) -> SwitchingProblem:
                 pieces += _refitted([flight], [flight.last, flight.last + least])
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
     lasts = partial(_contacts, place if more else i, least)
-    margins = (
-        partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign),
-        lasts,
-    )
+    facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
+    margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
     return _switching(point, made, row, margins if more else margins[::-1])
 

@@ -22,13 +22,7 @@ from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
-from .cycle_problem import (
-    UNRESOLVED,
-    Cycle,
-    CycleProblem,
-    cycle_of,
-    problem_of,
-)
+from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .equations import FlowEquations
 from .flow import Filippov, Flow, period_at, refuse_false_period, value_at
 from .functions import Function, Params, values
@@ -144,8 +138,13 @@ def cycle(
         if not callable(period):
             number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
         forcing = partial(_length, period)
-    flows = flows_of(with_jacobian(flows, jacobian), period)
-    alone = _alone(flows)
+    path: Any = flows_of(with_jacobian(flows, jacobian), period)
+    # a system that decides by its state which flow comes next has none that nothing ends
+    listed = path if isinstance(path, tuple) else ()
+    endless = [i for i, flow in enumerate(listed) if flow.until is None]
+    if len(listed) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(listed)} has no `until`: nothing ends it")
+    alone = path[0] if endless else None
     if isinstance(start, tuple):
         pieces, names = sampled_orbit(alone, start, params)
         angles = Angles.of(wraps, names)
@@ -158,9 +157,13 @@ def cycle(
         size = float(abs(state).max())
         angles = Angles.of(wraps, names)
         length = None if forcing is None else period_at(forcing, params)
-        _check_start(flows, t0, state, params, forcing)
-        angles = angles.checked(flows, t0, state, params)
-        parts, pieces = simulated_orbit(flows, alone, params, (t0, state), length, settle, angles)
+        # what does not fit, and a false period, before a simulation goes astray
+        slides = isinstance(path, Filippov)
+        check, begun = (path.begin, path.flows[:2]) if slides else (path[0].check, path[:1])
+        check(t0, state, params)
+        refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
+        angles = angles.checked(path, t0, state, params)
+        parts, pieces = simulated_orbit(path, alone, params, (t0, state), length, settle, angles)
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length
@@ -275,16 +278,6 @@ def state_names(start: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _alone(flows: Any) -> Flow | None:
-    """Return the flow that nothing ends, where that is all there is."""
-    if not isinstance(flows, tuple):  # a system that decides by its state which flow comes next
-        return None
-    endless = [i for i, flow in enumerate(flows) if flow.until is None]
-    if len(flows) > 1 and endless:
-        raise BadInput(f"flow {endless[0]} of {len(flows)} has no `until`: nothing ends it")
-    return flows[0] if endless else None
-
-
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
     return value_at(period, p)
 
@@ -328,16 +321,6 @@ def _resolved(
         f"no periodic orbit was found from there: a mesh of {scheme.intervals} intervals of "
         f"{scheme.points} points does not resolve the simulation: {failed}"
     ) from failed
-
-
-def _check_start(
-    flows: Any, t0: float, state: Array, params: Params, forcing: Function | None
-) -> None:
-    """Refuse functions that do not fit, and a false period before a simulation goes astray."""
-    slides = isinstance(flows, Filippov)
-    check, begun = (flows.begin, flows.flows[:2]) if slides else (flows[0].check, flows[:1])
-    check(t0, state, params)
-    refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
 
 
 def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:

@@ -232,9 +232,8 @@ class _Reached:
             return slopes(self.wall, z[-1], z[:-1, None], p, names)[1][0, :, 0]
 
         at, n = np.append(x, t), x.size
-        f, df = (
-            of[..., 0] for of in slopes(self.equations.flows[self.flow].f, t, x[:, None], p, names)
-        )
+        field = self.equations.flows[self.flow].f
+        f, df = (of[..., 0] for of in slopes(field, t, x[:, None], p, names))
         grad, way = gradient(at), np.append(f, 1.0)
         # (grad w . f)' = w'' f + grad w . f', and w'' f is how the gradient changes along f
         step = RELATIVE * (1 + np.linalg.norm(at)) / np.linalg.norm(way)

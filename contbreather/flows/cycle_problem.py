@@ -167,10 +167,8 @@ class Cycle(HtmlRepr):
         (factors,), _ = around(self.equations, self.x, self.params)
         kept, states = self.equations.conservation, self.flights[0].states.T
         assert kept is not None
-        J, M = (
-            kept.poisson(self.equations.flows[0].f, states, self.params),
-            reduce(np.matmul, factors[::-1]),
-        )
+        J = kept.poisson(self.equations.flows[0].f, states, self.params)
+        M = reduce(np.matmul, factors[::-1])
         form = None if J is None else np.linalg.inv(J) @ M
         return (M + np.linalg.inv(M)) / 2, None if form is None else (form + form.T) / 2
 
@@ -264,7 +262,7 @@ class CycleProblem(Problem):
             vars(orbit)["flights"] = self.residual.flights(orbit.x, orbit.params)
         return orbit
 
-    @property
+    @cached_property
     def keeps_solutions(self) -> bool:  # type: ignore[override]
         """Of few states slopes inside take as little room as the unknowns of a branch."""
         return self.residual.start[0].dimension < FEW
@@ -290,6 +288,10 @@ class CycleProblem(Problem):
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
         return self.residual(x, params, math.inf)  # the next step is more exact
+
+    def prepare(self, places: Any, names: tuple[str, ...]) -> None:
+        if not isinstance(self.residual, SparseFlowEquations):  # of which nothing is solved for
+            self.residual.prepare(places, names)
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)

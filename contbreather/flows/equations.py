@@ -21,7 +21,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
 from ..errors import BadInput
-from .collocation import ROUNDING, Slopes, TrajectorySegment, derivatives, flown
+from .collocation import ROUNDING, Slopes, TrajectorySegment, as_one_flight, derivatives, flown
 from .conservation import Conservation
 from .flow import Flow, slid_along
 from .functions import Params, slopes, values
@@ -117,11 +117,12 @@ class Linear(NamedTuple):
 
     slopes: Slopes
     ends: Array  # (intervals, n, columns): of the state where each interval ends
-    arrival: Array  # (n + 1 + parameters, columns): of state, time and parameters where all ends
+    after: Array  # (n, columns): of that where the flow behind it begins
     shares: Array  # (intervals, columns): of the density of the mesh
     longer: Array  # (intervals,): minus the same in the logarithm of the path
-    reset: Array
-    condition: Array | None
+    reset: Array | None = None
+    condition: Array | None = None
+    ending: Array | None = None  # (1, columns): of the condition
 
 
 @dataclass(eq=False)
@@ -226,22 +227,51 @@ class FlowEquations:
         key = x.tobytes(), tuple(p.items())
         place = self._latest.get(key)
         if place is None or place.error > error:
-            moving, near, flights = x[self.layout.moving].copy(), [*self._latest.values()], []
-            near = self._near(near or [self._begin], moving)
-            t = float(x[-1]) if self.phased else self.start[0].start
+            moving, flights, guesses = self._begun(x, p)
             for i, flow in enumerate(self.flows):
-                plain = self._flight(i, x, t)
-                if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
-                    raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
-                guess = self._guess(i, plain, p, moving, *near) if near else None
-                flights.append(flown(flow, plain, p, self._units[i], guess, error))
-                t += plain.duration
+                flights[i] = flown(flow, flights[i], p, self._units[i], guesses[i], error)
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
-            if len(self._latest) == 16:  # are kept, to begin from the nearest
-                del self._latest[next(iter(self._latest))]
         self._latest.pop(key, None)
+        while len(self._latest) >= 16:  # are kept, to begin from the nearest
+            del self._latest[next(iter(self._latest))]
         self._latest[key] = place
         return place
+
+    def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment], list[Any]]:
+        """Tell a place by its unknowns, its flights without slopes inside, and estimates of these
+        as `flown` takes them."""
+        moving, flights, guesses = x[self.layout.moving].copy(), [], []
+        near = self._near([*self._latest.values()] or [self._begin], moving)
+        t = float(x[-1]) if self.phased else self.start[0].start
+        for i, flow in enumerate(self.flows):
+            flights.append(plain := self._flight(i, x, t))
+            if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
+                raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
+            guesses.append(self._guess(i, plain, p, moving, *near) if near else None)
+            t += plain.duration
+        return moving, flights, guesses
+
+    def prepare(self, places: Sequence[tuple[Array, Params]], names: tuple[str, ...]) -> None:
+        """Solve and linearise at several places as for one with the intervals of all, where these
+        have the same parameters and are next to one that is linearised."""
+        p, wanted = self._unfolded(*places[0]), self._wanted(names)
+        begun = [self._begun(x, p) for x, _ in places]
+        known = all(guess and guess[1] is not None for *_, of in begun for guess in of)
+        if not known or any(self._unfolded(*place) != p for place in places):
+            return
+        solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, *_ in begun]
+        for i, flow in enumerate(self.flows):
+            flights = [flights[i] for _, flights, _ in begun]
+            whole, guess = as_one_flight(flights, [guesses[i] for *_, guesses in begun])
+            whole = flown(flow, whole, p, self._units[i], guess)
+            many = derivatives(flow, whole, whole.slopes, p, wanted)
+            parts = whole.slopes, many.ends, many.inside, many.inverse, many.field
+            apart = [part.reshape(len(begun), -1, *part.shape[1:]) for part in parts]
+            for (x, _), place, flight, k, *of in zip(places, solved, flights, *apart, strict=True):
+                place.flights += (found := flight.with_slopes(k, None),)
+                place.linear += (self._linearised(i, x, found, place, Slopes(*of)),)
+        for (x, _), place in zip(places, solved, strict=True):
+            self._latest[x.tobytes(), tuple(p.items())] = place
 
     @cached_property
     def _units(self) -> list[float]:
@@ -436,29 +466,34 @@ class FlowEquations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
-    def velocities(self, x: Array, p: Params) -> tuple[Array, ...]:
+    def velocities(self, x: Array, p: Params) -> list[Array]:
         """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
         flights = self.flights(x, p)
         for flow, flight in zip(self.flows, flights, strict=True):
             if flight.velocities is None:
                 way = values(flow.f, flight.begins, flight.states.T, p).T
                 vars(flight)["velocities"] = way
-        return tuple([flight.velocities for flight in flights])
+        return [flight.velocities for flight in flights]
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
-        place = self._solved(x, p)
-        lambdas = self.conservation.lambdas if self.conservation else ()
-        wanted = (*lambdas, *(names or ()))
+        place, wanted = self._solved(x, p), self._wanted(names or ())
         if not place.linear or (names is not None and wanted != place.names):
-            place.names = wanted
-            place.linear = tuple([self._linearised(i, x, place) for i in range(len(self.flows))])
+            place.names, linear = wanted, []
+            for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
+                derivative = derivatives(flow, flight, flight.slopes, place.params, wanted)
+                linear.append(self._linearised(i, x, flight, place, derivative))
+            place.linear = tuple(linear)
         return place
 
-    def _linearised(self, i: int, x: Array, place: SolvedPlace) -> Linear:
-        flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
-        derivative = derivatives(flow, flight, flight.slopes, p, names)
+    def _wanted(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        return names if self.conservation is None else (*self.conservation.lambdas, *names)
+
+    def _linearised(
+        self, i: int, x: Array, flight: TrajectorySegment, place: SolvedPlace, derivative: Slopes
+    ) -> Linear:
+        flow, p, names = self.flows[i], place.params, place.names
         path, n = math.exp(x[self.layout.knots[i][-1]]), flight.states.shape[1]
         inside, steps, longer = flight.share_slopes(self.sizes[i], path)
         inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
@@ -466,17 +501,22 @@ class FlowEquations:
         # the step of an interval is the difference of the knots at its ends
         shares[:, n] -= steps
         shares[:, n + 1] += steps
-        # where the last interval ends: its time is the sum of its beginning and its length
+        ends = self._in_unknowns(i, flight, derivative.ends)
+        linear = Linear(derivative, ends, ends[-1], shares, longer)
+        if not (flow.reset or flow.until):
+            return linear
+        # of state, time and parameters at its end: the time is the sum of beginning and length
         last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
         last[:n], last[n, n] = derivative.ends[-1], 1.0
         arrival = self._in_unknowns(i, flight, last[None], slice(-1, None))[0]
-        ends = self._in_unknowns(i, flight, derivative.ends)
-        reset, condition = np.eye(n, n + 1 + len(names)), None
+        at = flight.last, flight.end[:, None], p, names
         if flow.reset:
-            reset = slopes(flow.reset, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
+            reset = slopes(flow.reset, *at)[1][:, :, 0]
+            linear = linear._replace(reset=reset, after=reset @ arrival)
         if flow.until:
-            condition = slopes(flow.until, flight.last, flight.end[:, None], p, names)[1][:, :, 0]
-        return Linear(derivative, ends, arrival, shares, longer, reset, condition)
+            condition = slopes(flow.until, *at)[1][:, :, 0]
+            linear = linear._replace(condition=condition, ending=condition @ arrival)
+        return linear
 
     def _in_unknowns(
         self, i: int, flight: TrajectorySegment, of: Array, j: slice = slice(None)
@@ -497,13 +537,9 @@ class FlowEquations:
         dense where there are few."""
         blocks = [self._own]  # their values, where `Layout` says
         for i, piece in enumerate(self.linearised(x, p, names).linear):
-            if piece.condition is not None:
-                condition = piece.condition @ piece.arrival
-            else:
-                condition = self._of_length(i, p, names)
-            after = piece.reset @ piece.arrival
-            blocks += [-piece.ends[:-1].ravel(), -after.ravel(), piece.shares.ravel()]
-            blocks += [-piece.longer, condition.ravel()]
+            ending = self._of_length(i, p, names) if piece.ending is None else piece.ending
+            blocks += [-piece.ends[:-1].ravel(), -piece.after.ravel(), piece.shares.ravel()]
+            blocks += [-piece.longer, ending.ravel()]
         if self.phased:
             blocks.append(self._of_period(None, p, names))
         if self.conservation:

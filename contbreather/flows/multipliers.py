@@ -193,18 +193,11 @@ def of_cycle(
     if not equations.autonomous:
         return multipliers(factors), none
     if equations.conservation:
-        states = equations.flights(x, p)[0].states.T
-        return of_family(factors[0], directions[0], equations.conservation.gradients(states, p))
+        gradients = equations.conservation.gradients(equations.flights(x, p)[0].states.T, p)
+        left, ones = without_pairs(factors[0], directions[0], gradients)
+        return multipliers([left]), ones
     rest, trivial = without_direction(factors, directions)
     return multipliers(rest), np.array([trivial])
-
-
-def of_family(
-    stack: Array, way: Array, gradients: Sequence[Array]
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Compute those of a conservative flow, and the trivial ones, as `without_pairs` has them."""
-    left, ones = without_pairs(stack, way, gradients)
-    return multipliers([left]), ones
 
 
 def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], list[Array]]:
@@ -229,13 +222,14 @@ def _saltation(
     """Map small perturbations across the end of a flow: by the reset, and by how much longer the
     one flow lasts and the next one shorter; NaN at VI."""
     piece, n = place.linear[i], place.flights[i].dimension
-    reset = piece.reset[:, :n]
+    whole = np.eye(n, n + 1) if piece.reset is None else piece.reset
+    reset = whole[:, :n]
     if piece.condition is None:
         return reset
     after = ways[(i + 1) % len(ways)][0]
     before, rate = _pace(equations, place, i)
     # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
-    jump = after - reset @ before - piece.reset[:, n]
+    jump = after - reset @ before - whole[:, n]
     gate, waits = piece.condition[0, :n], piece.condition[0, n]
     fastest = abs(ways[i]).max(axis=0)
     if abs(rate) <= 1e-13 * (abs(gate) @ fastest + abs(waits)):  # rounding

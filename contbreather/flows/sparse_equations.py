@@ -245,10 +245,8 @@ class SparseFlowEquations(FlowEquations):
     def _field(self, entries: Any, flight: TrajectorySegment) -> tuple[Array, ...]:
         """Entries of - h f_x."""
         rows, columns, data = entries
-        places, lengths = (
-            self.layout.inside.ravel(),
-            np.repeat(flight.lengths, flight.slopes[0].size),
-        )
+        places = self.layout.inside.ravel()
+        lengths = np.repeat(flight.lengths, flight.slopes[0].size)
         return places[rows], places[columns], -lengths[rows] * data
 
     # --- multipliers ------------------------------------------------------------------------------
@@ -289,7 +287,7 @@ class SparseFlowEquations(FlowEquations):
             ends = np.array([over(unit) for over in self.maps(x, p)])
             none = np.empty(0)
             slopes = Slopes(ends, none, none, none)
-            place.linear = (Linear(slopes, ends, none, none, none, unit, None),)
+            place.linear = (Linear(slopes, ends, none, none, none),)
         return place
 
     def leading(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], Array]:

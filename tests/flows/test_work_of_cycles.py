@@ -49,8 +49,8 @@ def test_a_point_of_a_branch_takes_few_calls(field, ring) -> None:
     walk = lambda: cb.trace(ring, "r", within={"r": (200.0, 281.0)}, towards="down")  # noqa: E731
     assert [point.kind for point in walk().special] == ["EP", "PD", "EP"]
     functions, asked = a_point(field, walk)
-    assert functions < 800
-    assert asked < 9
+    assert functions < 740
+    assert asked < 8
 
 
 def test_short_steps_take_fewer(field, ring) -> None:
@@ -61,8 +61,8 @@ def test_short_steps_take_fewer(field, ring) -> None:
         field,
         lambda: cb.trace(ring, "r", within={"r": (270.0, 281.0)}, towards="down", steps=short),
     )
-    assert functions < 600
-    assert asked < 4.5
+    assert functions < 560
+    assert asked < 4.1
 
 
 def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> None:
@@ -70,8 +70,8 @@ def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> 
     functions, asked = a_point(
         field, lambda: cb.boundary(doubling, ("r", "s"), within={"s": (9.0, 11.0)})
     )
-    assert functions < 3300
-    assert asked < 60
+    assert functions < 2800
+    assert asked < 32
 
 
 def test_columns_of_a_branch_are_there_when_it_is(field, ring) -> None:

@@ -141,8 +141,8 @@ class Points(Sequence[Point]):
     def __getitem__(self, key: slice) -> Points: ...
     def __getitem__(self, key: int | slice) -> Point | Points:
         if isinstance(key, slice):
-            chosen = range(len(self))[key]
-            if chosen == range(len(self)):
+            every = range(len(self.arclength))
+            if (chosen := every[key]) == every:
                 return self
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             rows = self.z[key], self.tangent[key], self.arclength[key], self.residual[key]

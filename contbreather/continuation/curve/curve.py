@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import count
@@ -195,12 +195,13 @@ class Curve:
             return None
         here, ahead = known[near.tobytes()], row.dot(guess - near)
         factors: Dense | Factors | None = None
-        for key in () if is_large(here) else [*known]:
+        for key in () if is_large(here) else [*known][::-1]:  # the latest first
             back = near - np.frombuffer(key)
             length = row.dot(back)
             # of a place about as far behind: how the derivative changes goes on beyond this one
             if 0.25 * ahead < length < 4.0 * ahead and self.length(back) < 2.0 * length:
                 factors = Dense(here + ahead / length * (here - known[key]), row)
+                break
         factors = factors or self.factors(near, row)
         roughly = partial(self.equations, function=self.problem.roughly)
         return chord(self, roughly, factors, guess, row, tolerance)
@@ -237,6 +238,12 @@ class Curve:
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, ``(n, n + len(free))``; not to be written to."""
         return self.cached("jacobian", z, partial(self.call, self._derivatives))
+
+    def prepare(self, places: Sequence[Array]) -> None:
+        """Let the problem solve for several places at once, whose derivatives come next."""
+        if self.problem.prepare is not None:
+            known = [(z[: self.size].copy(), self.params(z)) for z in places]
+            self.call(self.problem.prepare, known, self.free)
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below; once where that is dear."""

@@ -31,6 +31,9 @@ class Structure:
     sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # ``(places, names) -> None``: solve at several ``(x, params)`` at once, whose derivatives are
+    # asked for next
+    prepare: ClassVar[Callable[..., None] | None] = None
     # whether tests of the class hold its derivatives to differences: they are not compared here
     tested: ClassVar[bool] = False
     # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of

@@ -138,8 +138,8 @@ def quiet_steps(
 def regular_step(events: Sequence[Event], first: Point, last: Point) -> bool:
     """Tell whether no matrix of an event, unless it is large, comes to be singular."""
     for event in events:
-        if event.matrix:
-            begin, end = event.matrix(first), event.matrix(last)
+        if matrix := event.matrix:
+            begin, end = matrix(first), matrix(last)
             if not (isinstance(begin, np.ndarray) and regular_between(begin, end[None])[0]):
                 return False
     return True

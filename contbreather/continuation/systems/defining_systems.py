@@ -221,8 +221,11 @@ def along_by_difference(
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
-    change = left @ jacobian(curve, z + step * way) - left @ jacobian(curve, z - step * way)
-    return np.asarray(change / (2 * step))
+    places = [z + step * way, z - step * way]
+    if jacobian is Curve.jacobian:
+        curve.prepare(places)
+    there, behind = (left @ jacobian(curve, place) for place in places)
+    return np.asarray((there - behind) / (2 * step))
 
 
 # --- problem and defining system together -------------------------------------------------------

@@ -158,7 +158,9 @@ class Forms:
         for step in _STEPS:
             h = step * reach
             try:
-                aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
+                places = {i: self.z + i * h * direction for i in (-3, -2, -1, 1, 2, 3)}
+                self.curve.prepare([*places.values()])
+                aside = {i: self._matrix(place) for i, place in places.items()}
             except OUT_OF_DOMAIN:
                 continue
             around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]

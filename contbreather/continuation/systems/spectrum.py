@@ -59,7 +59,7 @@ def least_with_sign(factors: Values, rounding: Array | float) -> Any:
     clear = sizes > rounding
     zeros = (~clear).sum(axis=-1)
     least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, 1e-100))
-    signs = np.divide(factors, sizes, out=np.ones_like(factors), where=clear)
+    signs = np.where(clear, factors, 1.0) / np.where(clear, sizes, 1.0)
     return np.copysign(least, signs.prod(axis=-1).real)
 
 

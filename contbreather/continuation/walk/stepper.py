@@ -204,13 +204,13 @@ class Stepper:
         raise failed or StepFailed()
 
     def _attempt(self, point: Point, size: float) -> Step:
-        curve, curvature, sign = self.curve, self.curvature, self.sign
+        curve, curvature, sign, way = self.curve, self.curvature, self.sign, point.direction
         # predict: z + s t + s^2/2 dt/ds
-        predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
+        predicted = point.z + size * way + (0.5 * size * size) * curvature
         guess, landing = self._within(point.z, predicted, LEVEL * size)
         # correct
         if landing is None:
-            row = curve.metric * point.direction
+            row = curve.metric * way
             rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
             near = curve.chord(point.z, guess, row, tolerance) if rough else None
             solution = near or self.correct(guess, row)
@@ -223,8 +223,8 @@ class Stepper:
         # the corrector moves across the step: this far it has left for another piece of curve
         if not 0.0 < length <= 2.0 * size:
             raise StepFailed("the corrector left the neighbourhood of the step")
-        tangent, side = curve.tangent_at(z, point.direction)
-        turn = _angle(curve, point.direction, tangent)
+        tangent, side = curve.tangent_at(z, way)
+        turn = _angle(curve, way, tangent)
         self._examine(point, z, tangent, length, turn)
         arclength = point.arclength + length
         last = Point(curve, z, tangent, arclength, solution.residual)
@@ -248,7 +248,7 @@ class Stepper:
         effort = 1.0 if count == EASY else (0.7 if count > EASY else math.inf)
         self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
         self.sign = side or sign
-        self.curvature = (tangent - point.direction) / (arclength - point.arclength)
+        self.curvature = (tangent - way) / (arclength - point.arclength)
         return last, branch_point, None if landing is None else Stop.BOUND
 
     def correct(self, predicted: Array, row: Array) -> Solution:
@@ -341,16 +341,16 @@ class Stepper:
 
     def _examine(self, point: Point, z: Array, tangent: Array, length: float, turn: float) -> None:
         """Refuse a step that is no smooth piece of curve, short against its features."""
-        curve = self.curve
+        curve, way = self.curve, point.direction
         # the chord as well: between tangents that are parallel a curve may turn and turn back
-        if turn > TURN or _angle(curve, point.direction, (z - point.z) / length) > TURN:
+        if turn > TURN or _angle(curve, way, (z - point.z) / length) > TURN:
             raise StepFailed("the curve turns too sharply")
         # the distance from the Hermite cubic through both ends, a third of the way along (halfway,
         # tangents that are wrong alike would cancel): at u = 1/3 h00, h01, h10, h11 =
         # (20, 7, 4, -2) / 27
-        bow = (4 * point.direction - 2 * tangent) * length
+        bow = (4 * way - 2 * tangent) * length
         between = (20 * point.z + 7 * z + bow) / 27
-        row = curve.metric * point.direction
+        row = curve.metric * way
         # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems the
         # factors at hand: no more than the size of the answer is asked for
         value = curve.equations(between, curve.problem.roughly)

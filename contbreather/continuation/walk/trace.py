@@ -330,11 +330,11 @@ class ContinuationIterator:
         unresolved = self.curve.problem.unresolved
         for piece in self.pieces():
             self.walked.append(piece)
-            shown.advance(piece[-1], len(piece))
+            shown.advance(last := piece[-1], len(piece))
             if kept:
                 kept.look(bool(piece.special), so_far)
-            if unresolved(piece[-1]):
-                if (finer := look(piece[-1])) is not None:
+            if unresolved(last):
+                if (finer := look(last)) is not None:
                     return finer
                 first = next(filter(unresolved, piece))
                 why = {"reason": unresolved(first)}
