@@ -144,32 +144,26 @@ def _series(raw: _Raw, sites: int | None, spring: float, shifted: FloatArray) ->
 
 
 def means_of_chains(gamma: Any, spring: Any) -> dict[str, FloatArray]:
-    """The means of infinite chains of many couplings or springs, all in one product."""
-    tails, weights, P = _means_in_columns()
+    """The means of infinite chains of many couplings or springs: all by the same moments."""
     x, spring = 4.0 * np.atleast_1d(gamma), np.atleast_1d(spring)
     moments = np.vander(x, TERMS + 1, increasing=True) * q_moments(None, 0)  # of w^2 - spring
     if spring.any():
         moments = (in_powers_of_x(spring) @ moments[..., None])[..., 0]
-    rest = P - spring[:, None]
-    z = x[:, None] / rest
-    r = np.sqrt(1.0 - z)
-    poles = (spring[:, None] + P * z / (r * (1.0 + r))) / rest  # see `_series`, `excess`
-    return dict(zip(_functions(), (moments @ tails + poles @ weights).T, strict=True))
-
-
-@lru_cache(maxsize=1)
-def _means_in_columns() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients of each mean by powers of w^2, its weights of poles, and these."""
-    every, P = _functions().values(), (1.0, 4.0)
-    weights = [[raw.poles.get(pole, 0.0) for raw in every] for pole in P]
-    return np.column_stack([raw.powers for raw in every]), np.array(weights), np.array(P)
+    means = {name: moments @ raw.powers for name, raw in _functions().items()}
+    for P in (1.0, 4.0):
+        z = x / (P - spring)
+        r = np.sqrt(1.0 - z)
+        mean = (spring + P * z / (r * (1.0 + r))) / (P - spring)  # see `_series`, `excess`
+        for name, raw in _functions().items():
+            means[name] = means[name] + raw.poles.get(P, 0.0) * mean
+    return means
 
 
 def chi_of_chain() -> tuple[FloatArray, ...]:
     """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
     poles, powers = _functions()["chi"]
-    weights, at = np.array([*poles.values()]), np.array([*poles])
-    return weights, at, powers, powers.copy(), q_moments(None, 0)
+    apart = np.array([*poles.values()]), np.array([*poles])
+    return *apart, powers, powers.copy(), q_moments(None, 0)
 
 
 _POWERS = range(TERMS + 1)
