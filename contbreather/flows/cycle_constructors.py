@@ -348,6 +348,9 @@ def _closed(
         while cycle_of(closed).coarse and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
+    # of a family rounding may lead Newton's iteration to a member far from the start; the
+    # multiplier is then 1 to what the orbit was solved for
+    _refuse_family(closed, 1e-10)
     return closed
 
 
@@ -363,7 +366,7 @@ def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquati
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
                 unforced = "" if equations.autonomous else f"; {_UNFORCED}"
                 for problem in filter(None, (getattr(error, "last", None), problem_at(equations))):
-                    _refuse_family(problem, error)
+                    _refuse_family(problem, _ALMOST, error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}; {finer}let it "
                     f"settle longer (settle=){unforced}",
@@ -373,12 +376,14 @@ def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquati
         equations = replace(equations, start=_adapted(halved))
 
 
-def _refuse_family(problem: Problem, error: Exception) -> None:
-    """Refuse an orbit with others beside it, at which Newton's iteration does not end."""
+def _refuse_family(problem: Problem, near: float, error: Exception | None = None) -> None:
+    """Refuse an orbit with others beside it: with a second multiplier that is so near 1."""
     with suppress(Undefined):
         orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
+        if error is None and (orbit.paired or not orbit.equations.condensed):
+            return  # isolated by what is held, or too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
-        if solved and abs(orbit.others - 1).min(initial=math.inf) <= _ALMOST:
+        if solved and abs(orbit.others - 1).min(initial=math.inf) <= near:
             autonomous = orbit.equations.autonomous
             second = "a second multiplier" if autonomous else "a multiplier"
             unforced = "" if autonomous else f"; {_UNFORCED}"
