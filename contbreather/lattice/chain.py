@@ -14,11 +14,12 @@ from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import (
     UniformLattice,
+    average,
     band_averages,
     check_gamma,
     excess,
     excess_slope,
-    means_of_chains,
+    expansions,
 )
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
@@ -99,12 +100,22 @@ class Chains:
     sites = None
     tau = InfiniteChain.tau
 
-    def __init__(self, gamma: Any, spring: Any = 0.0) -> None:
-        self.spring, self._means = spring, means_of_chains(gamma, spring)
+    def __init__(self, spring: Any = 0.0) -> None:
+        self.spring, of = spring, expansions if np.ndim(spring) else band_averages
+        self._expansions = of(None, spring)
 
     def mean(self, gamma: Any, name: str) -> Any:
-        """At their own couplings."""
-        return self._means[name]
+        series, x = self._expansions[name], 4.0 * gamma
+        if not np.ndim(x):
+            return average(series, x, _excesses)
+        # all powers of many x at once take less time than one after the other
+        terms = np.vander(x, len(series.powers)) * np.transpose(series.powers)
+        return average(series._replace(powers=np.empty(0)), x, _excesses) + terms.sum(axis=1)
+
+
+def _excesses(z: Any) -> Any:
+    r = np.sqrt(1.0 - z)
+    return z / (r * (1.0 + r))  # see `excess`
 
 
 @dataclass(frozen=True)

@@ -278,8 +278,7 @@ def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -
 
 def _largest(table: FloatArray, *, half: bool) -> FloatArray:
     # harmonics beyond the second are too small for a maximum to hide between the places of a basis
-    answers = _basis(table.shape[-1], half) @ table.reshape(-1, table.shape[-1]).T
-    return 1.01 * np.abs(answers, out=answers).max(axis=0).reshape(table.shape[:-1])
+    return np.asarray(1.01 * abs(table @ _basis(table.shape[-1], half)).max(axis=-1))
 
 
 @lru_cache(maxsize=2)
@@ -287,8 +286,8 @@ def _basis(size: int, half: bool) -> FloatArray:
     """Share of each coefficient of a table in a response over half the time between impacts."""
     which, none, rates = np.empty((0, 0), dtype=int), np.empty((size, 0)), np.empty((0, 2))
     each = Responses(which, np.eye(size), rates, none, none, none[0], 1.0, half)
-    times = np.linspace(0.0, 0.5 * math.pi if half else math.pi, 33)
-    return each.at(times, np.arange(size)[:, None])[0].T.copy()
+    times = np.linspace(0.0, 0.5 * math.pi if half else math.pi, 65)
+    return each.at(times, np.arange(size)[:, None])[0]
 
 
 def check_coupling(lattice: UniformLattice, gamma: float, periods: int) -> float:

@@ -35,39 +35,31 @@ class BandWorkspace(NamedTuple):
     expansions: Cube  # coefficients of nu^2i, as polynomials in 4 gamma
     by_spring: Cube  # their slopes in the spring
     tails: Cube  # at this coupling, and their slopes in gamma and the spring
-    sines: Vector  # of alpha on the grid
-    values: Vector  # of the equation for the angle there
+    values: Vector  # of the equation for the angle on the grid
     around: Matrix  # angle, equation and b of three samples
 
 
-def find_tails(gamma: float, expansions: Cube, tails: Cube) -> None:
-    """At this coupling."""
+def find_tails(gamma: float, work: BandWorkspace) -> None:
+    """At this coupling, and their slopes in gamma and the spring."""
+    x, tails = 4.0 * gamma, work.tails
     for row in range(3):
         for i in range(POWERS):
-            tails[0, row, i], _ = polynomial(expansions[row, i], 4.0 * gamma)
-
-
-def find_slopes(gamma: float, work: BandWorkspace) -> None:
-    """They, and their slopes in gamma and the spring."""
-    find_tails(gamma, work.expansions, work.tails)
-    for row in range(3):
-        for i in range(POWERS):
-            _, slope = polynomial(work.expansions[row, i], 4.0 * gamma)
-            work.tails[1, row, i] = 4.0 * slope
-            work.tails[2, row, i], _ = polynomial(work.by_spring[row, i], 4.0 * gamma)
+            value, slope = polynomial(work.expansions[row, i], x)
+            tails[0, row, i], tails[1, row, i] = value, 4.0 * slope
+            tails[2, row, i], _ = polynomial(work.by_spring[row, i], x)
 
 
 @inlined
 def regular_sums(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
     """R, B, C at an angle."""
-    total = 0.0, 0.0, 1.0  # times pi: it divides the sum, not each share
+    (R, _), (B, _), (C, _) = tails_at(tails, 0, nu * nu)
+    total = nu * R, B, C + 1.0 / math.pi
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
             A = s * s - on.spring
-            total = plus(total, share(s, -1.0 / math.sqrt(A * (A - 4.0 * on.gamma)), 1.0))
-    (R, _), (B, _), (C, _) = tails_at(tails, 0, nu * nu)
-    return plus((nu * R, B, C), over_pi(total))
+            total = plus(total, share(s, -1.0 / (A * math.sqrt(1.0 - 4.0 * on.gamma / A)), 1.0))
+    return total
 
 
 @inlined
@@ -92,12 +84,12 @@ def regular_sum_slopes(
             s = nu + 2.0 * m
             A = s * s - on.spring
             edge = A - 4.0 * on.gamma
-            g = -1.0 / math.sqrt(A * edge)
+            g = -1.0 / (A * math.sqrt(edge / A))
             both = (A + edge) / (A * edge)  # g^2 = 1/(A edge)
             g_s = g * (-s * both)
-            in_nu = plus(in_nu, over_pi((g + s * g_s, -g_s, s * (2.0 * g + s * g_s))))
-            in_gamma = plus(in_gamma, over_pi(share(s, g * (2.0 / edge), 0.0)))
-            in_spring = plus(in_spring, over_pi(share(s, g * (0.5 * both), 0.0)))
+            in_nu = plus(in_nu, (g + s * g_s, -g_s, s * (2.0 * g + s * g_s)))
+            in_gamma = plus(in_gamma, share(s, g * (2.0 / edge), 0.0))
+            in_spring = plus(in_spring, share(s, g * (0.5 * both), 0.0))
     return in_nu, in_gamma, in_spring
 
 
@@ -110,16 +102,12 @@ def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
 
 def plus(total: Any, part: Any) -> tuple[Any, Any, Any]:
     """R, B, C or their slopes with one more share."""
-    return total[0] + part[0], total[1] + part[1], total[2] + part[2]
-
-
-def over_pi(total: Triple) -> Triple:
-    return total[0] / math.pi, total[1] / math.pi, total[2] / math.pi
+    return total[0] + part[0] / math.pi, total[1] + part[1] / math.pi, total[2] + part[2] / math.pi
 
 
 def sums_along(on: ChainWithImpacts, work: BandWorkspace, nu: Vector, out: Matrix) -> None:
     """R, B, C at angles up to 1, in rows, and the slope of R."""
-    find_slopes(on.gamma, work)
+    find_tails(on.gamma, work)
     for i in range(nu.size):
         R, B, C = regular_sums(on, work.tails, nu[i])
         (by_nu, _, _), _, _ = regular_sum_slopes(on, work.tails, nu[i])
@@ -137,7 +125,7 @@ def pair_equations(
 ) -> None:
     """Real and imaginary part of F at an angle, and of its derivatives, in rows."""
     gamma, k, spring = on
-    find_slopes(on.gamma, work)
+    find_tails(on.gamma, work)
     value, still = regular_sums(on, work.tails, nu), (0.0, 0.0, 0.0)
     in_nu, in_gamma, in_spring = regular_sum_slopes(on, work.tails, nu)
     low = nu * nu - spring
@@ -194,16 +182,12 @@ def smooth_and_L_slopes(
 
 @inlined
 def at_angle(on: ChainWithImpacts, tails: Cube, alpha: float) -> Triple:
-    return at_sine(on, tails, math.sin(alpha), math.cos(alpha))
-
-
-@inlined
-def at_sine(on: ChainWithImpacts, tails: Cube, sine: float, cosine: float) -> Triple:
     """(v/nu) times the equation for the angle of a Neimark-Sacker point: negative at both ends of
     the band, where alpha is 0 and pi/2, ``nu^2 = spring + 4 gamma sin(alpha)^2``. The b that brings
     D to zero there, if the equation holds; and nu."""
     gamma, k, spring = on
     c, q = 1.0 + k, (1.0 - k) / (1.0 + k)
+    sine, cosine = math.sin(alpha), math.cos(alpha)
     edge = 2.0 * math.sqrt(gamma)
     nu, v, root = edge * sine, 4.0 * gamma * sine * cosine, edge * cosine
     if spring > 0.0:
@@ -215,6 +199,11 @@ def at_sine(on: ChainWithImpacts, tails: Cube, sine: float, cosine: float) -> Tr
     return value, c * c * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R), nu
 
 
+def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
+    value, _, _ = at_angle(on, tails, alpha)
+    return value
+
+
 def pair_windows(
     gammas: Vector, springs: Vector, k: float, expansions: Cube, work: BandWorkspace,
     windows: Matrix, roots: Matrix,
@@ -223,16 +212,19 @@ def pair_windows(
     roots of the last."""
     for i in range(gammas.size):
         first = 3 * i if expansions.shape[0] > 3 else 0
-        find_tails(gammas[i], expansions[first : first + 3], work.tails)
-        pair_window(ChainWithImpacts(gammas[i], k, springs[i]), work, windows[i], roots)
+        own = BandWorkspace(
+            expansions[first : first + 3], work.by_spring, work.tails, work.values, work.around
+        )
+        pair_window(ChainWithImpacts(gammas[i], k, springs[i]), own, windows[i], roots)
 
 
 def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:
     """Centre and square of the `Window`, and the angles at its ends, where it has none that where
     it will open; angle and b of each root, in rows."""
+    find_tails(on.gamma, work)
     step, values, top, count = 0.5 * math.pi / GRID, work.values, 0, 0
     for i in range(1, GRID):
-        values[i], _, _ = at_sine(on, work.tails, work.sines[i], work.sines[GRID - i])
+        values[i] = equation(on, work.tails, i * step)
     values[0] = values[GRID] = -(1.0 - on.k) / (1.0 + on.k) / math.pi
     for i in range(GRID + 1):
         if values[i] > values[top]:
@@ -289,7 +281,7 @@ def bracketed(
         new = step if low <= step <= high else 0.5 * (low + high)
         if abs(new - old) <= 4e-16:  # rounding of an angle
             break
-        after, _, _ = at_angle(on, tails, new)
+        after = equation(on, tails, new)
         if (after < 0.0) == rising:
             low = new
         else:

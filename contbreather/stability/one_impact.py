@@ -87,8 +87,7 @@ def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
     """Expansions that `band_pairs` need, with a thread's room to evaluate them."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
     values, slopes = _expanded(spring), _expanded(spring, slope=True)
-    sines = np.sin(0.5 * math.pi / GRID * np.arange(GRID + 1))
-    room = np.empty((3, 3, POWERS)), sines, np.empty(GRID + 1), np.empty((3, 3))
+    room = np.empty((3, 3, POWERS)), np.empty(GRID + 1), np.empty((3, 3))
     return band_pairs.BandWorkspace(values, slopes, *room)
 
 
