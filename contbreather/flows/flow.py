@@ -298,8 +298,8 @@ class Filippov:
         """`plus`, `minus`, `to_plus` and `to_minus`."""
         leaves = {sign: partial(self._inwards, sign) for sign in (1, -1)}
         return (
-            Flow(self.f_plus, until=self._above),
-            Flow(self.f_minus, until=self._below),
+            Flow(self.f_plus, until=partial(self._height, 1)),
+            Flow(self.f_minus, until=partial(self._height, -1)),
             Flow(self.sliding, until=leaves[1], walls=(leaves[-1],)),
             Flow(self.sliding, until=leaves[-1], walls=(leaves[1],)),
         )
@@ -318,11 +318,8 @@ class Filippov:
     def _fields(self, t: Any, x: NDArray[Any], p: Params) -> tuple[NDArray[Any], NDArray[Any]]:
         return rows_of(self.f_plus(t, x, p), x), rows_of(self.f_minus(t, x, p), x)
 
-    def _above(self, t: Any, x: NDArray[Any], p: Params) -> Any:
-        return self.h(t, x, p)
-
-    def _below(self, t: Any, x: NDArray[Any], p: Params) -> Any:
-        return -self.h(t, x, p)
+    def _height(self, sign: int, t: Any, x: NDArray[Any], p: Params) -> Any:
+        return sign * self.h(t, x, p)
 
     def _inwards(self, sign: int, t: Any, x: NDArray[Any], p: Params) -> Any:
         """Rate at which the field of a side points at the surface: ``-L+`` or ``L-``."""
@@ -344,7 +341,7 @@ class Filippov:
         """Speed at which the other side's field points at the surface: not, where it is crossed."""
         return (self.to_minus if flow == self.plus else self.to_plus).until
 
-    # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
+    # --- what `integrate` asks: a mode is a flow, but on which side sliding ends is known there
 
     def begin(self, t: float, x: Array, p: Params) -> int:
         for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
@@ -354,15 +351,16 @@ class Filippov:
             return _PLUS if h > 0 else _MINUS
         return self._from_surface(t, x, p)
 
-    def ended(self, mode: int, guard: int) -> int:
-        """Tell the four flows apart, now that it is known how sliding ended."""
-        return mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
-
-    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
-        x = self._on_surface(t, x, p)
+    def follow(
+        self, mode: int, guard: int, t: float, x: Array, p: Params
+    ) -> tuple[int, int, Array]:
+        # what rounding puts to one side goes back onto the surface: x - grad h h / |grad h|^2
+        h, slope = slopes(self.h, t, x[:, None], p)
+        gradient = slope[0, :-1, 0]
+        x = x - gradient * (h[0, 0] / (gradient @ gradient))
         if mode in (_PLUS, _MINUS):
-            return self._from_surface(t, x, p, arriving=mode), x
-        return (_PLUS, _MINUS)[guard], x
+            return mode, self._from_surface(t, x, p, arriving=mode), x
+        return (_TO_PLUS, _TO_MINUS)[guard], (_PLUS, _MINUS)[guard], x
 
     def _from_surface(self, t: float, x: Array, p: Params, arriving: int | None = None) -> int:
         """Through the surface, along it, or away from it."""
@@ -379,17 +377,10 @@ class Filippov:
             return _TO_PLUS  # L+ < 0 < L-: both fields point at the surface
         return _PLUS if rise + fall > 0 else _MINUS
 
-    def _on_surface(self, t: float, x: Array, p: Params) -> Array:
-        """Take off the rounding that would put it to one side."""
-        h, slope = slopes(self.h, t, x[:, None], p)
-        gradient = slope[0, :-1, 0]
-        return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2
-
 
 def system_of(flow: Flow) -> Filippov | None:
     """The Filippov system that a flow is one of, if it is."""
-    ends: Any = getattr(flow.until, "func", flow.until)
-    system = getattr(ends, "__self__", None)
+    system = getattr(getattr(flow.until, "func", None), "__self__", None)
     return system if isinstance(system, Filippov) and flow in system.flows else None
 
 

@@ -42,10 +42,10 @@ class _InTurn:
         self.flows[self.first].check(t, x, p)
         return self.first
 
-    def ended(self, mode: int, guard: int) -> int:
-        return mode
-
-    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
+    def follow(
+        self, mode: int, guard: int, t: float, x: Array, p: Params
+    ) -> tuple[int, int, Array]:
+        """Return which flow ended, the next one and the state in which it begins."""
         flow = self.flows[mode]
         if (name := list(flow.guards)[guard]) != "until":
             raise NotConverged(
@@ -60,7 +60,7 @@ class _InTurn:
         except BadInput as error:
             where = f"the reset of flow {mode} lands" if flow.reset else f"flow {mode} ends"
             raise BadInput(f"where {where}, {error}") from error
-        return following, x
+        return mode, following, x
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,29 +311,31 @@ class _Integration:
         events: list[GuardCrossing] = []
         mode = self.path.begin(t, x, self.params)
         while len(events) < most and t < end:
-            piece, guard = self.piece(mode, t, x, end)
-            pieces.append(piece)
-            t, x = float(piece.t[-1]), piece.x[:, -1]
-            if guard is None:
-                break
-            before, flow = x, self.path.flows[mode]
-            slope = slopes([*flow.guards.values()][guard], t, x[:, None], self.params)[1][0, :, 0]
-            pace = values(flow.f, t, x[:, None], self.params)
-            rate = float(slope @ np.append(pace, 1.0))  # dh/dt + grad h . f
-            mode, x = self.path.follow(mode, guard, t, x, self.params)
-            events.append(GuardCrossing(t, piece.number, before, x, rate))
+            flow, number = self.path.flows[mode], mode
+            times, states, dense, guard = self.piece(mode, t, x, end)
+            t, x = float(times[-1]), states[:, -1]
+            if guard is not None:
+                slope = slopes([*flow.guards.values()][guard], t, x[:, None], self.params)[1]
+                pace = values(flow.f, t, x[:, None], self.params)
+                rate = float(slope[0, :, 0] @ np.append(pace, 1.0))  # dh/dt + grad h . f
+                before = x
+                number, mode, x = self.path.follow(mode, guard, t, x, self.params)
+                events.append(GuardCrossing(t, number, before, x, rate))
+            flow = self.path.flows[number]
+            pieces.append(Piece(number, flow, times, states, guard is not None, dense))
             _refuse_chatter(pieces)
         return Trajectory(tuple(pieces), tuple(events), x, names, self.params)
 
-    def piece(self, mode: int, t0: float, x0: Array, end: float) -> tuple[Piece, int | None]:
+    def piece(
+        self, mode: int, t0: float, x0: Array, end: float
+    ) -> tuple[Array, Array, Any, int | None]:
         """Integrate one flow, up to the first of its guards or to the end of the run."""
         from scipy import integrate
 
         flow = self.path.flows[mode]
-        guards = flow.guards
-        # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
-        clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
-        struck = clocks[0].after(t0, self.params) if clocks else math.inf
+        guards, clock = flow.guards, isinstance(flow.until, Clock)
+        # when a clock strikes is known beforehand
+        struck = flow.until.after(t0, self.params) if isinstance(flow.until, Clock) else math.inf
         end = min(end, struck)
         waited = t0 + 1e20 if guards and math.isinf(end) else end  # in any unit
         if math.isinf(waited):
@@ -348,7 +350,7 @@ class _Integration:
                 since=t0 + flow.ignored(self.params) if name == "until" else t0,
             )
             for name, guard in guards.items()
-            if guard not in clocks
+            if guard is not flow.until or not clock
         ]  # fmt: skip
         t, x, hit = [t0], [x0], None
         steps: list[Any] = []
@@ -358,7 +360,7 @@ class _Integration:
             steps.append(solver.dense_output())
             falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in guarded]
             at = min(falls, default=math.inf)
-            hit = len(clocks) + falls.index(at) if math.isfinite(at) else None
+            hit = clock + falls.index(at) if math.isfinite(at) else None
             t.append(solver.t if hit is None else at)
             x.append(solver.y if hit is None else steps[-1](at))
         if hit is None and waited < end:
@@ -369,9 +371,7 @@ class _Integration:
             )
         if hit is None and struck <= end:
             hit = 0
-        number, dense = self.path.ended(mode, hit or 0), integrate.OdeSolution(t, steps)
-        flow, states = self.path.flows[number], np.stack(x, axis=-1)
-        return Piece(number, flow, np.array(t), states, hit is not None, dense), hit
+        return np.array(t), np.stack(x, axis=-1), integrate.OdeSolution(t, steps), hit
 
     def step(self, solver: Any) -> None:
         with np.errstate(all="ignore"):  # a step that leads too far is taken again
