@@ -30,6 +30,7 @@ from .functions import Function, slopes, values
 _SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
+_MOVES_STILL = 1e-3  # a parameter that moves by more while the period grows by itself is at no end
 _GROWS = "the period grows without bound"
 
 
@@ -157,7 +158,22 @@ def _passages(orbit: Cycle) -> list[_Passage]:
 def _pace(point: Point) -> float:
     passages = _passages(point.base_point.solution)
     # how far off the parameter is, but for a factor, where it has come to rest, and a second time
-    return min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
+    off = min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
+    return max(off, _still_moves(point))
+
+
+def _still_moves(point: Point) -> float:
+    """Evaluate ln of T dp/dT, relative to the parameter, over the most that it may be: a cycle may
+    pass close by saddles without an orbit that is homoclinic, as where it runs along two axes."""
+    curve, tangent = point.curve, point.tangent
+    if tangent is None:
+        return -math.inf
+    sizes = {n: max(abs(point[n]), float(curve.problem.scales.get(n, 1.0))) for n in curve.free}
+    moved = [abs(tangent[curve.slots[n]]) / size for n, size in sizes.items() if n != "period"]
+    lengths = equations_of(point.base_point).layout.lengths
+    longer = abs(tangent[lengths].sum()) / point.base_point.solution.period
+    off = max(moved, default=0.0) / max(longer, 1e-300)
+    return math.log(max(float(off), 1e-300) / _MOVES_STILL)
 
 
 def _examine(point: Point) -> Examined:

@@ -254,5 +254,19 @@ def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
     branch = cb.trace(ring, "k", within={"k": (5.0, 12.5)}, towards="up", steps=LONG)
     assert [at.kind for at in branch.special] == ["EP", "EP"]
     assert branch[-1]["k"] == 12.5
-    assert [at.kind for at in branch.doubtful] == ["HOM"]
-    assert "slow without an equilibrium" in branch.doubtful[0].detail["reason"]
+    assert not branch.doubtful
+
+
+def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_end() -> None:
+    """Bazykin's predators and prey: both axes stay what they are, so no orbit is homoclinic. The
+    period is that of the logarithms of both, by scipy's LSODA at 1e-11."""
+
+    def bazykin(t, x, p):
+        eaten = x[0] * x[1] / (1 + 0.3 * x[0])
+        return [x[0] - eaten - 0.01 * x[0] ** 2, eaten - x[1] - p["d"] * x[1] ** 2]
+
+    start, params = {"x": 6.0, "y": 2.5}, {"d": 0.2}
+    ring = cb.cycle(bazykin, start, params, settle=100, collocation=Collocation(intervals=40))
+    branch = cb.trace(ring, "d", within={"d": (0.06, 0.2)}, towards="down")
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert branch[-1]["period"] == pytest.approx(25.97635725, rel=1e-6)
