@@ -33,10 +33,10 @@ from .rotation import Angles
 from .rounds import once
 from .sparse_equations import has_many_states, sparse_where_large
 
-_ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
+_SOLVED = 1e-10  # to this the equations are solved, and a multiplier that has to be 1 is
+_ALMOST = 1e-6  # the same where Newton's iteration went astray beside a family
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
-_UNFORCED = "where nothing depends on the time its period is unknown: leave period= out"
 
 
 @one_thread
@@ -348,9 +348,8 @@ def _closed(
         while cycle_of(closed).coarse and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
-    # of a family rounding may lead Newton's iteration to a member far from the start; the
-    # multiplier is then 1 to what the orbit was solved for
-    _refuse_family(closed, 1e-10)
+    # of a family rounding may lead Newton's iteration to a member far from the start
+    _refuse_family(closed, _SOLVED)
     return closed
 
 
@@ -358,18 +357,17 @@ def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquati
     """Solve for the orbit on as many intervals as it needs."""
     while True:
         try:
-            return equations, problem_at(equations).solve(tolerance=1e-10)[0]
+            return equations, problem_at(equations).solve(tolerance=_SOLVED)[0]
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
-                unforced = "" if equations.autonomous else f"; {_UNFORCED}"
                 for problem in filter(None, (getattr(error, "last", None), problem_at(equations))):
                     _refuse_family(problem, _ALMOST, error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}; {finer}let it "
-                    f"settle longer (settle=){unforced}",
+                    f"settle longer (settle=){_unforced(equations)}",
                     residual=getattr(error, "residual", math.nan),
                 ) from error
         halved = [flight.halved() for flight in equations.start]
@@ -384,15 +382,18 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
             return  # isolated by what is held, or too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
         if solved and abs(orbit.others - 1).min(initial=math.inf) <= near:
-            autonomous = orbit.equations.autonomous
-            second = "a second multiplier" if autonomous else "a multiplier"
-            unforced = "" if autonomous else f"; {_UNFORCED}"
+            second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
                 "1: it is one of a family, as where energy is conserved (say so by conserves=), "
-                f"or at a bifurcation (take other parameters){unforced}",
+                f"or at a bifurcation (take other parameters){_unforced(orbit.equations)}",
                 residual=float(abs(left).max()),
             ) from error
+
+
+def _unforced(equations: FlowEquations) -> str:
+    where = "; where nothing depends on the time its period is unknown: leave period= out"
+    return "" if equations.autonomous else where
 
 
 def _refuse_passed(orbit: Cycle) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import MOST, brief, number, numbers, whole
+from ..checks import MOST, brief, number, numbers, row, whole
 from ..columns import Columns
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput, NotConverged
@@ -255,9 +255,7 @@ def integrate(
             raise BadInput(f"first = {first}: there are {len(path)} flows, counted from 0")
         path = _InTurn(path, first)
     named = isinstance(x0, Mapping)
-    state = numbers("the start", list(x0.values()) if named else x0)
-    if state.ndim != 1 or not state.size:
-        raise BadInput(f"the start has shape {state.shape}; a row of numbers was expected")
+    state = row("the start", list(x0.values()) if named else x0, "a number for each state")
     if perturb is not None:
         added = numbers("perturb", perturb)
         way = np.cos(np.arange(1.0, state.size + 1) ** 2)  # no symmetry of anything
@@ -367,7 +365,8 @@ class _Integration:
             raise NotConverged(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
                 f"x = {brief(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
-                "zero at the end (cb.integrate waits longer with time=)"
+                "zero at the end (cb.integrate waits longer with time=); what an orbit stays clear "
+                "of is no end of a flow, but one of its walls="
             )
         if hit is None and struck <= end:
             hit = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -82,13 +83,20 @@ def hard(branch: cb.Branch) -> list[cb.flows.Cycle]:
     return [o for o in orbits if min(flight.end[1] ** 2 for flight in o.flights) > 1e-3]
 
 
-@pytest.mark.parametrize(("w", "beyond"), [(3.0, "persists"), (1.5, "fold")])
-def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> None:
+@cache
+def first_impact(w: float) -> tuple[Any, ...]:
+    """Start without impacts, and follow it to where it touches the wall and beyond."""
     reach = amplitude(ON["c"], w)
     start, within = without_impacts(HIT, w=w, s=1.2 * reach), {"s": (0.3 * reach, 1.5 * reach)}
     grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
-    assert grazing["s"] == pytest.approx(reach, rel=1e-9)
     (arm,) = cb.switch(grazing, within=within)
+    return reach, start, within, grazing, arm
+
+
+@pytest.mark.parametrize(("w", "beyond"), [(3.0, "persists"), (1.5, "fold")])
+def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> None:
+    reach, _, _, grazing, arm = first_impact(w)
+    assert grazing["s"] == pytest.approx(reach, rel=1e-9)
     assert (arm[0]["beyond"], arm[0].parent) == (beyond, grazing)
     assert arm[0]["s"] == pytest.approx(reach, rel=1e-9)
     # how many there are with the wall nearer, and farther: the arm and, in a fold, one beyond it
@@ -106,10 +114,7 @@ def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> N
 
 @pytest.mark.parametrize("w", [3.0, 1.5])
 def test_the_way_back_leads_to_the_same_orbits_without_an_impact(w: float) -> None:
-    reach = amplitude(ON["c"], w)
-    start, within = without_impacts(HIT, w=w, s=1.2 * reach), {"s": (0.3 * reach, 1.5 * reach)}
-    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
-    (arm,) = cb.switch(grazing, within=within)
+    reach, start, within, grazing, arm = first_impact(w)
     there = cb.trace(arm[3].problem, "s", within=within, towards="both")
     gone = there.first("VI")
     assert gone["s"] == pytest.approx(grazing["s"], rel=1e-9)

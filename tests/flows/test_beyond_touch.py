@@ -124,7 +124,7 @@ def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch) -> None:
 )
 def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond: str) -> None:
     def sine(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(w * t) + 0.2]
+        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(p["w"] * t) + 0.2]
 
     def pressed(t: Any, x: Any, p: Any) -> Any:
         return [x[1], sine(t, x, p)[1] - 8 * (x[0] - 1) - jump]
@@ -133,9 +133,11 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
         cb.Flow(sine, until=lambda t, x, p: 1 - x[0]),
         cb.Flow(pressed, until=lambda t, x, p: x[0] - 1),
     ]
-    orbit = cb.cycle(flows, {"x": 0.0, "v": 0.0}, {"F": 0.6}, period=TAU / w, settle=300)
+    rest, params = {"x": 0.0, "v": 0.0}, {"F": 0.6, "w": w}
+    orbit = cb.cycle(flows, rest, params, period=lambda p: TAU / p["w"], settle=300)
     contacts = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
     shrunk = contacts.special[-1]
+    assert contacts.reason == "flow 1 shrinks to nothing, it begins at a tangency"
     (arm,) = cb.switch(shrunk, within={"F": (0.02, 1)})
     gain = 1 / abs(1 - w * w + 0.1j * w)
     assert arm[0]["F"] == pytest.approx(0.8 / gain, rel=1e-9)
@@ -144,6 +146,11 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
     assert arm[0]["beyond"] == beyond
     assert (shrunk["F"] < contacts[-2]["F"]) == (beyond == "persists")
     assert arm[-1]["F"] == 0.02
+    if not jump:  # and where it reaches the stop at other frequencies
+        curve = cb.boundary(shrunk, ("w", "F"), within={"w": (0.95, 1.05)})
+        assert (contacts.doubtful, curve.stop.name) == ((), "BOUND")
+        reached = 0.8 * abs(1 - curve["w"] ** 2 + 0.1j * curve["w"])
+        np.testing.assert_allclose(curve["F"], reached, atol=1e-9)
 
 
 def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:

@@ -357,14 +357,6 @@ def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double(intervals) -> None:
 # --- hybrid ----------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def ball() -> cb.Problem:
-    return cb.cycle(
-        [TABLE], start={"y": 0.46, "v": 3.1}, params={"A": 0.6, "e": 0.8}, period=TAU, t0=0.9,
-        settle=40,
-    )  # fmt: skip
-
-
 def test_nothing_else_happens_along_the_doublings_of_a_ball() -> None:
     doubling = CASES["bouncing ball"].branch.first("PD")
     line = cb.boundary(doubling, ("e", "A"), within={"e": (0.3, 0.95)})
@@ -383,7 +375,8 @@ def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces
     assert orbit.period == pytest.approx(bounces * TAU, abs=1e-9)
 
 
-def test_doubled_bounces_set_out_at_the_doubling(ball: cb.Problem) -> None:
+def test_doubled_bounces_set_out_at_the_doubling() -> None:
+    ball = CASES["bouncing ball"].problem()
     events = (*ball.events, cb.Event("ZZ", lambda point: point["A"] - 1.08))
     branch = cb.trace(ball, "A", within={"A": (0.6, 1.5)}, towards="up", events=events)
     (arm,) = cb.switch(branch.first("PD"), within={"A": (0.6, 1.5)})
@@ -473,8 +466,8 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
         assert place["b"] == pytest.approx(-place.base_point.solution.min["x"], abs=1e-10)
 
 
-def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_path, ball):
-    branch = cb.trace(ball, "A", within={"A": (0.5, 0.7)})
+def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_path):
+    branch = cb.trace(CASES["bouncing ball"].problem(), "A", within={"A": (0.5, 0.7)})
     cb.save(tmp_path / "ball.nc", branch)
     again = cb.load(tmp_path / "ball.nc")
     assert again["phase"] == pytest.approx(branch["phase"], abs=0)

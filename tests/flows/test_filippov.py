@@ -10,7 +10,7 @@ import pytest
 
 import contbreather as cb
 
-from .zoo import STICK_SLIP, relay_half_period, relay_start, slips
+from .zoo import STICK_SLIP, slips
 
 BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
 
@@ -46,21 +46,6 @@ def test_the_relay_of_a_second_order_lag_spirals_in_as_the_closed_form_says() ->
         y, length = abs(piece.x[1, 0]), float(piece.t[-1] - piece.t[0])
         assert 1 + (y + 1) * length == pytest.approx(math.exp(length), abs=1e-10)
         assert abs(following.x[1, 0]) == pytest.approx(1 - (y + 1) * math.exp(-length), abs=1e-10)
-
-
-def test_a_relay_with_three_lags_oscillates_with_the_period_of_the_closed_form() -> None:
-    """x' = y - x, y' = z - y, z' = -z - K sign(x): half a period mirrors the state."""
-    half = relay_half_period(0.0)
-    relay = cb.Filippov(
-        lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - p["K"]],
-        lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] + p["K"]],
-        lambda t, x, p: x[0],
-    )
-    run = cb.integrate(relay, [0.1, 1.0, 0.5], {"K": 2.0}, time=120)
-    assert {piece.number for piece in run.pieces} == {0, 1}
-    piece = run.pieces[-2]
-    assert piece.t[-1] - piece.t[0] == pytest.approx(half, abs=1e-9)
-    np.testing.assert_allclose(abs(piece.x[:, 0]), abs(relay_start(half)), atol=1e-9)
 
 
 def test_sliding_down_a_line_is_an_exponential() -> None:

@@ -147,8 +147,8 @@ def test_a_cycle_and_a_sliding_orbit_of_decorated_functions() -> None:
 
 
 def test_a_mass_matrix_is_divided_out() -> None:
-    heavy = cb.Flow(smooth, mass=[[2.0, 1.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
-    mass = np.array([[2.0, 1.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    mass = [[2.0, 1.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 1.0]]
+    heavy = cb.Flow(smooth, mass=mass)
     np.testing.assert_allclose(mass @ values(heavy.f, T, X, P), values(smooth, T, X, P), atol=1e-14)
     _, slope = slopes(heavy.f, T, X, P, ("k", "w"))
     np.testing.assert_allclose(np.einsum("ij,jkl", mass, slope), by_hand(X, T), atol=1e-14)

@@ -13,6 +13,9 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.errors import BadInput
 
+from .test_cycle import variational
+from .zoo import strike, walk
+
 TURN = 2 * math.pi
 
 
@@ -91,17 +94,6 @@ def test_a_cycle_takes_as_many_periods_as_the_run_that_settles(a: float, periods
 
 
 # --- the simplest walker, whose foot scuffs the ground where both legs are in line ---------------
-
-
-def walk(t: Any, x: Any, p: Any) -> Any:
-    leg, swing, rate, swinging = x
-    fall = np.sin(leg - p["g"])
-    return [rate, swinging, fall, fall + (rate**2 - np.cos(leg - p["g"])) * np.sin(swing)]
-
-
-def strike(t: Any, x: Any, p: Any) -> Any:
-    kept = np.cos(2 * x[0])
-    return [-x[0], -2 * x[0], kept * x[2], kept * (1 - kept) * x[2]]
 
 
 def heel(t: Any, x: Any, p: Any) -> Any:
@@ -188,16 +180,6 @@ def pendula(t: Any, x: Any, p: Any) -> Any:
     return np.stack([x[2], x[3], turning[0] + stretch, turning[1] - stretch])
 
 
-def moved(t: float, y: Any, p: Any) -> Any:
-    """The state and the derivative of all states in the first one, next to each other."""
-    x, M = y[:4], y[4:].reshape(4, 4)
-    slope = np.zeros((4, 4))
-    slope[:2, 2:] = np.eye(2)
-    slope[2:, :2] = 0.175 * np.array([[-1, 1], [1, -1]]) - np.diag(np.cos(x[:2]))
-    slope[2:, 2:] = -0.1 * np.eye(2)
-    return np.concatenate([pendula(t, x, p), (slope @ M).ravel()])
-
-
 def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
     """Each alone does not turn back: all at once do. In phase PD is where AUTO-07p has it; so are,
     of the rotations out of phase, both folds and BP, and there is no other: one whose half period
@@ -214,10 +196,5 @@ def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
     for point, (torque, period) in zip(found[1:], known, strict=True):
         assert (point["torque"], point["period"]) == pytest.approx((torque, period), rel=1e-5)
     for point in found:  # the trivial multiplier 1 is a double one at each of them
-        begin = np.concatenate([point.solution.flights[0].states[0], np.eye(4).ravel()])
-        run = solve_ivp(
-            partial(moved, p=point.params), (0.0, point["period"]), begin,
-            method="DOP853", rtol=1e-11, atol=1e-11,
-        )  # fmt: skip
-        off = np.linalg.eigvals(run.y[4:, -1].reshape(4, 4)) - 1
+        off = variational(pendula, point.solution, 4) - 1
         assert np.sort(abs(off))[1] < 1e-4

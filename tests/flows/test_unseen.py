@@ -88,30 +88,6 @@ def test_a_fold_is_where_it_is_whatever_the_unit_of_time(unit: float) -> None:
     assert branch[-1]["A"] == 1.5
 
 
-def test_a_contact_without_impact_begins_at_grazing_in_one_and_in_two_parameters() -> None:
-    def free(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(p["w"] * t) + 0.2]
-
-    def stopped(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], free(t, x, p)[1] - 8 * (x[0] - 1)]
-
-    flows = [
-        cb.Flow(free, until=lambda t, x, p: 1 - x[0]),
-        cb.Flow(stopped, until=lambda t, x, p: x[0] - 1),
-    ]
-    params = {"F": 0.104, "w": 1.0}
-    orbit = cb.cycle(flows, {"x": 0.0, "v": 0.0}, params, period=lambda p: TAU / p["w"], settle=200)
-    branch = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
-    grazing = branch.special[-1]
-    assert branch.reason == "flow 1 shrinks to nothing, it begins at a tangency"
-    curve = cb.boundary(grazing, ("w", "F"), within={"w": (0.95, 1.05)})
-    assert (grazing.kind, branch.doubtful, curve.stop.name) == ("GR", (), "BOUND")
-    # the linear motion reaches 1 = 0.2 + F / |1 - w^2 + 0.1 i w|
-    for at in (grazing, *curve):
-        w = at["w"]
-        assert at["F"] == pytest.approx(0.8 * abs(1 - w**2 + 0.1j * w), abs=1e-9)
-
-
 @pytest.mark.parametrize("half", [False, True])
 def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool) -> None:
     def field(push: int) -> Any:

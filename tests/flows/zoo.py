@@ -561,7 +561,7 @@ enter(
 )  # fmt: skip
 
 
-# A relay with hysteresis b behind three lags: see test_filippov; half of the orbit, mirrored.
+# A relay with hysteresis b behind three lags; half of the orbit, mirrored.
 LAGS = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
 
 
