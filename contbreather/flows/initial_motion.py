@@ -22,6 +22,7 @@ from .rounds import RETURNS
 
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _ALIKE = 1e-3  # within this of its size all returns are as good
+_CLEAR = 100  # periods of the forcing within which a condition is met, or not at all
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 
 Run = Callable[..., Trajectory]
@@ -83,7 +84,14 @@ def _hybrid(
 ) -> tuple[tuple[Flow, ...], list[Motion]]:
     """Return the last pieces of a simulation after which it repeats itself."""
     t, state, first = begin
-    ran = run(x0=state, events=2 * RETURNS, t0=t, first=first)
+    run = partial(run, x0=state, t0=t, first=first)
+    if length is not None and not run(time=_CLEAR * length, events=1).events:
+        raise NotConverged(
+            f"the condition of flow {first} is not met within {_CLEAR} periods from t = {t:.4g}, "
+            f"x = {brief(state.tolist())}: what an orbit stays clear of is one of the walls= of a "
+            "flow that nothing ends; `switch` goes on where it is touched"
+        )
+    ran = run(events=2 * RETURNS)
     last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
     returns = []

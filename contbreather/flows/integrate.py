@@ -365,8 +365,7 @@ class _Integration:
             raise NotConverged(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
                 f"x = {brief(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
-                "zero at the end (cb.integrate waits longer with time=); what an orbit stays clear "
-                "of is no end of a flow, but one of its walls="
+                "zero at the end (cb.integrate waits longer with time=)"
             )
         if hit is None and struck <= end:
             hit = 0

@@ -133,9 +133,9 @@ def true_or_false() -> cb.Problem:
     return cb.cycle(flow, REST, {"w": 1.0, "F": 0.5}, period=TAU, settle=5)
 
 
-def never_met() -> cb.Problem:
-    flow = cb.Flow(lambda t, x, p: [1e5 * np.sin(t)], until=lambda t, x, p: 1e6 - x[0])
-    return cb.cycle(flow, {"x": 0.0}, {}, period=TAU)
+def never_met(**more) -> cb.Problem:
+    flow = cb.Flow(lambda t, x, p: [x[1], -x[0]], until=lambda t, x, p: 2 - x[0])
+    return cb.cycle(flow, REST | {"v": 1.0}, {}, **more)
 
 
 @pytest.mark.parametrize(
@@ -163,6 +163,7 @@ def never_met() -> cb.Problem:
                           period=5.0, settle=9), "f is not periodic in t with the period 5"),
         (true_or_false, r"until is True at t = 0.*; a number was expected, positive"),
         (never_met, r"was not met within \d{3,4}(\.\d+)? from t = 0, .* in 10000 steps"),
+        (lambda: never_met(period=TAU), "not met within 100 periods .* one of the walls="),
     ],
 )  # fmt: skip
 def test_what_depends_on_the_time_as_it_must_not_is_refused(make, sentence) -> None:
