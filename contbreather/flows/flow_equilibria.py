@@ -80,42 +80,31 @@ def equilibrium(
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
     refuse_false_period([Flow(flow.f)], [state[:, None]], None, params)
-    rest = _Rest(flow, collocation or Collocation())
+    given: Any = flow.f.jacobian if isinstance(flow.f, FieldWithJacobian) else None
+    if given is not None:
+        given = partial(given.matrix, 0.0) if isinstance(given, Exact) else given.pattern
     return Equilibrium(
-        rest, dict(start), params, jacobian=rest.jacobian,
+        partial(_velocity, flow.f), dict(start), params, flow=flow, jacobian=given,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
         record={"unstable": UnstableDimension(unstable)}, label=label,
+        collocation=collocation or Collocation(),
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Rest:
+def _velocity(f: Function, x: Array, p: Params) -> Array:
+    return at_state(f, 0.0, x, p)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Equilibrium(Problem):
     """``f(0, x, p) = 0``, and how finely cycles that are born there are resolved."""
 
     flow: Flow
     collocation: Collocation
 
-    def __call__(self, x: Array, p: Params) -> Array:
-        return at_state(self.flow.f, 0.0, x, p)
-
-    @property
-    def jacobian(self) -> Any:
-        """The derivative as it was given: a function of (x, p), or a pattern."""
-        if not isinstance(self.flow.f, FieldWithJacobian):
-            return None
-        given = self.flow.f.jacobian
-        return partial(given.matrix, 0.0) if isinstance(given, Exact) else given.pattern
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Problem):
-    residual: _Rest
-
     def having(self, *names: str) -> Problem:
         """Free parameters, if the field does not begin to depend on the time with one of these."""
-        refuse_false_period(
-            [Flow(self.residual.flow.f)], [self.x[:, None]], None, self.params, names
-        )
+        refuse_false_period([Flow(self.flow.f)], [self.x[:, None]], None, self.params, names)
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
@@ -138,7 +127,8 @@ class _Born(SwitchingProblem):
 def _born(point: Point) -> SwitchingProblem:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
-    residual, arrays = point.curve.problem.residual, state_names(point.curve.problem.start)
+    problem: Any = point.curve.problem
+    arrays = state_names(problem.start)
     names = tuple(chain.from_iterable(arrays.values()))
     omega = float(point["omega"])
     matrix = first_columns(point.jacobian(), rest.size)
@@ -157,8 +147,8 @@ def _born(point: Point) -> SwitchingProblem:
         return np.asarray(rest[:, None] + amplitude * turned.real)
 
     for amplitude in _AMPLITUDES:
-        flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
-        flows, sizes = (residual.flow,), sizes_of([flight])
+        flight = fitted(problem.collocation, 0.0, period, partial(wave, amplitude * size))
+        flows, sizes = (problem.flow,), sizes_of([flight])
         equations = FlowEquations(flows, (flight,), None, 1, names, sizes, arrays=arrays)
         equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)

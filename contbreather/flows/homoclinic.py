@@ -168,12 +168,12 @@ def _still_moves(point: Point) -> float:
     curve, tangent = point.curve, point.tangent
     if tangent is None:
         return -math.inf
-    sizes = {n: max(abs(point[n]), float(curve.problem.scales.get(n, 1.0))) for n in curve.free}
-    moved = [abs(tangent[curve.slots[n]]) / size for n, size in sizes.items() if n != "period"]
-    lengths = equations_of(point.base_point).layout.lengths
-    longer = abs(tangent[lengths].sum()) / point.base_point.solution.period
-    off = max(moved, default=0.0) / max(longer, 1e-300)
-    return math.log(max(float(off), 1e-300) / _MOVES_STILL)
+    moved, lengths = 0.0, equations_of(point.base_point).layout.lengths
+    for name in {*curve.free} - {"period"}:
+        size = max(abs(point[name]), float(curve.problem.scales.get(name, 1.0)))
+        moved = max(moved, abs(tangent[curve.slots[name]]) / size)
+    longer = float(abs(tangent[lengths].sum())) / point.base_point.solution.period
+    return math.log(max(float(moved), 1e-300) / max(longer, 1e-300) / _MOVES_STILL)
 
 
 def _examine(point: Point) -> Examined:

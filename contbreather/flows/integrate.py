@@ -110,7 +110,7 @@ class Trajectory(Columns, HtmlRepr):
     Attributes
     ----------
     pieces : tuple of Piece
-    events : tuple of Crossing
+    events : tuple of GuardCrossing
     final : array, shape (n,)
         The state at the end, after the reset if the run ended with one.
     names : tuple of str

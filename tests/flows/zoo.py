@@ -775,19 +775,6 @@ enter(
 )  # fmt: skip
 
 
-# A current that rises at a rate 1 up to 1 and falls at m until the clock strikes.
-enter(
-    "peak current",
-    cycle(
-        [cb.Flow(lambda t, x, p: [1 + 0 * x[0]], until=lambda t, x, p: 1 - x[0]),
-         cb.Flow(lambda t, x, p: [-p["m"] + 0 * x[0]], at=0)],
-        {"i": 0.7}, {"m": 0.6}, period=0.5, settle=30,
-    ),
-    "m", (0.2, 3.0), (("PD", 1.0),),
-    lambda at: [(at.solution.others, [-at["m"]]),
-                (at["min(i)"], 1 - at["m"] * 0.5 / (1 + at["m"]))],
-)  # fmt: skip
-
 # A damped rotor at rest that is kicked by K sin x: det = q = exp(-g), trace = 1 + q + K (1 - q)/g.
 LOSS = math.exp(-0.3)
 enter(
