@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_kind, number, numbers, one_of
+from ..checks import brief, check_kind, number, numbers, one_of
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event
@@ -134,6 +134,8 @@ def cycle(
         one_of("fixed", fixed, ("period", next(iter(conserved))))
         if period is not None:
             period, wanted = None, number("period", period, 1e-300, 1e300, "a positive time")
+    elif fixed != "period":
+        raise BadInput(f"fixed = {brief(fixed)} is of what is conserved: say so by conserves=")
     if period is not None:
         if not callable(period):
             number("period", period, 1e-300, 1e300, "a positive time, or a function of p")

@@ -288,6 +288,8 @@ def flows_of(flows: Any, period: Any) -> Any:
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
         raise BadInput(f"flows must be a list of Flow, got {brief(flows)}")
+    if any(isinstance(flow, Filippov) for flow in listed):
+        raise BadInput("a Filippov system has all its flows: give it alone, not in a list")
     return tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
 
 

@@ -81,6 +81,8 @@ def cycles(
     >>> [(len(each.starts), round(each.orbit.max["x"], 4)) for each in found]
     [(2, -0.8996), (1, 1.0994)]
     """
+    if isinstance(starts, Mapping):
+        raise BadInput("several starts are a list, [{'x': 1.0}, {'x': 2.0}]; one is for cb.cycle")
     found: list[FoundCycle] = []
     none: list[FoundCycle] = []
     with partial_result(lambda: (*found, *none)):

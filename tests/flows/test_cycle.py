@@ -576,6 +576,8 @@ def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_
         ("period asks for the parameter 'w'", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0},
          {"period": lambda p: TAU / p["w"]}),
         ("has no states", van_der_pol, {}, {"mu": 1.0}, {}),
+        ("fixed = 'energy' is of what is conserved", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0},
+         {"fixed": "energy"}),
         ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
         ("u has shape .2, 3.: a number or", van_der_pol, {"u": np.eye(2, 3)}, {"mu": 1.0}, {}),
         ("a second multiplier is 1: .* where energy is conserved",

@@ -168,6 +168,7 @@ def relayed(h: Any) -> Any:
         (lambda: dropped(reset=lambda t, x, p: [x[0]]), cb.BadInput, "reset of flow 0 lands, f"),
         (lambda: dropped(walls=lambda t, x, p: x[0] - 1), cb.BadInput, r"behind walls\[0\], or"),
         (lambda: relayed(lambda x: x[0]), cb.BadInput, "h raises TypeError"),
+        (lambda: moved([cb.Filippov(BALL.f, BALL.f, BALL.until)]), cb.BadInput, "not in a list"),
         (lambda: relayed(lambda t, x, p: [x[0], 1.0]), cb.BadInput, "h returns shape"),
         (lambda: cb.integrate(BALL, [0.5, 0.0], {}, time=1), cb.BadInput, "parameter 'e'"),
         (lambda: cb.integrate([], [0.5], {}, time=1), cb.BadInput, "list of Flow"),

@@ -149,6 +149,8 @@ def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
     assert "there is an equilibrium at [0.0, 0.0]" in rest.said
     with pytest.raises(BadInput, match="there is no start"):
         cb.cycles(relaxing, [], {"mu": 0.0})
+    with pytest.raises(BadInput, match="several starts are a list"):
+        cb.cycles(relaxing, starts[0], {"mu": 0.0})
 
 
 def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
