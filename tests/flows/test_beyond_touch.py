@@ -137,7 +137,9 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
     orbit = cb.cycle(flows, rest, params, period=lambda p: TAU / p["w"], settle=300)
     contacts = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
     shrunk = contacts.special[-1]
-    assert contacts.reason == "flow 1 shrinks to nothing, it begins at a tangency"
+    number = shrunk.detail["flow"]
+    assert contacts.reason == f"flow {number} shrinks to nothing, it begins at a tangency"
+    assert shrunk.solution.equations.flows[number].f is pressed
     (arm,) = cb.switch(shrunk, within={"F": (0.02, 1)})
     gain = 1 / abs(1 - w * w + 0.1j * w)
     assert arm[0]["F"] == pytest.approx(0.8 / gain, rel=1e-9)
