@@ -49,12 +49,11 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
 
 
 class _Raw(NamedTuple):
-    """A function of ``w^2``: its value at 0, its poles as ``weight w^2/(P - w^2)``, and the
-    coefficients of w^2, w^4, ... of all the rest."""
+    """A function of ``w^2``: its poles as ``weight w^2/(P - w^2)``, and the coefficients of 1, w^2,
+    w^4, ... of all the rest."""
 
-    constant: float
-    poles: tuple[tuple[float, float], ...]  # (weight, P)
-    tail: FloatArray
+    poles: dict[float, float]  # weight by P
+    powers: FloatArray
 
 
 @lru_cache(maxsize=1)
@@ -66,11 +65,12 @@ def _functions() -> dict[str, _Raw]:
     even2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 2.0)
     f = 4.0 / math.pi
     return {
-        "chi": _Raw(math.pi / 2, ((f, 1.0),), f * odd2),
-        "eta": _Raw(0.0, ((f, 1.0),), f * odd),
-        "sigma": _Raw(1 / math.pi, ((f / 2, 1.0), (-f / 2, 4.0)), f / 2 * (odd - even)),
-        "psi": _Raw(2 / math.pi, ((-f, 4.0),), -f * even),
-        "tau": _Raw(-math.pi / 6, ((-f / 4, 4.0),), -f * even2),  # without its pole at w = 0
+        "chi": _Raw({1.0: f}, np.append(math.pi / 2, f * odd2)),
+        "eta": _Raw({1.0: f}, np.append(0.0, f * odd)),
+        "sigma": _Raw({1.0: f / 2, 4.0: -f / 2}, np.append(1 / math.pi, f / 2 * (odd - even))),
+        "psi": _Raw({4.0: -f}, np.append(2 / math.pi, -f * even)),
+        # without its pole at w = 0
+        "tau": _Raw({4.0: -f / 4}, np.append(-math.pi / 6, -f * even2)),
     }
 
 
@@ -128,31 +128,51 @@ def excess_slope(z: float) -> float:
 @lru_cache(maxsize=256)
 def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, BandAverage]:
     """Expansions of the means; ``sites=None`` is the infinite chain."""
-    return expansions(sites, spring)
-
-
-def expansions(sites: int | None, spring: Any) -> dict[str, BandAverage]:
-    """For one spring or an array of them."""
     shifted = in_powers_of_x(spring)
     return {name: _series(raw, sites, spring, shifted) for name, raw in _functions().items()}
 
 
-def _series(raw: _Raw, sites: int | None, spring: Any, shifted: FloatArray) -> BandAverage:
-    powers = (np.append(raw.constant, raw.tail) @ shifted) * q_moments(sites, 0)
+def _series(raw: _Raw, sites: int | None, spring: float, shifted: FloatArray) -> BandAverage:
+    powers = (raw.powers @ shifted) * q_moments(sites, 0)
     # with w^2 = s + x: w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
-    weights = [weight * P / (P - spring) for weight, P in raw.poles]
-    widths = [P - spring for _, P in raw.poles]
-    powers[..., 0] += sum(weight * spring / (P - spring) for weight, P in raw.poles)
+    weights = [weight * P / (P - spring) for P, weight in raw.poles.items()]
+    widths = [P - spring for P in raw.poles]
+    powers[0] += sum(weight * spring / (P - spring) for P, weight in raw.poles.items())
     # lists of numbers: Python takes one from them sooner than from an array
-    rows: Any = weights, widths, [*powers.T[::-1]] if powers.ndim > 1 else powers[::-1].tolist()
+    rows: Any = weights, widths, powers[::-1].tolist()
     return BandAverage(*rows)
+
+
+def means_of_chains(gamma: FloatArray, spring: Any) -> dict[str, FloatArray]:
+    """All means of infinite chains of many couplings, and perhaps as many springs."""
+    q, powers, weights = _by_gauss()
+    x, s = 4.0 * gamma[:, None], np.reshape(spring, (-1, 1))
+    rest = np.vander((s + x * q).ravel(), TERMS + 1, increasing=True) @ powers
+    poles = np.array([1.0, 4.0])
+    z = x / (poles - s)
+    r = np.sqrt(1.0 - z)
+    # see `_series`, and `excess`
+    near = (s + poles * z / (r * (1.0 + r))) / (poles - s)
+    means = rest.reshape(gamma.size, q.size, -1).sum(axis=1) + near @ weights
+    return dict(zip(_functions(), means.T, strict=True))
+
+
+@lru_cache(maxsize=1)
+def _by_gauss() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places q of Gauss's rule, exact for all powers here, shares of these in the means, in
+    columns, and weights of the poles at 1 and 4."""
+    size = 1 + TERMS // 2
+    q = np.sin((np.arange(size) + 0.5) * (0.5 * math.pi / size)) ** 2
+    functions = _functions().values()
+    weights = [[raw.poles.get(P, 0.0) for raw in functions] for P in (1.0, 4.0)]
+    return q, np.transpose([raw.powers for raw in functions]) / size, np.array(weights)
 
 
 def chi_of_chain() -> tuple[FloatArray, ...]:
     """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
-    raw = _functions()["chi"]
-    powers = np.append(raw.constant, raw.tail)
-    return *np.array(raw.poles).T.copy(), powers, powers.copy(), q_moments(None, 0)
+    poles, powers = _functions()["chi"]
+    weights, places = np.array([*poles.values()]), np.array([*poles])
+    return weights, places, powers, powers.copy(), q_moments(None, 0)
 
 
 _POWERS = range(TERMS + 1)
@@ -306,8 +326,8 @@ class UniformLattice:
         """Derivative of `mean` with respect to the spring."""
         raw, s = _functions()[name], self.spring
         x = 4.0 * check_gamma(gamma, s)  # w^2 in [s, s + x]
-        total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
-        for weight, P in raw.poles:
+        total = float((np.arange(1, TERMS + 1) * raw.powers[1:]) @ self.powers(gamma, 0)[:-1])
+        for P, weight in raw.poles.items():
             z = x / (P - s)
             more = 1.0 + self._excess(z) + z * self._dexcess(z)
             total += weight * P / (P - s) ** 2 * more

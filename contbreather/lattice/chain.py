@@ -14,12 +14,11 @@ from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import (
     UniformLattice,
-    average,
     band_averages,
     check_gamma,
     excess,
     excess_slope,
-    expansions,
+    means_of_chains,
 )
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
@@ -95,27 +94,17 @@ _with_spring = lru_cache(maxsize=64)(InfiniteChain)
 
 
 class Chains:
-    """Infinite chains of many couplings or springs, which are arrays."""
+    """Infinite chains of many couplings, and perhaps of as many springs."""
 
     sites = None
     tau = InfiniteChain.tau
 
-    def __init__(self, spring: Any = 0.0) -> None:
-        self.spring, of = spring, expansions if np.ndim(spring) else band_averages
-        self._expansions = of(None, spring)
+    def __init__(self, gamma: FloatArray, spring: Any = 0.0) -> None:
+        self.spring, self._means = spring, means_of_chains(gamma, spring)
 
-    def mean(self, gamma: Any, name: str) -> Any:
-        series, x = self._expansions[name], 4.0 * gamma
-        if not np.ndim(x):
-            return average(series, x, _excesses)
-        # all powers of many x at once take less time than one after the other
-        terms = np.vander(x, len(series.powers)) * np.transpose(series.powers)
-        return average(series._replace(powers=np.empty(0)), x, _excesses) + terms.sum(axis=1)
-
-
-def _excesses(z: Any) -> Any:
-    r = np.sqrt(1.0 - z)
-    return z / (r * (1.0 + r))  # see `excess`
+    def mean(self, gamma: FloatArray, name: str) -> FloatArray:
+        """A mean of each chain, at its own coupling."""
+        return self._means[name]
 
 
 @dataclass(frozen=True)

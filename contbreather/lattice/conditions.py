@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from contbreather.checks import MOST, real, whole
+from contbreather.checks import MOST, numbers, real, whole
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
@@ -252,12 +252,13 @@ def in_time_of_drive(make: Callable[..., T], omega: float, **given: Any) -> T:
     check_drive(omega, given["gamma"], given.get("spring"), given.get("lattice"))
     for name, power in POWERS.items():
         if given.get(name) is not None:  # of each site, perhaps
-            given[name] = (np.asarray(given[name], dtype=float) / omega**power).tolist()
+            given[name] = (numbers(name, given[name]) / omega**power).tolist()
     try:
         return make(**given)
     except ContbreatherError as error:
-        units = f"in units of omega = {omega:g}: a, gamma, spring by its square, damping by itself"
-        error.args = (f"{error} These numbers are {units}.",)
+        if any(f"{name} = " in str(error) for name in NAMES):
+            units = f"units of omega = {omega:g}: a, gamma, spring by its square, damping by itself"
+            error.args = (f"{error} These numbers are in {units}.",)
         raise
 
 
@@ -268,7 +269,7 @@ def check_drive(omega: float, gamma: Any, spring: Any, lattice: Any) -> None:
     # a ring with springs goes by its modes, of which each says so itself
     ground = 0.0 if spring is None or isinstance(lattice, Ring) else real(spring)
     low, high = math.sqrt(abs(ground)), math.sqrt(abs(ground + 4.0 * real(gamma)))
-    if omega > high:
+    if not omega <= high:  # of what is no number others say so
         return
     m = 2 * math.ceil(0.5 * (low / omega - 1.0)) + 1  # the lowest odd one above the lower edge
     place = f"harmonic {m} of the drive, {m * omega:.6g}, is in the band of the lattice"

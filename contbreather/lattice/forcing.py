@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -134,6 +134,8 @@ class TrigonometricSeries:
 class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
 
+    # rms of what it leaves of samples that it was made of: no part of the drive
+    residual: ClassVar[float | None] = None
     _series: TrigonometricSeries
     _slopes: Mapping[str, TrigonometricSeries] = MappingProxyType({})  # by parameter
 
@@ -200,6 +202,10 @@ class Periodic:
     def peak(self) -> float:
         """Largest |f| at unit amplitude; ``a * peak() <= 1`` keeps the far field off its walls."""
         return peak_of(self._series.waves)
+
+    @property
+    def _remark(self) -> str:
+        return "" if self.residual is None else f"  # residual {self.residual:.3g} (rms)"
 
     def _unknown(self, names: Sequence[str]) -> BadInput:
         have = ", ".join(self.params) or "none"
@@ -321,8 +327,6 @@ class Fourier(Periodic):
 
     cos: tuple[tuple[int, float], ...]
     sin: tuple[tuple[int, float], ...]
-    # of the samples that it was fitted to, rms; it is no part of the drive
-    residual: float | None = field(default=None, compare=False)
 
     def __init__(
         self, cos: Mapping[int, float] | None = None, sin: Mapping[int, float] | None = None
@@ -411,6 +415,8 @@ class Fourier(Periodic):
                 f"{t.size} samples: harmonics up to {highest} with a mean are {2 * highest + 1} "
                 "unknowns, and more samples are needed than that; take more, or fewer harmonics."
             )
+        if not np.ptp(F):
+            raise BadInput(f"the force is {0.0 + F[0]:.6g} at all {F.size} times: nothing to fit.")
         # M samples at equal steps over a period span M - 1 of them
         periods = rate * np.ptp(t) / (2.0 * math.pi) * t.size / (t.size - 1)
         if periods < 1.0 - 1e-9:
@@ -432,8 +438,7 @@ class Fourier(Periodic):
         odd = flag("symmetric", symmetric)
         some = slice(1, None, 2) if odd else slice(None)
         kept = waves.real[:, some] @ cos[some] + waves.imag[:, some] @ sin[some]
-        left, explained = float(np.std(F - kept)), float(np.std(kept))
-        left = math.hypot(left, float(np.mean(F - kept)))
+        left, explained = math.sqrt(np.mean((F - kept) ** 2)), float(np.std(kept))
         if not left < explained:
             lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "
             raise BadInput(
@@ -462,8 +467,7 @@ class Fourier(Periodic):
         return f"F = a ({' '.join(terms)})"
 
     def __repr__(self) -> str:
-        said = "" if self.residual is None else f"  # residual {self.residual:.3g} (rms)"
-        return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)}){said}"
+        return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)}){self._remark}"
 
 
 @lru_cache(maxsize=256)
@@ -540,7 +544,7 @@ class Samples(Periodic):
         are right to about that everywhere, and to rounding for exact samples.
     harmonics : int, optional
         The highest harmonic kept, of noisy samples: odd ones up to it, at most M/4, are all that
-        is left of the values, whatever else is in them.
+        is left of the values, whatever else is in them: `residual` is its root mean square.
     symmetric : bool
         With `harmonics`, False: the mean and even ones are kept, too.
 
@@ -575,7 +579,10 @@ class Samples(Periodic):
             )
         if harmonics is not None:
             highest = whole("harmonics", harmonics, 1)
-            samples = _reduced(samples, highest, flag("symmetric", symmetric))
+            kept = _reduced(samples, highest, flag("symmetric", symmetric))
+            left = math.sqrt(np.mean((samples - kept) ** 2))
+            object.__setattr__(self, "residual", left)
+            samples = kept
         object.__setattr__(self, "values", tuple(samples.tolist()))
         object.__setattr__(self, "_series", TrigonometricSeries(self._resolve(samples)))
 
@@ -605,7 +612,7 @@ class Samples(Periodic):
         return f"F = a times {len(self.values)} samples, harmonics up to {self.highest}"
 
     def __repr__(self) -> str:
-        return f"Samples(<{len(self.values)} values>)"
+        return f"Samples(<{len(self.values)} values>){self._remark}"
 
 
 def _reduced(samples: FloatArray, highest: int, symmetric: bool) -> FloatArray:

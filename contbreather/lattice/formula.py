@@ -355,10 +355,18 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
 def sampled(force: Callable[[float], float]) -> Samples:
     """Samples of anybody's function F(t), as many as tell all its harmonics."""
 
-    def value(at: Mapping[str, Any]) -> FloatArray:
-        return np.array([real(force(t)) for t in at["t"].tolist()])
+    name = getattr(force, "__name__", repr(force))
 
-    formula = Formula(getattr(force, "__name__", repr(force)), frozenset(), (value,), 1)
+    def value(at: Mapping[str, Any]) -> FloatArray:
+        try:
+            return np.array([real(force(t)) for t in at["t"].tolist()])
+        except (ArithmeticError, TypeError, ValueError) as error:
+            raise BadInput(
+                f"the forcing {brief(name)} is to be a function of t alone, a number at each: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+
+    formula = Formula(name, frozenset(), (value,), 1)
     series = _series_of(formula, ())[""]
     # four samples to the shortest period, as `Samples` asks for
     size = max(8, 4 * max(m for m, _, _ in series.harmonics))

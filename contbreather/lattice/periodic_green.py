@@ -232,7 +232,7 @@ def half_period_tables(
     gamma: FloatArray, spring: Any, distances: tuple[int, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Tables of `half_period_green` of infinite chains of many couplings, and perhaps as many
-    springs, (n, sites, POWERS + 2), and `largest` of each."""
+    springs that grow with them, (n, sites, POWERS + 2), and `largest`, no less than of any."""
     x, rest, m = 4.0 * gamma[:, None], 1.0 - np.reshape(spring, (-1, 1)), np.array(distances)
     powers = np.vander(4.0 * gamma, TERMS + 1, increasing=True)
     table = np.zeros((gamma.size, m.size, POWERS + 2))
@@ -244,8 +244,11 @@ def half_period_tables(
         table[..., :POWERS] = (powers @ _weighted_moments(distances)).reshape(-1, m.size, POWERS)
     r = np.sqrt(1.0 - x / rest)
     rho = x / (rest * (1.0 + r) ** 2)
-    table[..., POWERS] = 2.0 / math.pi * (-1.0) ** m * rho**m / (r * rest)
-    return table, _largest(table, half=True)
+    table[..., POWERS] = 2.0 / math.pi * (-rho) ** m / (r * rest)
+    # coupling and spring make each power of w^2 larger, and all have shares of one sign: the widest
+    # band has the largest responses
+    most = _largest(table[(gamma + np.asarray(spring)).argmax()], half=True)
+    return table, np.tile(most, (gamma.size, 1))
 
 
 @lru_cache(maxsize=16)

@@ -244,9 +244,9 @@ class SymmetricProblem(OrbitProblem):
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
-        orbit = orbit_at(self)
-        if orbit.lattice.sites is not None or "spring" not in names or "omega" in names:
+        if self.closure.lattice.sites is not None or "spring" not in names or "omega" in names:
             return super().with_parameters(names)
+        orbit = orbit_at(self)
         # a spring of 0 changes no response, but it is one of its parameters
         soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
         return symmetric_problem(soft, self.threshold).having(*names)

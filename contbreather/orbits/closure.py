@@ -106,8 +106,8 @@ def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureT
     if name == "a":
         return ClosureTerms(0.0, 0.0, 0.0, *f.motion(phi))
     by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
-    driven = (at.a * f.f_param(name, phi, order) for order in range(3))
-    return ClosureTerms(0.0, 0.0, by_spring, *driven)
+    u, v, w, _ = TrigonometricSeries(f.slope_harmonics(name)).motion(phi)
+    return ClosureTerms(0.0, 0.0, by_spring, at.a * u, at.a * v, at.a * w)
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

@@ -358,7 +358,9 @@ class BreathersAlong:
     @cached_property
     def map(self) -> HalfMap:
         """Map of all of them, with arrays for b and gamma; events ask."""
-        chains, k = Chains(self.spring), self.first.k
+        chains, k = self.first.map.lattice, self.first.k
+        if np.ndim(self.gamma):
+            chains = Chains(self.gamma, self.spring)
         m, A, B = np.moveaxis(self.waves, 2, 0)
         turn = m * self.phi[:, None]
         w = -self.a * (m * m * (A * np.cos(turn) + B * np.sin(turn))).sum(axis=1)

@@ -159,11 +159,12 @@ def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacke
 
 def _windows(gamma: Any, k: float, spring: Any) -> tuple[Array, list[list[float]]]:
     """Call `pair_windows`, for one chain or arrays of many."""
-    gammas, springs = np.broadcast_arrays(*np.atleast_1d(gamma, spring))
-    windows, roots = np.empty((gammas.size, 4)), np.full((2, 2), math.nan)
-    work = band_workspace(float(springs[0]), get_ident())
-    expansions = _expanded(springs) if np.ndim(spring) else work.expansions
-    chains = np.array([gammas, springs], dtype=float)
+    chains = np.empty((2, np.size(gamma)))
+    chains[0], chains[1] = gamma, spring
+    windows, roots = np.empty((np.size(gamma), 4)), np.full((2, 2), math.nan)
+    several = np.ndim(spring) > 0  # they bring expansions of their own
+    work = band_workspace(0.0 if several else float(spring), get_ident())
+    expansions = _expanded(spring) if several else work.expansions
     WINDOWS(*chains, k, expansions, work, windows, roots)
     return windows, [row for row in roots.tolist() if not math.isnan(row[0])]
 

@@ -69,12 +69,12 @@ def in_omega() -> list[Row]:
 
     ring: dict[str, Any] = {"lattice": cb.Ring(9), "damping": 0.02}
     table = []
-    for what, start in (
-        ("infinite chain", cb.symmetric(0.5, 0.08, 0.8)),
-        ("with springs", cb.symmetric(0.5, 0.04, 0.8, spring=0.05)),
-        ("damped ring of 9", cb.symmetric(0.6, 0.05, 0.8, **ring)),
+    for what, start, low, high in (
+        ("infinite chain", cb.symmetric(0.5, 0.08, 0.8), 0.15, 1.72),
+        ("with springs", cb.symmetric(0.5, 0.04, 0.8, spring=0.05), 0.15, 1.72),
+        ("damped ring of 9", cb.symmetric(0.6, 0.05, 0.8, **ring), 0.25, 1.6),
     ):
-        windows = {"a": (0.15, 0.8), "omega": (0.9, 1.6)}
+        windows = {"a": (low, 0.8), "omega": (0.9, high)}
         walks = [
             partial(cb.trace, start, free, within={free: ends}, steps=cb.Steps(largest=0.01))
             for free, ends in windows.items()

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
+from contbreather.lattice.chain import Chains
+from contbreather.lattice.periodic_green import half_period_green, half_period_tables
 from tests.lattice.by_hand import MEANS, ring_mean
 from tests.orbits.field import dense
 
@@ -69,6 +71,25 @@ def test_every_mean_of_a_ring_tends_to_the_chain_s_exponentially(gamma, sites):
         gap = abs(getattr(Ring(sites), name)(gamma) - getattr(CHAIN, name)(gamma))
         # from the pole next to the band; the next, two or three times as far, adds much less
         assert gap <= (4 / math.pi) * 2.5 * lap / (r * (1 - lap)) + 3e-15 / r
+
+
+SEVERAL = np.array([0.01, 0.2, 0.12, 1e-6])
+
+
+@pytest.mark.parametrize("spring", [0.0, 0.1, 0.5 * SEVERAL], ids=["none", "one", "each"])
+def test_many_chains_have_the_means_and_responses_of_each(spring):
+    sites, times = (0, 1, 2, 9), np.linspace(0.0, math.pi / 2, 301)
+    springs, chains = np.broadcast_to(spring, SEVERAL.shape), Chains(SEVERAL, spring)
+    tables, largest = half_period_tables(SEVERAL, spring, sites)
+    for i, (gamma, held) in enumerate(zip(SEVERAL.tolist(), springs.tolist(), strict=True)):
+        one = InfiniteChain(held)
+        for name in MEANS:
+            assert chains.mean(SEVERAL, name)[i] == pytest.approx(one.mean(gamma, name), rel=4e-15)
+        assert chains.tau(SEVERAL)[i] == pytest.approx(one.tau(gamma), rel=1e-14)
+        of = half_period_green(one, gamma, sites)
+        np.testing.assert_allclose(tables[i], of.table, rtol=1e-14, atol=1e-16)
+        # of one bound for all the widest band decides
+        assert (abs(of.at(times, np.arange(4)[:, None])[0]).max(axis=1) <= largest[i]).all()
 
 
 # ------------------------------------------------------------------------------------ modes

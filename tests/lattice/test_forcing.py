@@ -331,15 +331,12 @@ def test_a_fit_is_exact_without_noise_and_leaves_out_what_is_even():
     exact = Fourier.fit(t, TRUE.d2f(t))
     np.testing.assert_allclose(exact.d2f(TIMES), TRUE.d2f(TIMES), atol=1e-12)
     assert exact.residual < 1e-12
+    assert Fourier.fit(GRID, TRUE.d2f(GRID)).residual < 1e-12  # one period at equal steps
     uneven = Fourier.fit(t, TRUE.d2f(t) + 0.2 + 0.1 * np.cos(2 * t))
     np.testing.assert_allclose(uneven.d2f(TIMES), TRUE.d2f(TIMES), atol=1e-12)
     assert uneven.residual == pytest.approx(
         math.sqrt(np.mean((0.2 + 0.1 * np.cos(2 * t)) ** 2)), rel=1e-9
     )
-
-
-def test_a_fit_of_one_exact_period_at_equal_steps_is_taken():
-    assert Fourier.fit(GRID, TRUE.d2f(GRID)).residual < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -349,7 +346,7 @@ def test_a_fit_of_one_exact_period_at_equal_steps_is_taken():
         (GRID / 2, -np.cos(GRID / 2), {}, "0.5 of a period"),
         (GRID * 3.7, -np.cos(GRID * 7.1), {}, "not periodic with 6.28319"),
         (GRID, np.cos(2 * GRID), {}, "not antisymmetric"),
-        (GRID, np.zeros(64), {}, "explain"),
+        (GRID, np.zeros(64), {}, "the force is 0 at all 64 times"),
         (GRID, np.where(GRID > 1, np.nan, 1.0), {}, r"^F\[11\] = nan: finite"),
         (GRID, np.ones(63), {}, "same length"),
         (GRID[:36] * 16, np.cos(GRID[:36] * 16), {}, "same place of the period"),
@@ -370,6 +367,8 @@ def test_noisy_samples_are_reduced_to_their_odd_harmonics():
     # at equal steps over whole periods least squares are the transform
     fitted = Fourier.fit(GRID, TRUE.d2f(GRID) + noise)
     np.testing.assert_allclose(reduced.d2f(TIMES), fitted.d2f(TIMES), atol=1e-13)
+    assert reduced.residual == pytest.approx(fitted.residual, rel=1e-12)
+    assert f"residual {fitted.residual:.3g}" in repr(reduced)
     assert Samples(reduced.values) == reduced
     with pytest.raises(BadInput, match="up to 16, and 17"):
         Samples(TRUE.d2f(GRID), harmonics=17)
@@ -416,6 +415,8 @@ def test_a_function_of_time_is_taken_wherever_a_forcing_is():
         (lambda t: "cos", "not a finite real number"),
         (lambda t: math.nan, "not a finite real number"),
         (lambda t: 0.0, "is zero"),
+        (lambda: 0.0, "a function of t alone, a number at each: TypeError: .* 0 positional"),
+        (lambda t: math.cos(t) / 0, "a number at each: ZeroDivisionError"),
     ],
 )
 def test_a_function_that_is_no_drive_is_refused(function, says):

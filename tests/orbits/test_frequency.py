@@ -256,6 +256,8 @@ def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
         ({"omega": "fast"}, "omega = 'fast': the frequency of the forcing"),
         ({"omega": math.inf}, "omega = inf"),
         ({"omega": 2.0, "k": 1.5}, "k = 1.5: .* These numbers are in units of omega = 2"),
+        ({"omega": 2.0, "spring": [0.1] * 3}, "one number for each site is for finite lattices"),
+        ({"omega": 2.0, "gamma": "x"}, "gamma = 'x': finite real numbers"),
     ],
 )
 def test_frequencies_that_cannot_be_are_refused(on, sentence):
