@@ -566,12 +566,9 @@ class Samples(Periodic):
     def __init__(
         self, values: ArrayLike, harmonics: int | None = None, *, symmetric: bool = True
     ) -> None:
-        try:
-            samples = np.asarray(values, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            samples = np.full(1, np.nan)
-        if samples.ndim != 1 or not np.all(np.isfinite(samples)):
-            raise BadInput("samples of the forcing must be one row of finite numbers.")
+        samples = numbers("values", values)
+        if samples.ndim != 1:
+            raise BadInput(f"the samples have the shape {samples.shape}: one row was expected.")
         if samples.size < 8 or samples.size % 2:
             raise BadInput(
                 f"{samples.size} samples: give an even number, at least 8, on t = 2 pi j/M, "

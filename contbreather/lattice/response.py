@@ -19,7 +19,7 @@ of the orbit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,7 +30,13 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
-from contbreather.lattice.forcing import Forcing, Harmonics, even_harmonics, mean_of
+from contbreather.lattice.forcing import (
+    Forcing,
+    Harmonics,
+    TrigonometricSeries,
+    even_harmonics,
+    mean_of,
+)
 from contbreather.lattice.modal_waves import (
     BY_DAMPING,
     BY_GAMMA,
@@ -50,7 +56,6 @@ from contbreather.lattice.modal_waves import (
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
-    RESPONSES,
     SLACK,
     Responses,
     half_period_green,
@@ -105,10 +110,8 @@ class Response:
 
     def at(self, site: int, since: ArrayLike, by: str = "") -> FloatArray:
         """Value and three derivatives of a site, times since each impact in the last axis."""
-        of, shape = self.table((site,), by), np.shape(since)
-        out = np.empty((4, math.prod(shape)))
-        RESPONSES(of, np.ravel(since), np.broadcast_to(of.which[0], shape).ravel(), out)
-        return out.reshape(4, *shape)
+        of = self.table((site,), by)
+        return of.at(since, of.which[0])
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
@@ -148,8 +151,7 @@ class Response:
         """Derivatives of that in a parameter, without the third, (3, m)."""
         if name in HELD and name not in self.drive.params:
             return np.zeros((3, times.size))
-        f = self.drive.f_param
-        return np.array([[f(name, t, order) for t in times.tolist()] for order in range(3)])
+        return np.array(TrigonometricSeries(self.drive.slope_harmonics(name)).motion(times)[:3])
 
     def harmonics(self, site: int) -> Harmonics:
         return self.drive.harmonics
@@ -277,12 +279,14 @@ class ModalResponse(Response):
         return HeldModes(lam, swings, *held, False)
 
     def _check_apart(self, waves: ModeWaves) -> None:
-        if waves.apart.min() > RESONANT:
-            return
-        w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-        raise Resonance(
-            f"a mode of the {self.lattice.describe()} with the frequency {w:.9g} is in "
-            "resonance with the orbit: change gamma or spring, or give it damping."
+        if not waves.apart.min() > RESONANT:
+            w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
+            raise self._resonance(f" with the frequency {w:.9g}")
+
+    def _resonance(self, which: str = "") -> Resonance:
+        return Resonance(
+            f"a mode of the {self.lattice.describe()}{which} is in resonance with the orbit: "
+            "change gamma or spring, or give it damping."
         )
 
     @property
@@ -475,10 +479,7 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
     medium = Medium(of.lattice, of.gamma, of.spring, of.damping)
     room = medium.room(*harmonics(of.turns, of.sign), by)
     if not room > RESONANT:
-        raise Resonance(
-            f"a mode of the {of.lattice.describe()} is in resonance with the orbit: change gamma "
-            "or spring, or give it damping."
-        )
+        raise of._resonance()
     return medium.waves(of.length, of.sign, RADIUS * room, PLACES, by)
 
 
@@ -573,18 +574,12 @@ def mean_displacement(
 ) -> tuple[FloatArray, FloatArray]:
     """A lattice at rest under its drive at 1, sites that are hit held at 0: displacements of all,
     and the force per mass at those; or derivatives in gamma or spring, 0 in others."""
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    bonds, held = stiffness_of(lattice), sparse.diags_array(lattice.masses * lattice.springs)
-    matrix = sparse.csc_array(gamma * bonds + spring * held)
-    rest = np.setdiff1d(np.arange(lattice.sites), hit)
+    bonds, held = stiffness_of(lattice), lattice.masses * lattice.springs
+    matrix, solved = _at_other_sites(lattice, hit, gamma, spring)
 
     def moved(force: FloatArray) -> FloatArray:
-        out = np.zeros(lattice.sites)
         try:
-            if rest.size:
-                out[rest] = splu(matrix[rest][:, rest]).solve(force[rest])
+            out = solved(force)
             if abs(out).max() * abs(matrix).max() > 1e12 * abs(force).max():
                 raise RuntimeError  # singular but for rounding
         except RuntimeError:
@@ -598,9 +593,31 @@ def mean_displacement(
     force: Any = lattice.masses * lattice.drive
     still = moved(force)
     if by:  # K u = F: K du = -dK u
-        force = -({"gamma": bonds, "spring": held}[by] @ still) if by in HELD[:2] else 0.0 * force
+        pulls = {"gamma": bonds @ still, "spring": held * still}
+        force = -pulls.get(by, 0.0 * force)
         still = moved(force)
     return still, (force - matrix @ still)[list(hit)] / lattice.masses[list(hit)]
+
+
+def _at_other_sites(
+    lattice: Any, hit: Sites, gamma: float, spring: float
+) -> tuple[Any, Callable[[FloatArray], FloatArray]]:
+    """The stiffness with coupling and springs, and how forces, in columns, displace the sites that
+    are not hit, the others held at 0."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    held = sparse.diags_array(lattice.masses * lattice.springs)
+    matrix = sparse.csc_array(gamma * stiffness_of(lattice) + spring * held)
+    rest = np.setdiff1d(np.arange(lattice.sites), hit)
+
+    def solved(forces: FloatArray) -> FloatArray:
+        out = np.zeros_like(forces)
+        if rest.size:
+            out[rest] = splu(matrix[rest][:, rest]).solve(forces[rest])
+        return out
+
+    return matrix, solved
 
 
 class AtRest(NamedTuple):
@@ -615,20 +632,16 @@ class AtRest(NamedTuple):
 @lru_cache(maxsize=64)
 def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
     """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    rest, held = np.setdiff1d(np.arange(lattice.sites), hit), lattice.masses * lattice.springs
+    held = (lattice.masses * lattice.springs)[:, None]
     profile = np.eye(lattice.sites)[:, list(hit)]
-    slope, stiffness = np.zeros_like(profile), stiffness_of(lattice)
-    if rest.size and ratio < math.inf:
-        matrix = (stiffness + ratio * sparse.diags_array(held)).tocsc()
-        solve = splu(matrix[rest][:, rest].tocsc()).solve
-        profile[rest] = -solve(matrix[rest][:, list(hit)].toarray())
-        slope[rest] = -solve(held[rest, None] * profile[rest])
+    slope = np.zeros_like(profile)
+    if ratio < math.inf:
+        matrix, solved = _at_other_sites(lattice, hit, 1.0, ratio)
+        profile -= solved(matrix @ profile)
+        slope = -solved(held * profile)
     own = lattice.masses[list(hit)][:, None]
-    bonds = profile.T @ (stiffness @ profile) / own
-    return AtRest(profile, slope, bonds, profile.T @ (held[:, None] * profile) / own)
+    bonds = profile.T @ (stiffness_of(lattice) @ profile) / own
+    return AtRest(profile, slope, bonds, profile.T @ (held * profile) / own)
 
 
 # --- which it is --------------------------------------------------------------------------------

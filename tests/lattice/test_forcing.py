@@ -264,12 +264,16 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Samples(np.sign(np.cos(GRID + 0.01))), "do not resolve"),
         (lambda: Samples(np.cos(17 * GRID)), "do not resolve"),
         (lambda: Samples(np.zeros(16)), "is zero"),
-        (lambda: Samples([np.nan] * 16), "finite numbers"),
-        (lambda: Samples("abc"), "finite numbers"),
+        (lambda: Samples([1.0] + [np.nan] * 15), r"values\[1\] = nan: finite"),
+        (lambda: Samples("abc"), "values = 'abc': finite real numbers"),
         (lambda: Samples([[1.0] * 8] * 2), "one row"),
         (lambda: Symbolic("1 + 0*cos(t)"), "is constant; a breather needs"),
-        (lambda: Fourier(cos={1: -1.0, 10**400 + 1: 1.0}), "up to 1001"),
+        *(
+            (lambda m=m: Fourier(cos={1: -1.0, m: 1.0}), "harmonics up to 1001 are resolved")
+            for m in (1003, 10**400 + 1)
+        ),
         (lambda: Symbolic("0*cos(t)"), r"the forcing .* is zero; a breather needs"),
+        (lambda: Symbolic("c*cos(t) + d*cos(t)", c=1.0, d=-1.0), "is zero at c = 1, d = -1; a"),
         (lambda: Symbolic("-c*cos(t)"), r"needs a value for c; the time is t\.$"),
         (lambda: Symbolic("cos(t)", d=1.0), r"forcing parameter d: 'cos\(t\)' has none\."),
         (
@@ -300,6 +304,7 @@ def test_a_forcing_says_what_it_is() -> None:
     assert both.highest == 5
     assert both.params == {"c1": -1.0, "c3": 0.25, "s1": 0.5, "s5": -2.0}
     assert Symbolic("-c*cos(t)", c=1.5).describe() == "F = a (-c * cos(t)), c = 1.5"
+    assert Fourier(cos={1: -1.0, 1001: 1e-3}).highest == 1001
     assert Harmonic().highest == 1
     assert Harmonic().params == {}
     assert Harmonic().peak() == 1.0

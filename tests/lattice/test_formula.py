@@ -35,35 +35,55 @@ def by_python(text: str, t: np.ndarray, **params: float) -> np.ndarray:
 # --- values -----------------------------------------------------------------------------------
 
 
+EXACT = [
+    "-cos(t)",
+    "(cos(t) + 0.3*cos(3*t))^3",
+    "2*cos(t)^3 - sin(t)^5/7",
+    "-(-cos(t + pi/3))*(2 - sin(2*t))**3",
+    "cos(t)*cos(2*t)*cos(4*t)*cos(8*t)",
+    "c*sin(t - c)**3/(1 + c)",
+    "cos(t)**0*cos(t)",
+    "3 - (3 - sin(3*t))",
+    "cos(t)*2**-1",
+    "cos(t)*exp(0)*sqrt(4)*Abs(-3)",
+    "cos(3*t/3) + cos(t*(1 + 2))",
+    "cos(-5*t - 1)*cos(1)",
+    "+cos(t)**99",
+    "tanh(c*cos(t)) + atan(sin(3*t))",
+    "besselj(3, 2*cos(t)) - besselj(0, sin(t))*cos(t)",
+    "sqrt(2 + cos(t)**2)*cos(t) - log(3 + cos(2*t))*sin(t)",
+    "cos(t)/(1 + 0.4*cos(t)**2)**2.5",
+    "Abs(c)*sign(-c)*cos(t)",
+    "2**cos(2*t)*cos(t)",
+    "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",
+]
+# what only cancels or turns to itself after half a period; rounding of 1001 t, of 1e5, of 90 cos t
+TURNED = [
+    "tanh(50*cos(t))",
+    "tanh(cos(t))*cos(2*t) + sin(3*t)**3",
+    "besselj(3, sin(t)) + besselj(2, sin(t))*cos(t)",
+    "atan(cos(3*t + 1))/(2 + tan(cos(t))**2)",
+    "cos(t)*tanh(tan(2 + cos(2*t)/9))*Abs(1 + sin(t)**2)",
+    "-cos(t - 7*t)*cos(t)",
+    "tanh(cos(1.5*t + -0.5*t))",
+    "cos(t) + cos(2*t) - cos(2*t)",
+    "cos(t) + 1e5*cos(2*t) - 1e5*cos(2*t)",
+    "cos(t) + t - t",
+    "cos(t) + Abs(cos(t)) - Abs(cos(t))",
+    "exp(log(2 + cos(2*t)))*cos(t)*Abs(t - 300)/(300 - t)",
+    "cos(t)*(1 + 1e-13*cos(t))",
+    "sinh(90*cos(t))",
+    "sin(1001*t)",
+]
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        "-cos(t)",
-        "(cos(t) + 0.3*cos(3*t))^3",
-        "2*cos(t)^3 - sin(t)^5/7",
-        "-(-cos(t + pi/3))*(2 - sin(2*t))**3",
-        "cos(t)*cos(2*t)*cos(4*t)*cos(8*t)",
-        "c*sin(t - c)**3/(1 + c)",
-        "cos(t)**0*cos(t)",
-        "3 - (3 - sin(3*t))",
-        "cos(t)*2**-1",
-        "cos(t)*exp(0)*sqrt(4)*Abs(-3)",
-        "cos(3*t/3) + cos(t*(1 + 2))",
-        "cos(-5*t - 1)*cos(1)",
-        "+cos(t)**99",
-        "tanh(c*cos(t)) + atan(sin(3*t))",
-        "besselj(3, 2*cos(t)) - besselj(0, sin(t))*cos(t)",
-        "sqrt(2 + cos(t)**2)*cos(t) - log(3 + cos(2*t))*sin(t)",
-        "cos(t)/(1 + 0.4*cos(t)**2)**2.5",
-        "Abs(c)*sign(-c)*cos(t)",
-        "2**cos(2*t)*cos(t)",
-        "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",
-    ],
+    ("text", "off"), [*((text, 3e-13) for text in EXACT), *((text, 3e-11) for text in TURNED)]
 )
-def test_a_formula_is_what_python_makes_of_it(text: str) -> None:
+def test_a_formula_is_what_python_makes_of_it(text: str, off: float) -> None:
     params = {"c": 0.7} if re.search(r"\bc\b", text) else {}
     forcing, exact = cb.Symbolic(text, **params), by_python(text, TIMES, **params)
-    np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=3e-13 * np.ptp(exact))
+    np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=off * np.ptp(exact))
 
 
 @pytest.mark.parametrize("name", sorted(WORDS.keys() - {"pi", "besselj"}))
@@ -101,35 +121,6 @@ def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
     for order, pick in enumerate(("f", "df", "d2f")):
         up, down = (getattr(forcing.at(c=0.7 + s * h), pick)(0.7) for s in (1, -1))
         assert forcing.f_param("c", 0.7, order) == pytest.approx((up - down) / (2 * h), abs=2e-8)
-
-
-# --- antisymmetry -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "tanh(50*cos(t))",
-        "tanh(cos(t))*cos(2*t) + sin(3*t)**3",
-        "besselj(3, sin(t)) + besselj(2, sin(t))*cos(t)",
-        "atan(cos(3*t + 1))/(2 + tan(cos(t))**2)",
-        "cos(t)*tanh(tan(2 + cos(2*t)/9))*Abs(1 + sin(t)**2)",
-        "-cos(t - 7*t)*cos(t)",
-        "tanh(cos(1.5*t + -0.5*t))",
-        "cos(t) + cos(2*t) - cos(2*t)",
-        "cos(t) + 1e5*cos(2*t) - 1e5*cos(2*t)",
-        "cos(t) + t - t",
-        "cos(t) + Abs(cos(t)) - Abs(cos(t))",
-        "exp(log(2 + cos(2*t)))*cos(t)*Abs(t - 300)/(300 - t)",
-        "cos(t)*(1 + 1e-13*cos(t))",
-        "sinh(90*cos(t))",
-        "sin(1001*t)",
-    ],
-)
-def test_whatever_half_a_period_turns_is_taken(text: str) -> None:
-    exact, scale = by_python(text, TIMES), np.abs(by_python(text, TIMES)).max()
-    # rounding of 1001 t, of 1e5, of 90 cos t
-    np.testing.assert_allclose(cb.Symbolic(text).d2f(TIMES), exact, rtol=0, atol=3e-11 * scale)
 
 
 def some(depth: int, pick: random.Random) -> str:
