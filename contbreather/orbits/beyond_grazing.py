@@ -51,18 +51,21 @@ class GrazingSwitch(SwitchingProblem):
         |mu| J; and a sentence, "says", of that."""
         curve, here, (tangent, _) = Curve(self.problem, (self.free,)), self.point, self.tangents
         ahead, inside = self._grown(curve, curve.start, tangent), here.direction
-        if min(ahead) * max(ahead) <= 0.0:
-            sites = sorted({contact.site for contact in self.contacts})
-            if here.solution.section.repeats and len(sites) == 1:
-                raise BadInput(
-                    f"site {sites[0]} chatters: it comes back to its wall more and more often, "
-                    "which no list of impacts has; `simulate` goes on"
-                )
-            raise BadInput(
-                f"sites {sites} touch their walls at once, and impulses of some of them would have "
-                "to pull where those of others push: no orbit has all these impacts"
-            )
+        sites, opposed = sorted({c.site for c in self.contacts}), min(ahead) * max(ahead) <= 0.0
         tangent = math.copysign(1.0, ahead[0]) * tangent
+        chatters = ""
+        if here.solution.section.repeats and len(sites) == 1 and here.kind == "GR":
+            chatters = (
+                f"site {sites[0]} chatters: it comes back to its wall more and more often, which "
+                "no list of impacts has; `simulate` goes on, with the site at rest on its wall for "
+                "a while each time"
+            )
+        if opposed:
+            raise BadInput(
+                chatters
+                or f"sites {sites} touch their walls at once, and impulses of some of them "
+                "would have to pull where those of others push: no orbit has all these impacts"
+            )
         longer = (
             (here.curve, here.z, inside) if here.kind == "VI" else (curve, curve.start, tangent)
         )
@@ -70,7 +73,7 @@ class GrazingSwitch(SwitchingProblem):
         what = "fold" if inside * tangent[-1] > 0.0 else "persists"
         detail: dict[str, Any] = {"beyond": what, "|mu| J": multiplier_at_grazing(*longer)}
         detail["says"] = f"{self._hit()}; {_SIMULATED[what]}"
-        return (Seed(self.problem, curve.start, tangent, detail=detail),)
+        return (Seed(self.problem, curve.start, tangent, detail=detail, ends_at_once=chatters),)
 
     def _hit(self) -> str:
         """Say which impacts are on one of both branches only."""

@@ -142,6 +142,24 @@ def test_a_site_that_grazes_between_its_impacts_hits_twice_in_a_row(gamma):
     assert checked(twice) == ""
 
 
+HARD = {  # and where the third impact is one of infinitely many
+    "ring": {"gamma": 0.05, "k": 0.001, "lattice": cb.Ring(9)},
+    "open": {"gamma": 0.03, "k": 0.002, "damping": 0.05, "lattice": cb.OpenChain(5), "site": 2},
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_where_a_site_chatters_a_sentence_says_so_and_a_simulation_has_it_rest(name):
+    within = {"a": (0.1, 1.5)}
+    end = cb.trace(cb.symmetric(0.55, **HARD[name]), "a", within=within).first("GR")
+    (twice,) = cb.switch(end, within=within)
+    with pytest.raises(NothingToSwitch, match=r"site \d chatters: .* at rest on its wall"):
+        cb.switch(twice[-1], within=within)
+    for off, rests in ((-0.002, set()), (0.002, {HARD[name].get("site", 0)})):
+        run = cb.simulate(twice[-1].solution, a=twice[-1]["a"] + off, periods=30)
+        assert {*run.rests[run.rests["period"] == 29]["site"].tolist()} == rests
+
+
 SOFT = {  # small k: site 0 grazes between its impacts, and what is beyond is stable
     "ring": {"gamma": 0.05, "k": 0.03, "damping": 0.02, "lattice": cb.Ring(9)},
     "ring, k = 0.01": {"gamma": 0.05, "k": 0.01, "damping": 0.02, "lattice": cb.Ring(9)},

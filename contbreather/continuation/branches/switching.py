@@ -38,13 +38,15 @@ _SINGULAR = 1e-6  # least singular value of balanced equations where curves cros
 
 class Seed(NamedTuple):
     """The start of one arm: its problem, the point z in it, the direction in which it leaves, that
-    of the branch it leaves from, which it must not follow, and what else its first point knows."""
+    of the branch it leaves from, which it must not follow, what else its first point knows, and a
+    sentence for where its events end it at once: there is no arm then."""
 
     problem: Problem
     z: Array
     tangent: Array
     parent: Array | None = None
     detail: Mapping[str, Any] = MappingProxyType({})
+    ends_at_once: str = ""
 
 
 @dataclass(frozen=True)
@@ -341,6 +343,9 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
             residual=arm[0].residual,
         )
     arm = _with_parent(arm, point, seed)
+    if len(arm) == 1 and arm.stop is Stop.EVENT and seed.ends_at_once:
+        why = BadInput(seed.ends_at_once)
+        raise NothingToSwitch(f"{point!r}: {why}", point) from why
     _refuse_parent(arm, seed, point)
     return arm
 
