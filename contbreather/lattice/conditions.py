@@ -296,12 +296,9 @@ class SpringResponse(Periodic):
 
     def _scaled(self, harmonics: Harmonics, power: int = 1) -> Harmonics:
         """Divided by ``1 - spring/m^2``; with the second power the slope of that."""
-
-        def scale(m: int) -> float:
-            # d/ds of m^2/(m^2 - s) is m^2/(m^2 - s)^2
-            return float(m * m / (m * m - self.spring) ** power)
-
-        return tuple((m, scale(m) * A, scale(m) * B) for m, A, B in harmonics)
+        # d/ds of m^2/(m^2 - s) is m^2/(m^2 - s)^2
+        scales = [float(m * m / (m * m - self.spring) ** power) for m, *_ in harmonics]
+        return tuple((m, c * A, c * B) for c, (m, A, B) in zip(scales, harmonics, strict=True))
 
     @property
     def params(self) -> dict[str, float]:
@@ -361,17 +358,10 @@ def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:
 
 
 @serialised("lattice", Lattice, _lattice_to_dict)
-def _lattice(
-    name: str,
-    sites: int,
-    rows: list[int],
-    columns: list[int],
-    entries: list[float],
-    **weights: list[float],
-) -> Lattice:
+def _lattice(sites: int, rows: Any, columns: Any, entries: Any, **more: Any) -> Lattice:
     matrix = np.zeros((sites, sites))
     matrix[rows, columns] = matrix[columns, rows] = entries  # symmetric: a file has its upper half
-    return Lattice(matrix, **weights, name=name)
+    return Lattice(matrix, **more)
 
 
 def _ends(pair: Pair) -> list[float | None]:

@@ -241,14 +241,12 @@ class Lattice:
 
     @cached_property
     def uniform(self) -> bool:
-        """Tell whether a drive without springs moves all sites alike."""
         # row sums of a lattice that nothing ties to the ground are 0, but for rounding
         loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
         return bool(loose and self.even and (self.drive == 1.0).all())
 
     @cached_property
     def even(self) -> bool:
-        """Tell whether springs and dampings are the same everywhere: modes decouple then."""
         return bool((self.springs == 1.0).all() and (self.dampings == 1.0).all())
 
     highest_gamma = math.inf
@@ -286,7 +284,6 @@ class Lattice:
         return None
 
     def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
-        """Sites that are not in `hit`."""
         return np.setdiff1d(np.arange(self.sites), hit)
 
     def basis(self, hit: tuple[int, ...]) -> NormalModes:
@@ -411,11 +408,8 @@ def by_matrix(lattice: Finite) -> Lattice:
 
 def finite(lattice: Any) -> Finite:
     """A finite lattice as it was given; anything else is refused."""
-    if (
-        isinstance(lattice, type)
-        or getattr(lattice, "sites", None) is None
-        or not hasattr(lattice, "basis")
-    ):
+    known = getattr(lattice, "sites", None) is not None and hasattr(lattice, "basis")
+    if isinstance(lattice, type) or not known:
         raise BadInput(
             f"lattice = {lattice!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) "
             "or Lattice(stiffness)."

@@ -226,8 +226,7 @@ def even_harmonics(forcing: Forcing) -> tuple[int, ...]:
 
 def mean_of(forcing: Forcing, by: str = "") -> float:
     """Mean of F at unit amplitude, or its derivative in a parameter."""
-    rows = forcing.slope_harmonics(by) if by else forcing.harmonics
-    return sum(A for m, A, _ in rows if m == 0)
+    return TrigonometricSeries(forcing.slope_harmonics(by) if by else forcing.harmonics).mean
 
 
 def with_even(share: float, forcing: Forcing) -> Forcing:
