@@ -144,7 +144,7 @@ def _series(raw: _Raw, sites: int | None, spring: float, shifted: FloatArray) ->
 
 
 def means_of_chains(gamma: FloatArray, spring: Any) -> dict[str, FloatArray]:
-    """All means of infinite chains of many couplings, and perhaps as many springs."""
+    """Means of infinite chains of many couplings, and perhaps as many springs."""
     q, powers, weights = _by_gauss()
     x, s = 4.0 * gamma[:, None], np.reshape(spring, (-1, 1))
     rest = np.vander((s + x * q).ravel(), TERMS + 1, increasing=True) @ powers

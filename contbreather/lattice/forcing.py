@@ -493,16 +493,12 @@ def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[i
     if not isinstance(terms, Mapping):
         raise BadInput(f"{kind} = {terms!r}: coefficients by harmonic were expected, {{1: -1.0}}.")
     for m, value in terms.items():
-        if not isinstance(m, int | float | np.number):
-            raise BadInput(
-                f"{kind} harmonic {brief(m)}: one of the harmonics 1, 2, 3, ... was expected, "
-                f"a whole number; {kind}={{1: -1.0}} is -{kind}(t)."
-            )
         lowest = 0 if kind == "cos" else 1
         if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < lowest:
             raise BadInput(
-                f"{kind} harmonic {m!r}: harmonics of the forcing are the whole numbers 1, 2, 3, "
-                "..., with the period 2 pi; its mean is cos={0: ...}."
+                f"{kind} harmonic {brief(m)}: harmonics of the forcing are the whole numbers 1, 2, "
+                f"3, ..., with the period 2 pi; {kind}={{1: -1.0}} is -{kind}(t), and its mean is "
+                "cos={0: ...}."
             )
         if m > HIGHEST:
             raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")

@@ -272,9 +272,12 @@ class ModalResponse(Response):
         self._check_apart(waves)
         return waves
 
-    @property
+    @cached_property
     def _held_modes(self) -> HeldModes:
-        lam, swings = _swings(self.lattice, self.hit, self.resonant)
+        lam = self.basis.lam
+        swings = np.zeros(lam.size)  # the harmonic that is taken out of each mode
+        for i, w in self.resonant:
+            swings[i] = w
         held = float(self.gamma), float(self.spring), float(self.damping)
         return HeldModes(lam, swings, *held, False)
 
@@ -517,16 +520,6 @@ def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArra
 def _room(K: int) -> ModeWaves:
     parts = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
     return ModeWaves(*parts, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
-
-
-@lru_cache(maxsize=64)
-def _swings(lattice: Any, hit: Sites, resonant: Resonant) -> tuple[FloatArray, FloatArray]:
-    """lam of each mode, and its harmonic that is taken out."""
-    lam: FloatArray = lattice.basis(hit).lam
-    swings = np.zeros(lam.size)
-    for i, w in resonant:
-        swings[i] = w
-    return lam, swings
 
 
 @lru_cache(maxsize=64)

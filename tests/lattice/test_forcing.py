@@ -247,8 +247,8 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Fourier.from_response(sin={"a": 1.0}), "sin harmonic 'a'"),
         (
             lambda: Fourier(cos={"x": 1}),
-            "cos harmonic 'x': one of the harmonics 1, 2, 3, ... "
-            "was expected, a whole number; cos={1: -1.0} is -cos",
+            "cos harmonic 'x': harmonics of the forcing are the whole numbers 1, 2, 3, ..., "
+            "with the period 2 pi; cos={1: -1.0} is -cos",
         ),
         (lambda: Fourier(cos=np.ones(2)), "coefficients by harmonic were expected"),
         (lambda: Fourier(), "is zero"),
