@@ -43,10 +43,19 @@ def grown(x: Any, p: Any) -> Any:
     return p["r"] * x * (1.0 - x)
 
 
+def swing() -> cb.Problem:
+    return cb.cycle(
+        lambda t, x, p: [x[1], -p["b"] * x[0]], {"u": 1.0, "v": 0.0}, {"b": 1.0},
+        conserves=lambda x, p: (x[1] ** 2 + p["b"] * x[0] ** 2) / 2,
+    )  # fmt: skip
+
+
 PAIR = np.array([[1.0, -1.0], [-1.0, 1.0]])
 APART = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 CASES: list[tuple[Callable[[], Any], str]] = [
+    # parameters; of a family the period is free in place of the energy, or the energy of the period
+    (lambda: cb.trace(swing(), "energi"), r"'energi' is not .*it has \['b', 'period', 'energy'\]"),
     # problems
     (lambda: problem(residual=3.0), r"residual must be a function, got 3\.0"),
     (lambda: problem(residual=None), r"residual must be a function, got None"),

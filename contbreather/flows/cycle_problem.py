@@ -395,6 +395,11 @@ class CycleProblem(Problem):
         asked = [name for name in ("period", *kept.quantities) if name in names]
         return self.holding(asked[0]) if asked and asked[0] != kept.held else self
 
+    @property
+    def freed_in_turn(self) -> tuple[str, ...]:
+        kept = self.residual.conservation
+        return tuple(n for n in ("period", *kept.quantities) if n != kept.held) if kept else ()
+
     def holding(self, name: str) -> CycleProblem:
         """Give the period of an orbit in place of its energy, or the other way around."""
         equations = self.residual

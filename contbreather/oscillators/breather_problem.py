@@ -219,6 +219,12 @@ class BreatherProblem(CycleProblem):
         asked = [name for name in ("omega", "energy") if name in names]
         return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
 
+    @property
+    def freed_in_turn(self) -> tuple[str, ...]:
+        if not isinstance(self.residual, HalfOrbit | WholeOrbit):
+            return super().freed_in_turn
+        return ("energy" if self.residual.held == "omega" else "omega",)
+
     def holding(self, name: str) -> BreatherProblem:
         equations: Any = self.residual
         params = {n: value for n, value in self.params.items() if n != equations.held}

@@ -160,7 +160,8 @@ def boundary_problem(
     base, active = active_events(base_point.problem, events, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
-            raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
+            has = [*base.params, *base.freed_in_turn]
+            raise BadInput(f"{name!r} is not a parameter here; it has {has}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     curve, kind, found = Curve(base, (pair[1], pair[0])), event.kind, base_point.event

@@ -50,9 +50,8 @@ class Curve:
     def __init__(self, problem: Any, free: tuple[str, ...]) -> None:
         for name in free:
             if not isinstance(name, str) or name not in problem.params:
-                raise BadInput(
-                    f"{name!r} is not a parameter of this problem; it has {list(problem.params)}"
-                )
+                has = [*problem.params, *problem.freed_in_turn]
+                raise BadInput(f"{name!r} is not a parameter of this problem; it has {has}")
         self.problem = problem  # a Problem, which is built on curves
         self.free = free
         # all that change along it: on a boundary the one that its locus determines is an unknown

@@ -109,6 +109,12 @@ class Structure:
         far as that leads there: a file has points of a branch that was walked anew."""
         return self
 
+    @property
+    def freed_in_turn(self) -> tuple[str, ...]:
+        """Parameters that may be free in place of one of these, as the energy of a family of orbits
+        in place of its period: sentences name them, too."""
+        return ()
+
     def with_parameters(self, names: tuple[str, ...]) -> Any:
         """Add parameters that the problem lacks, from its present start, as far as it can have
         them: `trace` and `boundary` ask for what is to be free."""
