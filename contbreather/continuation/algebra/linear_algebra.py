@@ -223,7 +223,14 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
         return np.concatenate([first.solve(first @ x - last @ x + Q), x])
 
     whole, matvec = (size, linear) if middle is last else (2 * size, quadratic)
-    if not _grows(matvec, whole):
+    # most steps of a walk are short against all: a few steps of power iteration show an eigenvalue
+    # of size 1 among small ones
+    x, growth = any_vector(whole), 0.0
+    for _ in range(3):
+        x = matvec(x)
+        growth = float(np.linalg.norm(x))
+        x = x / (growth or 1.0)
+    if not growth > 0.3:  # by one application: no eigenvalue is 1
         return np.empty(0)
     operator = LinearOperator((whole, whole), matvec=matvec, dtype=float)
     values, wanted = np.empty(0, dtype=complex), 2
@@ -240,15 +247,3 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
             break
         wanted *= 3
     return np.asarray(values)
-
-
-def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
-    """Tell whether an eigenvalue may be of size 1: most steps of a walk are short against all."""
-    x, growth = any_vector(size), 0.0
-    for _ in range(3):
-        # power iteration: a few steps show an eigenvalue of size 1 among small ones
-        x = matvec(x)
-        growth = float(np.linalg.norm(x))
-        x = x / (growth or 1.0)
-    # slower growth by one application: no eigenvalue is 1
-    return growth > 0.3

@@ -201,7 +201,6 @@ def approach(curve: Equations, z: Array) -> Array | None:
 
 
 def _least(matrix: Array, right: Array) -> Array:
-    """The step of least length to a solution of linear equations."""
     square = matrix.shape[0] == matrix.shape[1]
     step = Dense(matrix).solve(right) if square else None
     return _shortest(matrix, right) if step is None else step

@@ -159,12 +159,7 @@ class Factors:
     give the null vectors, and with these follow the solutions for any k rows below: no system is
     solved through another that is closer to being singular. Which unknowns are set apart is chosen
     by the null vectors themselves: the last ones, unless others move much more, as beside a fold.
-
-    Attributes
-    ----------
-    matrix : csc_array or ndarray, shape (n, n + k)
-    null : ndarray, shape (n + k, k)
-        Its null vectors, an identity matrix in the unknowns that are set apart.
+    `null`, of shape (n + k, k), is an identity matrix in the unknowns that are set apart.
     """
 
     def __init__(self, matrix: Matrix) -> None:
@@ -201,7 +196,7 @@ class Factors:
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
         core = scaled(core, self._rows)
         known = getattr(self.matrix, "elimination", None) if self._in_order else None
-        kind = partial(_Sparse, order=known) if is_sparse(core) else Dense
+        kind: Any = partial(_Sparse, order=known) if is_sparse(core) else Dense
         self._lu = kind(core)
         self.exact = self._lu.exact
         if not self.exact:  # a pivot that is exactly zero
@@ -220,9 +215,8 @@ class Factors:
             column -= self._particular(self.matrix @ column)
 
     def _inner(self, right: Array) -> Array:
-        x = self._lu.solve(right * self._rows)
-        assert x is not None
-        return x
+        inner: Array = self._lu.solve(right * self._rows)
+        return inner
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
         """The solution of the equations and of as many conditions as unknowns are left: `right`

@@ -33,42 +33,19 @@ Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that i
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """Border of stability, and the events where eigenvalues or multipliers are on it.
+    """Border of stability, and the events where eigenvalues or multipliers are on it."""
 
-    Attributes
-    ----------
-    values, name : str
-        Its values, and itself, in words.
-    real : dict
-        Critical value of each kind that has one, the largest first: they are named in this order.
-    pair : str
-        Kind of a complex pair.
-    spectrum : callable
-        ``spectrum(point)``: all values, as far as they are known.
-    followed : callable
-        ``followed(point)``: the upper value of the pair that a curve of `pair` has everywhere; None
-        beyond the end of such a curve.
-    frequency : tuple
-        Name and function of the number that tells the upper value of a pair.
-    names : dict
-        Names of meetings that are not made of both kinds.
-    events : dict
-        Those of the kinds, each of which speaks of the others.
-    double : dict
-        On the curves of kinds of one real value: where another one joins it.
-    met : dict
-        Of `meetings`, those that were asked for.
-    """
-
-    values: str
-    name: str
-    real: Mapping[str, float]
-    pair: str
-    spectrum: Callable[[Point], Eigenvalues | Multipliers]
+    values: str  # its values, and
+    name: str  # itself, in words
+    real: Mapping[str, float]  # critical value of each kind that has one: in the order of names
+    pair: str  # kind of a complex pair
+    spectrum: Callable[[Point], Eigenvalues | Multipliers]  # all values, as far as they are known
+    # the upper value of the pair that a curve of `pair` has everywhere; None beyond its end
     followed: Callable[[Point], complex | None]
-    frequency: tuple[str, Callable[[complex], float]]
-    names: Mapping[tuple[str, str], str] = field(default_factory=dict)
-    events: dict[str, Event] = field(default_factory=dict)
+    frequency: tuple[str, Callable[[complex], float]]  # name and function of what tells that value
+    names: Mapping[tuple[str, str], str] = field(default_factory=dict)  # not made of both kinds
+    events: dict[str, Event] = field(default_factory=dict)  # of the kinds, each speaks of others
+    # on the curves of kinds of one real value: where another one joins it
     double: dict[str, CodimensionTwo] = field(default_factory=dict)
     met: dict[str, dict[str, tuple[Event, ...]]] = field(default_factory=dict, init=False)
 
@@ -83,7 +60,6 @@ class Border:
         return values.without(upper, upper.conjugate())
 
     def least_of_pairs(self, on: str, point: Point) -> float:
-        """The test of a pair."""
         return self.others(on, point).least_of_pairs()
 
     def least_beside(self, on: str, place: float, point: Point) -> float:

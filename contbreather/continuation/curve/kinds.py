@@ -12,32 +12,17 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Look:
-    """Entry of one kind.
+    """Entry of one kind."""
 
-    Attributes
-    ----------
-    name : str
-        In words, ``"fold"``.
-    marker : str
-        Letter of matplotlib.
-    colour, line : str
-        Of its curve in two parameters: a name of `plotting.canvas`, and solid, dashed or dashdot.
-    starts : tuple of str
-        Whether other branches leave the point ("arms"), and whether it is followed in two
-        parameters ("boundary").
-    nothing_leaves : str
-        Reason why no branch can be followed from it.
-    constructor : str
-        Call that makes the event for anybody's equations.
-    """
-
-    name: str = ""
-    marker: str = "d"
+    name: str = ""  # in words, "fold"
+    marker: str = "d"  # letter of matplotlib
+    # of its curve in two parameters: a name of `plotting.canvas`, and how it is drawn
     colour: Literal["black", "vermillion", "blue"] = "black"
     line: Literal["solid", "dashed", "dashdot"] = "solid"
+    # whether other branches leave the point ("arms"), and whether it is followed ("boundary")
     starts: tuple[str, ...] = ()
-    nothing_leaves: str = ""
-    constructor: str = ""
+    nothing_leaves: str = ""  # reason why no branch can be followed from it
+    constructor: str = ""  # call that makes the event for anybody's equations
 
 
 MEETING = Look("meeting of two kinds", "p")  # as PF-GR

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..algebra.newton import OUT_OF_DOMAIN, Solution, Undefined, newton
-from ..curve.point import DefiningSystem, Examined, Level, Point
+from ..algebra.newton import OUT_OF_DOMAIN, Undefined, newton
+from ..curve.point import Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
 from ..systems.defining_systems import Joined
 from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
@@ -216,8 +216,23 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
     segment, event = samples.segment, samples.event
     if event.locus is None:
         return None
+    detail = dict[str, Any]()
     try:
-        solution, detail = _newton(event.locus, samples.place(u), segment.tolerance)
+        guess = samples.place(u)
+        if isinstance(event.locus, Crossings):
+            solution, detail = event.locus.solve(guess)
+        else:  # H(x, p) = 0 and g(x, p, y) = 0 for x, the extra unknowns y and p at once
+            locus, at = event.locus(guess), guess.curve.size
+            both = Joined(guess.curve, locus)
+            start = np.hstack([guess.x, *locus.extra.values(), guess.z[-1:]])
+            # so close, unless the walk asks for a closer one
+            solution = newton(both, start, tolerance=min(segment.tolerance, 1e-9))
+            joined, solution = solution.z, replace(solution, z=both.apart(solution.z)[0])
+            joined.flags.writeable = False
+            for name, value in locus.extra.items():
+                end = at + np.size(value)
+                detail[name] = joined[at:end] if np.ndim(value) else float(joined[at])
+                at = end
         if not solution.converged:
             return None
         place, point = segment.corrected(solution, detail.get("tangents", ()))
@@ -231,25 +246,6 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
     except OUT_OF_DOMAIN:
         return None  # the system has no value here: location goes on without it
     return low, high, replace(point, detail=detail)
-
-
-def _newton(
-    locus_at: Callable[[Point], DefiningSystem], guess: Point, tolerance: float
-) -> tuple[Solution, Mapping[str, Any]]:
-    """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
-    if isinstance(locus_at, Crossings):
-        return locus_at.solve(guess)
-    locus, at, detail = locus_at(guess), guess.curve.size, dict[str, Any]()
-    both = Joined(guess.curve, locus)
-    start = np.hstack([guess.x, *locus.extra.values(), guess.z[-1:]])
-    # so close, unless the walk asks for a closer one
-    solution = newton(both, start, tolerance=min(tolerance, 1e-9))
-    solution.z.flags.writeable = False
-    for name, value in locus.extra.items():
-        end = at + np.size(value)
-        detail[name] = solution.z[at:end] if np.ndim(value) else float(solution.z[at])
-        at = end
-    return replace(solution, z=both.apart(solution.z)[0]), detail
 
 
 # --- double zeros -----------------------------------------------------------------------------

@@ -75,12 +75,14 @@ class StepInterpolant:
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u; `tangents` are known where curves cross."""
-        z, row = solution.z, self.curve.metric
+        z, curve = solution.z, self.curve
         u = float(self._cubic[0].dot(z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
         self._check_near(guess, z)
-        crosses = closest_tangent(tangents, row * slope) if tangents else None
-        tangent = self.curve.tangent_at(z, slope)[0] if crosses is None else crosses
+        if tangents:
+            tangent = closest_tangent(tangents, curve.metric * slope)
+        else:
+            tangent, _ = curve.tangent_at(z, slope)
         return u, self._point(u, z, tangent, solution.residual)
 
     def _check_near(self, guess: Array, z: Array) -> None:
@@ -128,28 +130,17 @@ def counts_apart(event: Event, first: Point, last: Point) -> bool:
 
 @dataclass
 class StepSamples:
-    """The values of one test along one step, by u from 0 to 1.
-
-    Attributes
-    ----------
-    values : dict
-        By u. Those in `sure` were seen on the curve, the others on its cubic.
-    done, zeros : list
-        Brackets that were dealt with, and the events in them.
-    close : list
-        Pieces on which two zeros may be close together.
-    clear : bool
-        Whether nothing was to be looked for when the step was made.
-    """
+    """The values of one test along one step, by u from 0 to 1."""
 
     segment: StepInterpolant
     event: Event
-    values: dict[float, Value]
-    done: list[tuple[float, float]] = field(default_factory=list)
-    zeros: list[float] = field(default_factory=list)
+    values: dict[float, Value]  # those in `sure` were seen on the curve, others on its cubic
+    done: list[tuple[float, float]] = field(default_factory=list)  # brackets dealt with, and
+    zeros: list[float] = field(default_factory=list)  # the events in them
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
+    # pieces on which two zeros may be close together
     close: list[tuple[float, float]] = field(default_factory=list)
-    clear: bool = False
+    clear: bool = False  # nothing was to be looked for when the step was made
 
     # --- values -------------------------------------------------------------------------------
 

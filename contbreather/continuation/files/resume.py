@@ -4,7 +4,7 @@ month; a finer one; one with more columns."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
@@ -23,8 +23,6 @@ from ..systems.defining_systems import event_of
 from ..walk.checkpoint import Checkpoint, Save, checkpoint, piece_of
 from ..walk.trace import walk_from
 from .branch_from_dict import no_equations
-
-Windows = Mapping[str, tuple[float, float]]
 
 _OVER: dict[Stop | None, str] = {
     Stop.CLOSED: "it is closed: there is nothing beyond",
@@ -112,30 +110,20 @@ def _over(branch: Branch, side: str, settings: Settings) -> str:
     """Say why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
-    if branch.stop is Stop.CLOSED:
-        stop = branch.stop
-    at = -1 if last else 0
+    stop, at = Stop.CLOSED if branch.stop is Stop.CLOSED else stop, -1 if last else 0
     if stop in _OVER:
         return _OVER[stop]
-    edges = _edges(branch, at, settings.within)
-    if stop is Stop.BOUND and (reason or edges):
-        return reason or f"it is at the edge of its window, {'; '.join(edges)}: give a wider one"
-    if branch[at].tangent is None:
-        return "no direction is known"
-    return ""
-
-
-def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
-    """The windows on whose edge an end is, with the place."""
-    edges = []
-    for name, window in within.items():
+    edges = list[str]()
+    for name, window in settings.within.items():
         value = float(branch[name][at])
         if any(abs(value - edge) <= 1e-9 * (1.0 + abs(value)) for edge in window):
             walked = branch.settings.within.get(name, window) if branch.settings else window
             was, now = (f"({low:g}, {high:g})" for low, high in (walked, window))
             more = "" if walked == window else f", and {now} was asked for"
             edges.append(f"{name} in {was}, at {name} = {value:g}{more}")
-    return edges
+    if stop is Stop.BOUND and (reason or edges):
+        return reason or f"it is at the edge of its window, {'; '.join(edges)}: give a wider one"
+    return "no direction is known" if branch[at].tangent is None else ""
 
 
 def _further(

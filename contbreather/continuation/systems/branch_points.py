@@ -188,7 +188,7 @@ class Crossings:
         )  # fmt: skip
 
     @staticmethod
-    def solve(point: Point) -> tuple[Solution, Mapping[str, Any]]:
+    def solve(point: Point) -> tuple[Solution, dict[str, Any]]:
         branch_point = crossing(point.curve, point.z)
         detail: dict[str, Any] = {"tangents": branch_point.tangents}
         if branch_point.double:

@@ -84,12 +84,13 @@ def singular_between(first: Matrix, *others: Matrix) -> Array:
     singular, by linear interpolation of two or quadratic of three."""
     if isinstance(first, Bordered):
         return _places(inverses_between(first, *others))
-    change = _pencil(first, *others)
-    if change is not None:
-        return _inverses(change)
-    # an event is where the first is: seen from the other end
-    change = _pencil(*others[::-1], first)
-    return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
+    change, turned = _pencil(first, *others), False
+    if change is None:  # an event is where the first is: seen from the other end
+        change, turned = _pencil(*others[::-1], first), True
+    if change is None or not (change * change).sum() < math.inf or _reaches_nothing(change[None]):
+        return np.empty(0)
+    places = _places(np.linalg.eigvals(change))
+    return 1 - places[::-1] if turned else places
 
 
 def _pencil(first: Array, *others: Array) -> Array | None:
@@ -105,16 +106,9 @@ def _pencil(first: Array, *others: Array) -> Array | None:
     return change if change is None else np.vstack([change, np.eye(*change.shape)])
 
 
-def _inverses(matrix: Array) -> Array:
-    """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
-    if not (matrix * matrix).sum() < math.inf or _reaches_nothing(matrix[None])[0]:
-        return np.empty(0)
-    return _places(np.linalg.eigvals(matrix))
-
-
 def _places(values: NDArray[Any]) -> Array:
-    # Re(1 / value), 0 where the value is
-    places = values.real / np.maximum(abs(values) ** 2, 1e-300)
+    """The inverses of eigenvalues, as far as they are real and from 0 to 1, in order."""
+    places = values.real / np.maximum(abs(values) ** 2, 1e-300)  # Re(1 / value), 0 where it is
     # two zeros that are close together may be a little off the real axis
     on_step = (abs(values.imag) < 0.1 * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
     return np.sort(places[on_step])
@@ -137,20 +131,16 @@ def signed_smallest_of(stack: Array) -> Array:
     return np.asarray(np.copysign(sizes, np.linalg.slogdet(stack)[0]))
 
 
-def oriented_overlap(matrix: Matrix) -> float:
-    """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
-    where the eigenvalue 0 is double with one eigenvector."""
-    if matrix.shape[0] < 2:
+def overlap(point: Point) -> float:
+    """The test of a double zero with one eigenvector, where one eigenvalue of F_x is zero all along
+    a curve: ``w . v`` of the null vectors as in the adjugate, so that no sign jumps."""
+    base, n = point.base_point, point.base_point.curve.size
+    if n < 2:
         return math.nan
-    weak = least_singular(matrix)
+    weak = least_singular(base.jacobian()[:, :n])
     # adj M = sign (product of the other singular values) v w^T at rank n - 1, and its trace is
     # d det(M + s) / ds: zero where 0 is a double zero of that
     return float(weak.sign * weak.left @ weak.right)
-
-
-def overlap(point: Point) -> float:
-    """The test of a double zero where one eigenvalue of F_x is zero all along a curve."""
-    return oriented_overlap(point.base_point.jacobian()[:, : point.base_point.curve.size])
 
 
 # A fold. The null vector is an unknown like any other

@@ -74,21 +74,10 @@ _each_with_later = cache(partial(np.triu_indices, k=1))
 
 @dataclass(frozen=True, eq=False)
 class CriticalValues:
-    """Critical values of a linearisation: eigenvalues or multipliers, as far as they are known.
-
-    Attributes
-    ----------
-    values : ndarray of complex
-    rounding : float
-        May be left in each of them, or in what a pair is tested by.
-    critical : ndarray of complex
-        Those on the border of stability.
-    beside : float
-        Largest distance of a critical real value from its place.
-    """
+    """Critical values of a linearisation: eigenvalues or multipliers, as far as they are known."""
 
     values: Values
-    rounding: float
+    rounding: float  # may be left in each of them, or in what a pair is tested by
 
     def without(self, *everywhere: complex) -> Self:
         """The others, next to those that a curve has everywhere."""
@@ -141,20 +130,12 @@ class Multipliers(CriticalValues):
 
 @dataclass(frozen=True, eq=False)
 class Eigenvalues(CriticalValues):
-    """Eigenvalues of a flow, all of them; a pair is critical where its sum is 0.
-
-    Attributes
-    ----------
-    matrix : array or csc_array
-    split : float
-        Imaginary parts up to here may be those of real eigenvalues that are double.
-    reach : float
-        Frequency up to which all pairs next to the axis are among them; infinite where it is known
-        that there are no others.
-    """
+    """Eigenvalues of a flow, all of them; a pair is critical where its sum is 0."""
 
     matrix: Matrix
-    split: float = 0.0
+    split: float = 0.0  # imaginary parts up to here may be those of real ones that are double
+    # frequency up to which all pairs next to the axis are among them; infinite where it is known
+    # that there are no others
     reach: float = math.inf
 
     @cached_property
@@ -325,12 +306,11 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
 
 @dataclass(frozen=True, eq=False)
 class InvariantPlane:
-    """The plane that belongs to two eigenvalues: vectors that span it, those of the transposed
-    matrix with ``left.T right = 1``, and the matrix within it."""
+    """The plane that belongs to two eigenvalues."""
 
-    right: Array
-    left: Array
-    within: Array
+    right: Array  # vectors that span it
+    left: Array  # those of the transposed matrix, with ``left.T right = 1``
+    within: Array  # the matrix within it
 
 
 def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) -> Array:
