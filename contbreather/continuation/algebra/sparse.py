@@ -260,8 +260,7 @@ class Factors:
         return np.asarray(x - self.basis @ (self.basis.T @ x))
 
     @cached_property
-    def basis(self) -> Array:
-        """Orthonormal null vectors."""
+    def basis(self) -> Array:  # orthonormal null vectors
         return np.asarray(np.linalg.qr(self.null)[0])
 
     @cached_property

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...checks import flag, whole
 from ...columns import Columns, stacked
-from ...errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
+from ...errors import BadInput, ContbreatherError, NotConverged, add_partial_result
 from ...one_thread import one_thread
 from ...progress import Counter
 from ...storage.serialise import serialised
@@ -285,11 +285,11 @@ def diagram(
     [1, 2]
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
-    with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
-        settings, further = Settings.of(within, events, steps, False), flag("beyond", beyond)
-        growth = _Growth(free, depth, settings, most, further, shown, kept)
-        with partial_result(growth.so_far):
-            growth.run(start)
+    settings = Settings.of(within, events, steps, False)
+    growth = _Growth(free, depth, settings, most, flag("beyond", beyond))
+    with checkpoint(save, "diagram", growth.so_far) as kept, Counter(progress) as growth.shown:
+        growth.kept = kept
+        growth.run(start)
         if kept:
             kept.finish(growth.diagram())
     return growth.diagram()
@@ -302,8 +302,8 @@ class _Growth:
     settings: Settings
     most: int
     beyond: bool
-    shown: Counter
-    kept: Checkpoint | None
+    shown: Counter = field(init=False)
+    kept: Checkpoint | None = field(init=False)
     tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
     queue: deque[Place] = field(default_factory=deque)
 

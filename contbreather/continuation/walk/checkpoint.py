@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import kind_of
-from ...errors import BadInput, Interrupted, add_partial_result, partial_result
+from ...errors import BadInput, Interrupted
 from ...storage import netcdf
 from ...storage.netcdf import Column
 from ...storage.serialise import NotSerialisable, to_dict
@@ -119,12 +119,11 @@ def piece_of(
 ) -> Iterator[Checkpoint | None]:
     """The file for a call within another, of whose result `whole` makes that of the outer one: on
     disk, and where it is interrupted; `before` is what the outer one has by then without it."""
-    pieces: list[Any] = []
-    with (
-        partial_result(lambda: whole(pieces[0]) if pieces else before),
-        add_partial_result(pieces.append),
-    ):
+    try:
         yield file and Inner(file, whole)
+    except KeyboardInterrupt as stop:
+        piece = getattr(stop, "partial", None)
+        raise Interrupted(partial=before if piece is None else whole(piece)) from None
 
 
 Save = str | Path | Checkpoint | None
