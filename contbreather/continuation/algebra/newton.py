@@ -11,9 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import ContbreatherError
-from . import sparse
-from .sparse import Dense, Matrix
+from .sparse import Dense, Factors, Matrix, is_large, is_sparse, scaled, shortest
+from .sparse import Undefined as Undefined
 from .walk_kernel import LARGE
 
 Array = NDArray[np.float64]
@@ -26,10 +25,6 @@ FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
 _REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
 _SHRINKS = 0.3  # at least by as much corrections shrink with factors from near by
 _EXACT = 1e-3  # of the tolerance: what may be left then, where Newton's would leave a square
-
-
-class Undefined(ContbreatherError, ArithmeticError):
-    """The equations have no value here: a NaN, an overflow, or beyond the edge of their domain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +65,8 @@ def newton(
         value = curve.equations(z)
         if not reuse:
             matrix = curve.jacobian(z)
-            factors = sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
-        step, singular = newton_step(factors, value, row)
+            factors = Factors(matrix) if is_large(matrix) else Dense(matrix, row)
+        step, singular = factors.correction(value, row)
         moved = curve.length(step)
         if not moved < math.inf:
             raise Undefined("the Newton correction is not finite")
@@ -105,7 +100,7 @@ def newton(
 def chord(
     curve: Equations,
     roughly: Callable[[Array], Array],
-    factors: Dense | sparse.Factors,
+    factors: Dense | Factors,
     z: Array,
     row: Array,
     tolerance: float,
@@ -121,7 +116,7 @@ def chord(
     most, before = _REUSED * size, math.nan
     steps: list[Array] = []
     while True:
-        step, singular = newton_step(factors, roughly(z), row)
+        step, singular = factors.correction(roughly(z), row)
         for i, past in enumerate(steps):
             dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
@@ -137,22 +132,10 @@ def chord(
         rate = _SHRINKS if math.isnan(before) else moved / before
         if moved * rate <= _EXACT * tolerance * size:
             value, roughly = curve.equations(z), curve.equations
-            left = curve.length(newton_step(factors, value, row)[0])
+            left = curve.length(factors.correction(value, row)[0])
             if left <= _EXACT * tolerance * size:
                 return Solution(z, True, 1, float(abs(value).max()), left)
         most, before = _SHRINKS * moved, moved
-
-
-def newton_step(
-    factors: Dense | sparse.Factors, value: Array, row: Array | None
-) -> tuple[Array, bool]:
-    """The step, and whether the matrix is singular: then it is the shortest correction."""
-    if isinstance(factors, sparse.Factors):
-        return sparse.sparse_correction(factors, value, row)
-    step = factors.solve(value)  # the linear condition holds at every iterate, its residual stays 0
-    if step is not None:
-        return step, False
-    return _shortest(factors.whole, value if row is None else np.append(value, 0.0)), True
 
 
 def approach(curve: Equations, z: Array) -> Array | None:
@@ -167,9 +150,10 @@ def approach(curve: Equations, z: Array) -> Array | None:
     damping = 1.0
     value = curve.equations(z)
     for _ in range(50):
-        matrix = sparse.scaled(curve.jacobian(z), np.ones(value.size), weights)
-        large = sparse.is_sparse(matrix)
-        least = sparse.Factors(matrix).least if large else partial(_least, matrix)
+        matrix = scaled(curve.jacobian(z), np.ones(value.size), weights)
+        least: Callable[[Array], Array] = partial(shortest, matrix)
+        if is_sparse(matrix) or value.size == z.size:
+            least = (Factors if is_sparse(matrix) else Dense)(matrix).least
         step = least(value)
         size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
@@ -200,19 +184,7 @@ def approach(curve: Equations, z: Array) -> Array | None:
     return None
 
 
-def _least(matrix: Array, right: Array) -> Array:
-    square = matrix.shape[0] == matrix.shape[1]
-    step = Dense(matrix).solve(right) if square else None
-    return _shortest(matrix, right) if step is None else step
-
-
 def rounding(matrix: Matrix, z: Array) -> Array:
     """Bound what rounding leaves of equations at a solution, by their derivative there."""
     # sums of terms that round once each were never seen to be off by more
     return np.asarray(4 * math.ulp(1.0) * (abs(matrix) @ abs(z)))
-
-
-def _shortest(matrix: Array, right: Array) -> Array:
-    if not math.isfinite(matrix.sum()):
-        raise Undefined("the derivatives are not finite")
-    return np.asarray(np.linalg.lstsq(matrix, right)[0])

@@ -16,12 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import ContbreatherError
+
 Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
 _LOST = 1e7  # unknowns moving so much, refining once would not bring back what rounding takes
 TURNS = 4  # steps of inverse iteration next to a null vector
+
+
+class Undefined(ContbreatherError, ArithmeticError):
+    """The equations have no value here: a NaN, an overflow, or beyond the edge of their domain."""
 
 
 # --- dense matrices ---------------------------------------------------------------------------
@@ -53,6 +59,20 @@ class Dense:
             right = np.concatenate([right, [last]])
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right)[0])
 
+    def correction(self, right: Array, row: Array | None = None) -> tuple[Array, bool]:
+        """The solution whose product with the row is 0, and whether there is none: then it is the
+        shortest of what comes closest."""
+        if (step := self.solve(right)) is not None:
+            return step, False
+        return shortest(self.whole, right if self.row is None else np.append(right, 0.0)), True
+
+    def least(self, right: Array) -> Array:
+        return self.correction(right)[0]
+
+    def tangent(self, row: Array) -> tuple[Array | None, int]:
+        """The null vector whose product with the row is 1, and the sign of the determinant."""
+        return self.solve(np.zeros(row.size - 1), 1.0), self.sign()
+
     def transposed(self, right: Array) -> Array:
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
@@ -63,6 +83,13 @@ class Dense:
         # P A = L U, L with ones on its diagonal: det A = det U / det P
         turns = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
         return -1 if (np.count_nonzero(self._factors.diagonal() < 0) + turns) % 2 else 1
+
+
+def shortest(matrix: Array, right: Array) -> Array:
+    """The shortest vector that comes closest to a solution."""
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
 # --- large ones -------------------------------------------------------------------------------
@@ -253,6 +280,28 @@ class Factors:
         right[self._apart] -= self.null.T @ right  # orthogonal to the last digit
         return np.asarray(self._lu.transposed(right[self._inside]) * self._rows)
 
+    def correction(self, right: Array, row: Array | None) -> tuple[Array, bool]:
+        """As that of `Dense`; where there is none, one that nearly solves it and is short."""
+        below = None if row is None else row[None, :]
+        if self.exact:
+            return self.solve(right if row is None else np.append(right, 0.0), below), False
+        n, width = self.matrix.shape
+        # | A    a |  regular for almost any a and b where A has lost one rank: a is not in its
+        # | b^T  0 |  range, and b with the row tells its null vectors apart
+        # | row  0 |
+        wider = Factors(beside(self.matrix, any_vector(n)[:, None]))
+        rows = np.zeros((width + 1 - n, width + 1))
+        rows[0, :width] = any_vector(width)
+        if row is not None:
+            rows[1, :width] = row
+        padded = np.concatenate([right, np.zeros(len(rows))])
+        return wider.solve(padded, rows)[:width], True
+
+    def tangent(self, row: Array) -> tuple[Array | None, int]:
+        # J has one null vector N: det [J; row] has the sign of det L . (row N)
+        side, null = self.sign(row[None, :]), self.null[:, 0]
+        return math.copysign(1.0, row @ null) * null if side else None, side
+
     def least(self, right: Array, *, refined: bool = True) -> Array:
         """The shortest of all solutions."""
         # less its part in the null space
@@ -436,26 +485,6 @@ def _odd(permutation: NDArray[np.intp]) -> bool:
     links: Any = csr_array((np.ones(n), permutation, np.arange(n + 1)), shape=(n, n))
     cycles, _ = connected_components(links, directed=False)
     return bool((n - cycles) % 2)
-
-
-def sparse_correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array, bool]:
-    """The solution of a bordered system whose last right side is zero, and whether its matrix is
-    singular to the last digit: then of those that nearly solve it one that is short."""
-    below = None if row is None else row[None, :]
-    full = right if row is None else np.append(right, 0.0)
-    if factors.exact:
-        return factors.solve(full, below), False
-    n, width = factors.matrix.shape
-    # | A    a |  regular for almost any a and b where A has lost one rank: a is not in its range,
-    # | b^T  0 |  and b with the row tells its null vectors apart
-    # | row  0 |
-    wider = Factors(beside(factors.matrix, any_vector(n)[:, None]))
-    rows = np.zeros((width + 1 - n, width + 1))
-    rows[0, :width] = any_vector(width)
-    if row is not None:
-        rows[1, :width] = row
-    padded = np.concatenate([right, np.zeros(len(rows))])
-    return wider.solve(padded, rows)[:width], True
 
 
 @cache

@@ -257,13 +257,7 @@ class Curve:
         matrix is singular it is 0, and the tangent is the null vector closest to `along`.
         """
         row = self.metric * along
-        factors = self.factors(z, row)
-        if isinstance(factors, Dense):
-            tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
-        else:
-            # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
-            side, null = factors.sign(row[None, :]), factors.null[:, 0]
-            tangent = None if side == 0 else math.copysign(1.0, row @ null) * null
+        tangent, side = self.factors(z, row).tangent(row)
         if tangent is not None and math.isfinite(tangent.sum()):
             return self.normalised(tangent), side
         matrix = self.jacobian(z)

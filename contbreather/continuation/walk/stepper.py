@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.newton import FEW, Array, Solution, Undefined, newton, newton_step
+from ..algebra.newton import FEW, Array, Solution, Undefined, newton
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 from ..curve.branch import Points, Stop
 from ..curve.curve import LEVEL, Curve
@@ -355,7 +355,7 @@ class Stepper:
         # factors at hand: no more than the size of the answer is asked for
         value = curve.equations(between, curve.problem.roughly)
         factors = curve.factors(z if z.size > FEW else between, row)
-        change, singular = newton_step(factors, value, row)
+        change, singular = factors.correction(value, row)
         # beside a branch point the residual says nothing
         if not singular and curve.length(change) > CUBIC_ERROR * length:
             raise StepFailed("the curve is not smooth at the smallest step")
