@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -219,18 +218,6 @@ def test_a_file_takes_its_equations_from_a_breather(breather, branch, tmp_path):
     assert back.first("PF").solution.p == pytest.approx(branch.first("PF").solution.p, abs=1e-12)
     with pytest.raises(cb.BadInput, match="a Problem was expected"):
         cb.load(tmp_path / "b.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
-
-
-def test_a_loaded_point_without_equations_says_so_to_switch_and_extend(tmp_path: Path) -> None:
-    own = cb.Problem(lambda x, p: x * (p["mu"] - x), {"x": 0.0}, {"mu": -1.0})
-    window = {"mu": (-1.0, 1.0)}
-    cb.save(tmp_path / "b.nc", cb.trace(own, "mu", within=window, events=[cb.branch_point()]))
-    back = cb.load(tmp_path / "b.nc")
-    assert isinstance(back, cb.Branch)
-    with pytest.raises(cb.BadInput, match="loaded without its equations"):
-        cb.switch(back.first("BP"))
-    with pytest.raises(cb.BadInput, match=r"^this branch was loaded without its equations"):
-        cb.extend(back, within={"mu": (-1.0, 2.0)})
 
 
 def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:

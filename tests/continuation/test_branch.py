@@ -310,13 +310,6 @@ def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> N
     assert end.stop is Stop.CLOSED
     assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
     assert (np.diff([point.arclength for point in points]) > 0).all()
-    with pytest.raises(BadInput, match="towards must be 'up' or 'down', got 'both'"):
-        iterate(CIRCLE.problem, "mu", towards="both")
-
-
-def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
-    with pytest.raises(BadInput, match="no 'nu'"):
-        iterate(LINE.problem, "mu", within={"nu": (0, 1)})
 
 
 @pytest.mark.parametrize("asked", ["call", "environment"])

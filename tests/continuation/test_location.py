@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,9 +71,8 @@ def pair(gap: float) -> Callable[[Point], float]:
     return lambda point: (point["mu"] - 0.31) ** 2 - gap**2
 
 
-ASTRAY = DefiningSystem(
-    {}, lambda curve, z, extra: np.array([z[-1] - 0.7])
-)  # not where the test jumps
+# not where the test jumps
+ASTRAY = DefiningSystem({}, lambda curve, z, extra: np.array([z[-1] - 0.7]))
 FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
     **{
         f"two zeros within a step, {gap} apart": (
@@ -342,10 +342,6 @@ def test_beyond_a_positive_event_nothing_is_returned() -> None:
     assert branch[-1]["mu"] == pytest.approx(0.3, abs=1e-15)
     with pytest.raises(BadInput, match=r"the start lies beyond GR: its test is -0.2"):
         on_line(wall, start=0.5)
-
-
-def test_a_start_beyond_an_event_that_was_asked_for_has_both_to_lift() -> None:
-    wall = Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
     with pytest.raises(BadInput, match="inadmissible=True, with no GR among events"):
         on_line(wall, start=0.5, inadmissible=True)
     assert on_line(start=0.5, inadmissible=True).stop is Stop.BOUND
@@ -363,8 +359,6 @@ def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
 
 
 def test_events_may_come_from_the_problem_or_a_generator() -> None:
-    from dataclasses import replace
-
     own = replace(zoo.LINE.problem, events=(user("mu", 0.2), user("mu", -0.2)))
     assert places(trace(own, "mu", within=UNIT)) == pytest.approx([-0.2, 0.2])
     assert places(trace(own, "mu", within=UNIT, events=())) == []

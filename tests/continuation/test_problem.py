@@ -321,17 +321,17 @@ def test_equations_without_slope_that_do_not_vanish_end_a_branch_where_they_begi
     assert counter.calls < 3000
 
 
-@pytest.mark.parametrize("mu", [9e-7, 1e-9])
-def test_just_beyond_a_fold_there_is_no_solution(mu: float) -> None:
-    problem = scalar(lambda x, p: x**2 + p["mu"], 0.0, {"mu": mu})
-    with pytest.raises(NotConverged, match=f"is not a solution: residual {mu:g}"):
-        problem.solve()
-
-
-@pytest.mark.parametrize("x", [0.0, 1e-9, 0.3, 1.0])
-def test_small_equations_are_not_solved_for_being_small(x: float) -> None:
-    with pytest.raises(NotConverged, match="is not a solution"):
-        scalar(lambda x, p: 1e-7 * (1 + x**2), x, {"mu": 0.0}).solve()
+@pytest.mark.parametrize(
+    ("equation", "x", "residual"),
+    [
+        *((lambda x, p, mu=mu: x**2 + mu, 0.0, f"{mu:g}, ") for mu in (9e-7, 1e-9)),
+        *((lambda x, p: 1e-7 * (1 + x**2), x, "") for x in (0.0, 1e-9, 0.3, 1.0)),
+    ],
+)
+def test_equations_are_not_solved_for_being_small(equation, x: float, residual: str) -> None:
+    """Just beyond a fold, and all of them everywhere."""
+    with pytest.raises(NotConverged, match=f"is not a solution: residual {residual}"):
+        scalar(equation, x, {"mu": 0.0}).solve()
 
 
 @pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 import contbreather as cb
 from contbreather.continuation import Event
-from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.errors import BadInput, NotConverged
 
 from .zoo import LINE, PITCHFORK, knowing
 
@@ -105,8 +105,10 @@ def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling(
     )  # fmt: skip
     branch = cb.trace(mine, "m", within={"m": (-0.4, 0.3)})
     assert [point.kind for point in branch.special] == ["EP", "EP"]
-    assert any("two multipliers are -1, with two eigenvectors" in point.detail["reason"]
-               for point in branch.doubtful) or branch.doubtful  # fmt: skip
+    assert {point.kind: point.detail["reason"] for point in branch.doubtful} == {
+        "NS": "a double -1: R2, no pair on the unit circle",
+        "PD": "two PD at once, or too close to be separated: not simple",
+    }
 
 
 # --- what was given -------------------------------------------------------------------------------
@@ -234,6 +236,10 @@ GIVEN: list[Row] = [
             ("within", "windows by name"), ("events", "must be a list"), ("steps", "given as Steps")
         )
     ),
+    # a walk by hand, at once and not at its first point
+    (cb.continuation.iterate, (LINE.problem, "mu"), {"towards": "both"},
+     "towards must be 'up' or 'down', got 'both'"),
+    (cb.continuation.iterate, (LINE.problem, "mu"), {"within": {"nu": (0, 1)}}, "no 'nu'"),
     # windows
     *(
         (line, (), {"within": {"mu": window}}, NO_PAIR)
@@ -339,15 +345,6 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
 
 
 # --- closed forms at their rims -------------------------------------------------------------------
-
-
-def test_a_fold_of_the_closure_is_the_least_amplitude_and_below_it_is_none() -> None:
-    branch = cb.trace(cb.symmetric(0.2, 0.04, 0.8), "a", towards="down", within={"a": (0.01, 0.3)})
-    fold = branch.first("LP")["a"]
-    for off in (1e-9, 1e-6, 1e-3):
-        assert len(cb.orbits.symmetric_roots(fold + off, 0.04, 0.8)) == 2
-        with pytest.raises(NoSolution):
-            cb.symmetric(fold - off, 0.04, 0.8)
 
 
 @pytest.mark.parametrize(

@@ -219,14 +219,8 @@ def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     assert "known to leave points of kind HB; " in hopf
     assert "begin with cb.equilibrium" in hopf
     assert str(refused(zoo.trace_case(zoo.CIRCLE).first("LP"))).endswith("leave points of kind LP")
-
-
-def test_the_start_of_an_arm_says_where_to_switch_instead() -> None:
     arm = arms_of(CROSSED_CIRCLE, {"mu": (-2.0, 2.0)})[0]
     assert "its `parent`" in str(refused(arm[0]))
-
-
-def test_a_point_that_was_not_located_is_refused() -> None:
     point = zoo.trace_case(zoo.PITCHFORK).first("BP")
     doubt = replace(point, located=False, detail={"reason": "for a test"})
     assert "seen, not located (for a test)" in str(refused(doubt))
