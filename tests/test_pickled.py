@@ -35,47 +35,35 @@ def logistic(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
     return p["r"] * x * (1 - x)
 
 
-# each road, with where its branch goes to
-STARTS: dict[str, Callable[[], tuple[Any, str, dict[str, tuple[float, float]]]]] = {
-    "closed form": lambda: (cb.symmetric(0.5, 0.04, 0.8), "a", {"a": (0.4, 0.99)}),
-    "ring": lambda: (
-        cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(20)),
-        "gamma",
-        {"gamma": (0, 0.12)},
-    ),
+# each road, with the parameter of its branch and where that goes to
+STARTS: dict[str, Callable[[], tuple[Any, str, tuple[float, float]]]] = {
+    "closed form": lambda: (cb.symmetric(0.5, 0.04, 0.8), "a", (0.4, 0.99)),
+    "ring": lambda: (cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(20)), "gamma", (0, 0.12)),
     "forcing": lambda: (
         cb.symmetric(0.5, 0.04, 0.8, forcing=cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.1)),
-        "c3",
-        {"c3": (-0.2, 0.2)},
+        "c3", (-0.2, 0.2),
     ),
-    "arm": lambda: (asymmetric(0.85, 0.04, 0.8), "a", {"a": (0.75, 0.95)}),
+    "arm": lambda: (asymmetric(0.85, 0.04, 0.8), "a", (0.75, 0.95)),
     "waves": lambda: (
-        cb.multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(12)),
-        "a",
-        {"a": (0.45, 0.6)},
+        cb.multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(12)), "a", (0.45, 0.6)
     ),
     "modes": lambda: (
         cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9), damping=0.01, spring=0.2),
-        "a",
-        {"a": (0.5, 0.9)},
+        "a", (0.5, 0.9),
     ),
-    "shooting": lambda: (
-        cb.shooting(cb.symmetric(0.75, 0.04, 0.8), sites=5),
-        "a",
-        {"a": (0.7, 0.8)},
-    ),
+    "shooting": lambda: (cb.shooting(cb.symmetric(0.75, 0.04, 0.8), sites=5), "a", (0.7, 0.8)),
     "equations": lambda: (
         cb.Problem(van_der_pol, {"x": 0.0, "y": 0.0}, {"mu": -0.5, "h": 0.0}, events=(cb.hopf(),)),
-        "mu",
-        {"mu": (-1, 1)},
+        "mu", (-1, 1),
     ),
-    "map": lambda: (cb.FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}), "r", {"r": (1.5, 3.4)}),
-}
+    "map": lambda: (cb.FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}), "r", (1.5, 3.4)),
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=STARTS)
 def traced(request: pytest.FixtureRequest) -> tuple[Any, str, dict[str, Any], cb.Branch]:
-    start, free, within = STARTS[request.param]()
+    start, free, window = STARTS[request.param]()
+    within = {free: window}
     return start, free, within, cb.trace(start, free, within=within)
 
 
@@ -116,12 +104,8 @@ def test_special_points_out_of_a_pickle_lead_to_the_same_curves(traced):
 
 def test_events_of_the_front_desk_out_of_a_pickle_find_the_same() -> None:
     orbit = cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(20))
-    events = [
-        cb.pitchfork(),
-        cb.grazing(),
-        cb.neimark_sacker(threshold=1.004),
-        cb.user("gamma", 0.05),
-    ]
+    events = [cb.pitchfork(), cb.grazing(), cb.neimark_sacker(threshold=1.004)]
+    events += [cb.user("gamma", 0.05)]
     window = {"gamma": (0.0, 0.12)}
     found = [cb.trace(orbit, "gamma", events=e, within=window) for e in (again(events), events)]
     assert same(*found)

@@ -210,7 +210,12 @@ class Factors:
             order = qr(self.null.T, mode="r", pivoting=True)[1]
             apart = np.sort(order[: width - n])
             if self.exact and most < _LOST:
-                self._exchange(apart)
+                # by the factors at hand: with x also x - N N_a^-1 x_a is a solution
+                among = self.null[apart]
+                self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has their sign
+                self._apart, self.null = apart, np.linalg.solve(among.T, self.null.T).T
+                for column in self.null.T:  # what L, closer to being singular, has lost of them
+                    column -= self._particular(self.matrix @ column)
             else:
                 self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
@@ -232,14 +237,6 @@ class Factors:
         for i, column in enumerate(order[n:]):
             self.null[column, i] = 1.0
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
-
-    def _exchange(self, apart: NDArray[Any]) -> None:
-        """Set others apart by the factors at hand: with x also x - N N_a^-1 x_a is a solution."""
-        among = self.null[apart]
-        self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has the sign of theirs
-        self._apart, self.null = apart, np.linalg.solve(among.T, self.null.T).T
-        for column in self.null.T:  # what L, closer to being singular, has lost of them
-            column -= self._particular(self.matrix @ column)
 
     def _inner(self, right: Array) -> Array:
         inner: Array = self._lu.solve(right * self._rows)

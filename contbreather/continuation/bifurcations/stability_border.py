@@ -22,6 +22,7 @@ from functools import partial
 
 import numpy as np
 
+from ..algebra.newton import OUT_OF_DOMAIN
 from ..branches.boundary import codim_two
 from ..curve.point import CodimensionTwo, Event, Examined, Point
 from ..systems import normal_forms
@@ -149,13 +150,17 @@ class Border:
         others = self.others(on, point).values.size
         factors = [self.least_beside(on, place, point) for place in poles if others]
         dear = point.base_point.curve.problem.closing is not None  # each derivative
-        agreed = normal_forms.ROUGHLY if dear else normal_forms.AGREED
-        return math.prod(factors) * normal_forms.value_or_nan(lambda: coefficient(point, agreed))
+        try:
+            known = coefficient(point, normal_forms.ROUGHLY if dear else normal_forms.AGREED)
+        except OUT_OF_DOMAIN:  # there is no such normal form
+            return math.nan
+        return math.prod(factors) * known.signed
 
     def _examine_zero(self, on: str, name: str, coefficient: Cubic, point: Point) -> Examined:
-        found = coefficient(point, normal_forms.AGREED)
-        reason = normal_forms.not_zero(name, found, point)
-        return reason if reason or on in self.real else self.examine((on,), point)
+        known = coefficient(point, normal_forms.AGREED)
+        if abs(known.value.real) > 1e-6 * (known.size + normal_forms.Forms(point).cubic):
+            return f"{name} {known.value.real:.2g} is not zero"
+        return "" if on in self.real else self.examine((on,), point)
 
 
 def _word(place: float) -> str:

@@ -201,7 +201,12 @@ class Diagram(Columns, HtmlRepr):
             if place.branch != index:
                 node.add(f"meets {place.name}")
                 continue
-            leaf = node.add(_shown(place.point))
+            point = place.point
+            names = *point.curve.free, *point.curve.problem.start
+            values = [(name, point[name]) for name in names]
+            numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
+            more = ", ..." * (len(numbers) > 5)
+            leaf = node.add(f"{point.label}: {', '.join(numbers[:5])}{more}")
             for i, birth in enumerate(self.births):
                 if birth.place is not None and birth.place.name == place.name:
                     self._grow(leaf, i)
@@ -209,12 +214,6 @@ class Diagram(Columns, HtmlRepr):
 
 def _count(things: Sized, name: str, plural: str = "s") -> str:
     return f"{len(things)} {name}{plural * (len(things) != 1)}"
-
-
-def _shown(point: Point) -> str:
-    values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
-    numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
-    return f"{point.label}: {', '.join(numbers[:5])}{', ...' * (len(numbers) > 5)}"
 
 
 # --- growing ----------------------------------------------------------------------------------

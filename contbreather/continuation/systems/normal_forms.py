@@ -195,14 +195,6 @@ class Forms:
 solve = partial(solved, why="a second resonance: no normal form of this kind")
 
 
-def value_or_nan(coefficient: Callable[[], Coefficient]) -> float:
-    """A coefficient as a test function: without value where there is no such normal form."""
-    try:
-        return coefficient().signed
-    except OUT_OF_DOMAIN:
-        return math.nan
-
-
 def _sum(*terms: float) -> Coefficient:
     return Coefficient(sum(terms), sum(abs(term) for term in terms))
 
@@ -220,13 +212,6 @@ def criticality(
     value = coefficient.value
     plain = complex(value) if isinstance(value, complex) else float(value)
     return {name: plain, "criticality": kind}
-
-
-def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
-    """Say that the real part of a cubic coefficient is not zero, unless it is."""
-    if abs(coefficient.value.real) <= 1e-6 * (coefficient.size + Forms(point).cubic):
-        return ""
-    return f"{what} {coefficient.value.real:.2g} is not zero"
 
 
 # --- flows ------------------------------------------------------------------------------------
