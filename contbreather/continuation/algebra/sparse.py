@@ -189,6 +189,9 @@ class Factors:
     `null`, of shape (n + k, k), is an identity matrix in the unknowns that are set apart.
     """
 
+    null: Array
+    exact: bool
+
     def __init__(self, matrix: Matrix) -> None:
         self.matrix = matrix
         # A = (L, R), L square, with conditions C below: x = (L^-1 b, 0) solves A x = b, the null
@@ -213,7 +216,7 @@ class Factors:
                 # by the factors at hand: with x also x - N N_a^-1 x_a is a solution
                 among = self.null[apart]
                 self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has their sign
-                self._apart, self.null = apart, np.linalg.solve(among.T, self.null.T).T
+                self._apart, self.null = apart, _small(among.T, self.null.T).T
                 for column in self.null.T:  # what L, closer to being singular, has lost of them
                     column -= self._particular(self.matrix @ column)
             else:

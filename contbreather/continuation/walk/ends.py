@@ -333,24 +333,20 @@ class Growth:
             sizes = np.sqrt(points.z**2 @ self.curve.metric)
             if all(param.moves_on(points.z[:, param.slot], sizes) for param in self.tendencies):
                 return None
-        for i, at in enumerate(zip(points.z, points.tangent, strict=True)):
-            if limit := self._tends_to(*at):
-                return i, limit
+        for i, (z, tangent) in enumerate(zip(points.z, points.tangent, strict=True)):
+            size, gone, since = self.curve.length(z), list[str](), 0.0
+            for param in self.tendencies:
+                value = float(z[param.slot])
+                if param.passes(value, float(tangent[param.slot]), size):
+                    gone.append(
+                        f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}"
+                    )
+                since = max(since, param.since)
+            if (gone or size > ENDLESS * since) and not self._bounded(z, tangent, size):
+                limits = [f"{param.name} tends to {z[param.slot]:.6g}" for param in self.tendencies]
+                grows = self._growing(z) or "the solution"
+                return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
         return None
-
-    def _tends_to(self, z: Array, tangent: Array) -> str:
-        """Name the limits where nothing is to come beyond; empty where something is."""
-        size, gone, since = self.curve.length(z), [], 0.0
-        for param in self.tendencies:
-            value = float(z[param.slot])
-            if param.passes(value, float(tangent[param.slot]), size):
-                gone.append(f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}")
-            since = max(since, param.since)
-        if not (gone or size > ENDLESS * since) or self._bounded(z, tangent, size):
-            return ""
-        limits = [f"{param.name} tends to {z[param.slot]:.6g}" for param in self.tendencies]
-        grows = self._growing(z) or "the solution"
-        return f"{grows} grows without bound while {', '.join(gone or limits)}"
 
     def towards(self, z: Array, tangent: Array) -> str:
         """Say what grows where a walk took as many steps as allowed; empty if nothing does."""
