@@ -88,6 +88,20 @@ def test_arms_that_asymmetry_does_not_part_are_drawn_by_a_time() -> None:
     assert "asymmetry" not in doubled.names
 
 
+def test_a_problem_says_which_of_its_columns_is_drawn() -> None:
+    class Sized(cb.Problem):
+        shown = ("size",)
+
+    record = {"size": lambda point: 3.0 * point["mu"]}
+    mine = Sized(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}, record=record)
+    branch = cb.trace(mine, "mu", within={"mu": (0, 1)}, events=())
+    ax = plot(branch).axes
+    assert ax.get_ylabel() == "size"
+    assert curves(ax)[0].get_ydata()[-1] == pytest.approx(3.0)
+    plain = cb.Problem(mine.residual, mine.start, mine.params)
+    assert plot(branch, cb.trace(plain, "mu", within={"mu": (0, 1)})).axes.get_ylabel() == "$x$"
+
+
 # --- into axes that show something already --------------------------------------------------------
 
 

@@ -256,6 +256,11 @@ class CycleProblem(Problem):
     def internals(self) -> frozenset[str]:
         return frozenset(("orbit", "mesh", "held"))
 
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """States: their envelopes are columns."""
+        return tuple(self.residual.parts)
+
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         orbit = Cycle(self.residual, np.array(point.x), point.params)
         if self.keeps_solutions:

@@ -54,6 +54,8 @@ class OrbitProblem(Problem):
     section: Section = field(kw_only=True)
     threshold: float = field(kw_only=True)  # of its events, on finite lattices
     tested: ClassVar[bool] = True
+    shown: ClassVar[tuple[str, ...]] = ("p",)
+    parting: ClassVar[tuple[str, ...]] = ("asymmetry", "t1")
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:

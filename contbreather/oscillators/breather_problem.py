@@ -198,6 +198,8 @@ COLUMNS = {
 class BreatherProblem(CycleProblem):
     """The problem of a breather; its `solution` is the orbit at which it starts."""
 
+    shown = ("max|u|",)
+
     @property
     def internals(self) -> frozenset[str]:
         return super().internals | {"half"}

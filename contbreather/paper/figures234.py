@@ -18,7 +18,7 @@ from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import SITES, ThresholdLine
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, place_words, style
-from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.plotting.multipliers import draw_multipliers, name_multipliers
 from contbreather.plotting.zones import LINES, draw_panels, explain, names_of_meetings
 from contbreather.stability.verdict import THRESHOLD
 
@@ -168,14 +168,19 @@ class MultiplierFigure:
     def draw(self) -> Figure:
         """The figure: panels (a) and (b) side by side, multipliers above, moduli below."""
         with style():
-            figure, axes = new_figure(2, 2, height=8.6)
+            figure, axes = new_figure(2, 2, height=9.8)
+            found = [
+                draw_multipliers(ax, breather, self.sites)
+                for ax, breather in zip(axes[:2], self.breathers, strict=True)
+            ]
             for i, (letter, breather) in enumerate(zip("ab", self.breathers, strict=True)):
-                plot_multipliers(breather, sites=self.sites, digits=self.digits, ax=axes[i])
                 axes[i].set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
                 self._moduli(axes[2 + i], breather)
             for right in (axes[1], axes[3]):
                 right.set_ylabel("")
                 right.tick_params(labelleft=False)
+            for ax, multipliers in zip(axes[:2], found, strict=True):
+                name_multipliers(ax, *multipliers, self.digits)
         return figure
 
     def _moduli(self, ax: Axes, breather: Orbit) -> None:
@@ -187,6 +192,7 @@ class MultiplierFigure:
         ax.set_ylim(-0.4 * top, top)
         ax.set_xlim(-0.03, 1.03)
         ax.set_xticks([0.0, 0.5, 1.0], ["0", "0.5", "1"])  # short, for the panels stand close
+        ax.set_yticks([0.0, limit, 2.0 * limit])
         ax.axvspan(0.0, 2.0 * math.sqrt(breather.gamma), color=SKY, alpha=0.25, linewidth=0)
         ax.axhline(0.0, color=GREY, linewidth=0.5)
         ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")

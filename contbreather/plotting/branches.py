@@ -186,30 +186,27 @@ def _ordinate(branches: Sequence[Branch]) -> str:
     first, problems = branches[0], [branch.problem for branch in branches]
     if _is_boundary(first):
         return first.curve.varied[1]
-    if all(isinstance(problem, OrbitProblem) for problem in problems):
-        return _of_breathers(branches)
-    if all("max|u|" in branch.names for branch in branches):  # of lattices of oscillators
-        return "max|u|"
-    names = (name[len("max(") : -1] for name in problems[0].record if name.startswith("max("))
-    swinging = [name for name in names if len(ordinates(first, name)) > 1]
-    unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]
-    common = [name for name in unknowns[0] if all(name in its for its in unknowns)]
-    return (swinging or common or unknowns[0])[0]
+    if parting := _parting(branches):
+        return parting
+    names = [
+        [*problem.shown, *(name for name in problem.start if name not in problem.internals)]
+        for problem in problems
+    ]
+    return next((one for one in names[0] if all(one in its for its in names)), names[0][0])
 
 
-def _of_breathers(branches: Sequence[Branch]) -> str:
-    """Column of the size of an impact; with arms one that tells them apart, for mirror images have
-    one size."""
+def _parting(branches: Sequence[Branch]) -> str | None:
+    """Column that tells arms apart, if there are any: mirror images have one size."""
     families = zip(_families(branches), branches, strict=True)
     arms = [(i, arm) for i, arm in families if any(point.parent for point in arm.special)]
-    for name in ("asymmetry", "t1"):
-        if not (arms and all(name in branch.names for branch in branches)):
+    for name in branches[0].problem.parting if arms else ():
+        if any(name not in branch.names for branch in branches):
             continue
         spans = [(i, np.array([np.nanmin(arm[name]), np.nanmax(arm[name])])) for i, arm in arms]
         apart = (abs(u - v).max() > ALIKE for (i, u), (j, v) in combinations(spans, 2) if i == j)
         if all(np.ptp(span) > ALIKE for _, span in spans) and all(apart):
             return name
-    return "p"
+    return None
 
 
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
@@ -383,8 +380,8 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
         inside = legend(loc="best")
-        canvas.lay_out(ax)
-        if not inside.get_window_extent().count_contains(canvas.curve_points(ax)):
+        pixel = canvas.lay_out(ax)
+        if not canvas.ink_of(ax, pixel)(inside.get_window_extent()):
             return
     legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 Array = NDArray[np.float64]
 
@@ -312,13 +313,14 @@ def lay_out(ax: Axes) -> float:
 def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
     """Write words beside points of finished axes, each in its style: close by, to the upper right
     before elsewhere, where they cover least of other words and the legend, are nearest to their own
-    point, and cover least of curves. Points outside of the axes get none."""
+    point, and cover least of curves, a line that leads to a point farther off among them. Points
+    outside of the axes get none."""
     from matplotlib.transforms import Bbox
 
     def off(box: Bbox, points: Array) -> Array:
         return np.linalg.norm(np.clip(points, box.min, box.max) - points, axis=-1)
 
-    pixel, curves = lay_out(ax), curve_points(ax)
+    ink = ink_of(ax, pixel := lay_out(ax))
     inner, outer = ax.bbox.padded(-3.0 * pixel), ax.bbox.padded(2.0 * pixel)  # off ticks, at rim
     taken = [word.get_window_extent() for word in (*ax.texts, ax.get_legend()) if word]
     angles = np.pi * (0.25 + np.arange(16) / 8.0)
@@ -333,26 +335,41 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
         word = ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **look)
         half = 0.5 * np.asarray(word.get_window_extent().size)
         beside = half * np.clip(1.5 * sides, -1.0, 1.0)
-        ways = np.concatenate([gap * pixel * sides + beside for gap in (3, 6, 10, 15, 22, 30)])
+        ways = np.concatenate([gap * pixel * sides + beside for gap in range(3, 33, 3)])
         boxes = [Bbox([point + way - half, point + way + half]).padded(pixel) for way in ways]
         covered = [
             (box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4),
-             int(np.sum(off(box, every) <= 1.5 * off(box, point))), box.count_contains(curves))
+             int(np.sum(off(box, every) <= off(box, point))),
+             ink(box) + pixel * float(off(box, point)))
             for box in boxes
         ]  # fmt: skip
         best = covered.index(min(covered))
         word.set_position(tuple(ways[best] / pixel))
         taken.append(boxes[best])
+        corner = np.clip(point, boxes[best].min, boxes[best].max) - point
+        if np.hypot(*corner) > 12.0 * pixel:  # too far to be read without a line that leads there
+            leads = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0, "shrinkB": 2}
+            there = tuple(corner / pixel)
+            ax.annotate("", (x, y), there, textcoords="offset points", arrowprops=leads)
 
 
-def curve_points(ax: Axes) -> Array:
-    points = [np.empty((0, 2))]
+def ink_of(ax: Axes, pixel: float) -> Callable[[Bbox], float]:
+    """Area of the lines and markers of finished axes that a box covers."""
+    rows = [np.empty((0, 4))]  # place, half a width, area
     for line in ax.get_lines():
         nodes = line.get_transform().transform(line.get_xydata())
         nodes = nodes[np.isfinite(nodes).all(axis=1)]
         drawn = line.get_linestyle() != "None" and len(nodes) > 1
-        points.append(evenly(nodes, 500) if drawn else nodes)
-    return np.concatenate(points)
+        points = evenly(nodes, 500) if drawn else nodes
+        width = pixel * (line.get_linewidth() if drawn else line.get_markersize())
+        length = float(np.linalg.norm(points[1] - points[0])) if drawn else width
+        rows.append(
+            np.column_stack([points, np.tile([0.5 * width, width * length], (len(points), 1))])
+        )
+    place, half, area = np.split(np.concatenate(rows), [2, 3], axis=1)
+    return lambda box: float(
+        area[((box.min < place + half) & (place - half < box.max)).all(1)].sum()
+    )
 
 
 def evenly(nodes: Array, count: int, scale: Array | float = 1.0) -> Array:

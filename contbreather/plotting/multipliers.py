@@ -77,10 +77,20 @@ def plot_multipliers(
     >>> sorted(word.get_text() for word in ax.texts if word.get_text())
     ['0.6158', '1.0628']
     """
+    whole("digits", digits, 0)
+    with canvas.drawing(ax, height=8.5) as (drawn, axes):
+        name_multipliers(axes, *draw_multipliers(axes, breather, sites, half), digits)
+    return drawn
+
+
+def draw_multipliers(
+    axes: Axes, breather: Any, sites: int | None, half: bool = False
+) -> tuple[Array, Array, list[int]]:
+    """Draw all but the words, which come last, when all else has its place: the multipliers, where
+    they are shown, and which are to be named."""
     orbit = solution_of(breather)
     if not hasattr(orbit, "multipliers") or isinstance(orbit, type | Branch | Problem):
         raise no_orbit(orbit, "an orbit or a cycle")
-    whole("digits", digits, 0)
     paired = False
     if isinstance(orbit, Cycle | PeriodicMotion):
         _not_of_cycles(sites, half)
@@ -94,31 +104,34 @@ def plot_multipliers(
     else:
         ring = 400 if orbit.lattice.sites is None else None
         mu, waves, alone = with_band(orbit, ring if sites is None else sites, half)
-    with canvas.drawing(ax, height=8.5) as (drawn, axes):
-        _circle_and_band(axes, waves)
-        size = np.abs(mu)  # those far out are shown at the edge, in their direction
-        shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
-        unstable = bool(np.any(alone & (size > _ON_CIRCLE)))
-        reach = max(1.5 if unstable else 1.27, 1.1 * float(np.abs(shown).max()))
-        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
-        axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-        _dots(axes, mu, shown, alone)
-        if paired:  # open where the Krein signature is -1
-            on, signs = signatures(orbit)
-            index = on[signs < 0]
-            side = np.sqrt(1 - index**2) * np.array([[1], [-1]])
-            axes.plot(np.tile(index, 2), side.ravel(), "o", color=BLUE, markerfacecolor="w",
-                      markersize=4, zorder=4)  # fmt: skip
-        # in axes narrower than 150 points a pair takes two lines
-        space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
-        plain = canvas.text_colour(axes)
-        canvas.place_words(axes, (
-            (shown[i].real, shown[i].imag, _number(mu[i], digits, space),
-             {"color": VERMILLION if size[i] > _ON_CIRCLE else plain})
-            for i in _named(mu, alone & (mu.imag >= 0.0))
-        ))  # fmt: skip
-    return drawn
+    _circle_and_band(axes, waves)
+    size = np.abs(mu)  # those far out are shown at the edge, in their direction
+    shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
+    reach = max(1.6, 1.1 * float(np.abs(shown).max()))  # with room for words outside the circle
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
+    axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    _dots(axes, mu, shown, alone)
+    if paired:  # open where the Krein signature is -1
+        on, signs = signatures(orbit)
+        index = on[signs < 0]
+        side = np.sqrt(1 - index**2) * np.array([[1], [-1]])
+        axes.plot(np.tile(index, 2), side.ravel(), "o", color=BLUE, markerfacecolor="w",
+                  markersize=4, zorder=4)  # fmt: skip
+    return mu, shown, _named(mu, alone & (mu.imag >= 0.0))
+
+
+def name_multipliers(
+    axes: Axes, mu: Array, shown: Array, named: list[int], digits: int = 4
+) -> None:
+    """Write values beside multipliers; in axes narrower than 150 points a pair takes two lines."""
+    space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
+    plain = canvas.text_colour(axes)
+    canvas.place_words(axes, (
+        (shown[i].real, shown[i].imag, _number(mu[i], digits, space),
+         {"color": VERMILLION if abs(mu[i]) > _ON_CIRCLE else plain})
+        for i in named
+    ))  # fmt: skip
 
 
 def _not_of_cycles(sites: int | None, half: bool) -> None:

@@ -124,6 +124,17 @@ def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(number) -> 
     assert [axes[1].get_ylabel(), axes[3].get_ylabel()] == ["", ""]
 
 
+@both_of_them
+def test_words_keep_off_the_circle(number) -> None:
+    for ax in axes_of(number)[:2]:
+        ax.figure.draw_without_rendering()
+        lines = [one.get_xydata() for one in ax.get_lines() if one.get_zorder() > 0]
+        drawn = ax.transData.transform(np.concatenate(lines))
+        boxes = [word.get_window_extent() for word in ax.texts if word.get_text()]
+        assert boxes
+        assert not any(box.count_contains(drawn) for box in boxes)
+
+
 @pytest.mark.parametrize(
     ("number", "unstable", "top"), [(3, 2, -0.2447945960 + 1.0231123432j), (4, 1, 1.0627500064)]
 )

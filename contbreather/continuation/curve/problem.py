@@ -56,6 +56,11 @@ class Structure:
     # by a defining system, as on a boundary, and the point on it
     beneath: ClassVar[Callable[..., tuple[Any, Array]] | None] = None
 
+    # columns that show a solution, and those that tell it from its mirror image: of these, before
+    # any unknown, a picture takes the first that all its branches have
+    shown: ClassVar[Any] = ()
+    parting: ClassVar[tuple[str, ...]] = ()
+
     @property
     def internals(self) -> frozenset[str]:
         """Unknowns that say nothing by themselves, as the collocation of a cycle, its mesh and null
