@@ -87,6 +87,17 @@ def test_a_word_keeps_off_a_curve(ax: Axes) -> None:
     assert np.hypot(*(stands(ax, 150, 100) - plain)) > 5.0
 
 
+def test_a_word_that_finds_room_far_off_alone_is_led_to_its_point(ax: Axes) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    ax.plot(150 + 12 * np.cos(turn), 100 + 12 * np.sin(turn), linewidth=20)
+    word, leader = placed(ax, (150, 100))
+    assert (leader.get_text(), leader.xy) == ("", (150, 100))
+    left, low, right, high = box(ax, word)
+    nearest = np.clip((150, 100), (left, low), (right, high))
+    assert np.hypot(*(nearest - (150, 100))) > 20.0  # off the thick line, not its middle alone
+    assert np.add(leader.xy, leader.get_position()) == pytest.approx(nearest, abs=2.0)
+
+
 def test_eight_words_of_one_place_and_a_legend_keep_off_each_other(ax: Axes) -> None:
     boxes = [box(ax, word) for word in placed(ax, *(8 * [(150, 100)]))]
     for i, one in enumerate(boxes):

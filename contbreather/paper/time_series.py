@@ -22,7 +22,7 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import Orbit
 from contbreather.paper import lifetimes
 from contbreather.paper.lifetimes import DAMPING, SITES, keywords_of, life, lives, on_ring
-from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
+from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, legend_above, new_figure, style
 from contbreather.simulation.classify import BROAD, classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.measures import localised
@@ -114,10 +114,7 @@ class TimeSeries:
                 ax.set(xlabel="" if above else panel.labels[0], ylabel=panel.labels[1])
                 ax.tick_params(labelbottom=not above)
             if axes[0].get_legend_handles_labels()[0]:
-                axes[0].legend(  # over the panel, where no data are
-                    loc="lower right", bbox_to_anchor=(1.015, 0.965), ncols=3, frameon=False,
-                    handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
-                )  # fmt: skip
+                legend_above(axes[0], handletextpad=0.4, columnspacing=1.0)
             figure.align_ylabels()
         return figure
 

@@ -354,8 +354,8 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
 
 
 def ink_of(ax: Axes, pixel: float) -> Callable[[Bbox], float]:
-    """Area of the lines and markers of finished axes that a box covers."""
-    rows = [np.empty((0, 4))]  # place, half a width, area
+    """Function of a box: the area of the lines and markers of finished axes that it covers."""
+    rows = [np.empty((0, 4))]  # of pieces of lines: place, half of the width, area
     for line in ax.get_lines():
         nodes = line.get_transform().transform(line.get_xydata())
         nodes = nodes[np.isfinite(nodes).all(axis=1)]
@@ -363,13 +363,15 @@ def ink_of(ax: Axes, pixel: float) -> Callable[[Bbox], float]:
         points = evenly(nodes, 500) if drawn else nodes
         width = pixel * (line.get_linewidth() if drawn else line.get_markersize())
         length = float(np.linalg.norm(points[1] - points[0])) if drawn else width
-        rows.append(
-            np.column_stack([points, np.tile([0.5 * width, width * length], (len(points), 1))])
-        )
+        sizes = np.full((len(points), 2), [0.5 * width, width * length])
+        rows.append(np.hstack([points, sizes]))
     place, half, area = np.split(np.concatenate(rows), [2, 3], axis=1)
-    return lambda box: float(
-        area[((box.min < place + half) & (place - half < box.max)).all(1)].sum()
-    )
+
+    def ink(box: Bbox) -> float:
+        covered = (box.min < place + half) & (place - half < box.max)
+        return float(area[covered.all(axis=1)].sum())
+
+    return ink
 
 
 def evenly(nodes: Array, count: int, scale: Array | float = 1.0) -> Array:

@@ -328,17 +328,21 @@ def _spooled(path: str | Path) -> Iterator[_Spool]:
 def _keep(path: str | Path, image: _Spool) -> None:
     """Write a file from its image, with its checksum behind that."""
 
-    def write(file: BinaryIO) -> None:
-        digest = hashlib.sha256()
-        image.seek(0)
-        while block := image.read(_BLOCK):
-            digest.update(block)
-            file.write(block)
-        file.write(_CHECKSUM % digest.hexdigest().encode())
-
     image.flush()
     image.check()
-    write_whole(path, write)
+    write_whole(path, lambda file: file.write(_copied(image, file)))
+
+
+def _copied(source: Any, target: Any, left: float = math.inf) -> bytes:
+    """Copy a file from its beginning, if there is a target; what stands behind it, its checksum."""
+    digest = hashlib.sha256()
+    source.seek(0)
+    while block := source.read(min(left, _BLOCK)):
+        left -= len(block)
+        digest.update(block)
+        if target is not None:
+            target.write(block)
+    return _CHECKSUM % digest.hexdigest().encode()
 
 
 def _root() -> dict[str, Any]:
@@ -442,14 +446,7 @@ def _check(path: str | Path, file: BinaryIO, copy: BinaryIO | _Spool | None = No
             f"{path} holds nothing that `save` wrote, or it has lost its end: the checksum "
             "that should be there is not"
         )
-    digest = hashlib.sha256()
-    file.seek(0)
-    while block := file.read(min(left, _BLOCK)):
-        left -= len(block)
-        digest.update(block)
-        if copy is not None:
-            copy.write(block)
-    if last != _CHECKSUM % digest.hexdigest().encode():
+    if last != _copied(file, copy, left):
         raise BadInput(
             f"{path} is damaged: its checksum is not the one that `save` wrote; restore a copy"
         )

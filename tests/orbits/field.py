@@ -23,13 +23,15 @@ def dense(lattice: Any) -> Array:
 
 
 class Field:
-    """A lattice under some conditions, integrated from impact to impact."""
+    """A lattice under some conditions, integrated from impact to impact; with a restitution of
+    the speed before an impact in place of k, if there is one."""
 
-    def __init__(self, lattice: Any, on: Conditions) -> None:
+    def __init__(self, lattice: Any, on: Conditions, law: Any = None) -> None:
         one = np.ones(lattice.sites)
         masses, self.drive = (getattr(lattice, name, one) for name in ("masses", "drive"))
         self.matrix = on.gamma * dense(lattice) / masses[:, None] + on.spring * np.diag(one)
         self.on, self.sites = on, lattice.sites
+        self.law = law or (lambda speed: on.k)
 
     def slope(self, t: float, x: Array) -> Array:
         u, v = x[: self.sites], x[self.sites :]
@@ -63,8 +65,9 @@ class Field:
                 # two at once, to rounding: the second is beyond its wall before its event is seen
                 beside = flight.status == 1 and abs(x[n] - place) < 1e-12 < w * x[self.sites + n]
                 if (when.size or beside) and t < stop:
-                    hits.append((n, t, w, x[self.sites + n]))
-                    x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
+                    before = x[self.sites + n]
+                    hits.append((n, t, w, before))
+                    x[n], x[self.sites + n] = place, -self.law(abs(before)) * before
         return x, hits, np.concatenate(seen)
 
 
