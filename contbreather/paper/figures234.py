@@ -169,18 +169,17 @@ class MultiplierFigure:
         """The figure: panels (a) and (b) side by side, multipliers above, moduli below."""
         with style():
             figure, axes = new_figure(2, 2, height=9.8)
-            found = [
-                draw_multipliers(ax, breather, self.sites)
-                for ax, breather in zip(axes[:2], self.breathers, strict=True)
-            ]
-            for i, (letter, breather) in enumerate(zip("ab", self.breathers, strict=True)):
-                axes[i].set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
-                self._moduli(axes[2 + i], breather)
+            found = []
+            panels = zip("ab", self.breathers, axes[:2], axes[2:], strict=True)
+            for letter, breather, above, below in panels:
+                found.append((above, *draw_multipliers(above, breather, self.sites)))
+                above.set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
+                self._moduli(below, breather)
             for right in (axes[1], axes[3]):
                 right.set_ylabel("")
                 right.tick_params(labelleft=False)
-            for ax, multipliers in zip(axes[:2], found, strict=True):
-                name_multipliers(ax, *multipliers, self.digits)
+            for drawn in found:
+                name_multipliers(*drawn, self.digits)
         return figure
 
     def _moduli(self, ax: Axes, breather: Orbit) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -36,7 +36,7 @@ BRANCH = {  # what `branch_to_dict` writes besides columns and groups
     "kinds": list[str], "detail": dict[str, dict[str, Any]],
     "parent": bool, "point_label": str, "period": int | None,
     "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
-    "settings": dict[str, Any] | None,
+    "shown": list[str], "settings": dict[str, Any] | None,
 }  # fmt: skip
 SETTINGS = {
     "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
@@ -134,7 +134,8 @@ class _Stored:
         if problem is None:
             names = content["unknowns"], content["parameters"]
             start, params = ({name: first[name] for name in some} for some in names)
-            curve = self._curve(_Bare(no_equations, start, params, label=content["label"]))
+            words = {"label": content["label"], "shown": content.get("shown", ())}
+            curve = self._curve(_Bare(no_equations, start, params, **words))
             if content["boundary"]:
                 curve.varied = (content["free"][0], content["unknowns"][-1])
             return curve, self._settings(()), ()
@@ -271,9 +272,11 @@ def no_equations(*_: Any) -> Any:
     )
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class _Bare(Problem):
     """The names and numbers of a branch alone."""
 
+    shown: Sequence[str] = field(default=(), kw_only=True)  # type: ignore[misc]
     interpret = staticmethod(no_equations)
 
 
