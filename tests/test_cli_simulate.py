@@ -176,6 +176,23 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
     assert np.array_equal(state_of(json.loads(out)), state_of(whole))
 
 
+@pytest.mark.parametrize("stream", ["", " --stream run.nc"])
+def test_files_of_an_interrupted_run_say_so_in_a_last_line_and_how_far_it_got(
+    run, monkeypatch, stream
+):
+    interrupt(monkeypatch, 12)
+    line = f"{STABLE} --sites 4 --periods 1000000 --csv s.csv --impacts i.csv"
+    status, out, _ = run(line + stream)
+    done = int(re.search(r"Interrupted after (\d+) of 1000000 periods", out)[1])
+    assert status == INTERRUPTED
+    assert done >= 12
+    for path in (Path("s.csv"), Path("i.csv")):
+        assert path.read_text().splitlines()[-1] == (
+            f"# interrupted: cut short after {done} of 1000000 periods"
+        )
+    assert table("s.csv")[-2]["period"] == str(done)
+
+
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
     def again(_):
         raise KeyboardInterrupt

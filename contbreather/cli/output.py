@@ -79,12 +79,13 @@ def sentences(lines: Iterable[str]) -> list[str]:
 
 class Result(NamedTuple):
     """Forms of what a command leaves, each made where it is wanted: a JSON object, lines for
-    people, a table of numbers, a figure."""
+    people, a table of numbers, a figure; and what these say where Ctrl-C has cut it short."""
 
     entry: Callable[[], Mapping[str, Any]]
     lines: Callable[[], Iterable[object]]
     table: Callable[[], Table]
     draw: Callable[[], Any]
+    cut: str = CUT
 
 
 @Parameter(name="*")
@@ -129,12 +130,11 @@ class Output:
         people; raise where Ctrl-C has `cut` it short."""
         written = [*others] if self.library_file is None else [self.library_file, *others]
         if self.csv is not None:
-            # what was cut short by Ctrl-C says so in a last line
-            written.append(str(write_csv(self.csv, *result.table(), CUT if cut else "")))
+            written.append(str(write_csv(self.csv, *result.table(), result.cut if cut else "")))
         if self.output is not None:
             drawn = result.draw()
             if cut:
-                (getattr(drawn, "figure", None) or drawn).suptitle(CUT, fontsize="small")
+                (getattr(drawn, "figure", None) or drawn).suptitle(result.cut, fontsize="small")
             written.append(str(cb.plotting.canvas.save_figure(drawn, self.output)))
         if self.json:
             entry = result.entry()

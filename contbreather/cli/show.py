@@ -171,7 +171,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
             result = of_diagram(tree)
         case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]  # its site hits first
-            result = of_run(RunSummary(run, int(hits[0]) if len(hits) else 0))
+            result = of_run(RunSummary(run, site=int(hits[0]) if len(hits) else 0))
         case [_]:
             result = Result(dict, list, table, draw)
         case _:

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.options import ModelOptions, Whole
-from contbreather.cli.output import Result, SavedRun, inform, sentences
+from contbreather.cli.output import CUT, Result, SavedRun, inform, sentences
 from contbreather.cli.process import CutShort, computing
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_csv, write_whole
@@ -108,22 +108,16 @@ class RunOptions:
             shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on["forcing"]}
             shared |= {"periods": self.periods, "t0": t0, "progress": bar}
             if self.smooth is not None:
-                return RunSummary(cb.simulation.simulate_smooth((u, v), m=self.smooth, **shared))
+                run: Ran = cb.simulation.simulate_smooth((u, v), m=self.smooth, **shared)
+                return RunSummary(run, self.periods)
             shared["walls"] = on["walls"]
             if self.stream is None:
                 shared |= {"noise": self.noise, "seed": self.seed}
-                return RunSummary(cb.simulate((u, v), **shared), where.site)
+                return RunSummary(cb.simulate((u, v), **shared), self.periods, where.site)
             if self.periods.is_integer():  # whole ones alone are kept
                 shared["periods"] = int(self.periods)
             recording = cb.simulation.record(self.stream, (u, v), **shared)
-            summary = RunSummary(recording.last(2 * JUDGED), where.site, recording)
-            if recording.interrupted:
-                summary.interrupted = True
-                summary.stop = (
-                    f"interrupted after {recording.periods} of {shared['periods']} periods; the "
-                    "same command goes on"
-                )
-            return summary
+            return RunSummary(recording.last(2 * JUDGED), self.periods, where.site, recording)
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:
@@ -183,21 +177,24 @@ def simulate(
     if summary.interrupted:
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
-    result = of_run(summary, where.given())
+    usual = of_run(summary, where.given())
 
     def entry() -> dict[str, Any]:
-        about = dict(result.entry())
+        about = dict(usual.entry())
         begun = options.start is None and summary.by_site is not None  # as a breather that impacts
         return {**about, "lost_after": summary.lost} if begun else about
 
-    into.leave(result._replace(entry=entry, lines=lambda: _lines(summary, options)), others=written)
-    undamped = where.damping and not (where.lattice or options.start or options.smooth)
-    if undamped and summary.lost is not None:
-        inform(
-            "it started on the breather without damping, which is no orbit of the damped ring: "
-            f"--lattice ring:{where.sites or SITES} starts on the one with damping"
-        )
-    if summary.interrupted:
+    result = usual._replace(entry=entry, lines=lambda: _lines(summary, options))
+    try:
+        into.leave(result, cut=summary.interrupted, others=written)
+    finally:
+        undamped = where.damping and not (where.lattice or options.start or options.smooth)
+        if undamped and summary.lost is not None:
+            inform(
+                "it started on the breather without damping, which is no orbit of the damped ring: "
+                f"--lattice ring:{where.sites or SITES} starts on the one with damping"
+            )
+    if summary.interrupted:  # while it was judged
         raise CutShort
 
 
@@ -212,7 +209,7 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         cb.save(into.save, run=summary.run)
     if options.impacts is not None:
         rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
-        yield write_csv(options.impacts, IMPACTS, rows)
+        yield write_csv(options.impacts, IMPACTS, rows, summary.cut)
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -224,6 +221,7 @@ class RunSummary:
     when what took long to simulate is on disk."""
 
     run: Ran
+    asked: float | None = None  # periods; of a run out of a file nobody knows
     site: int = 0
     stream: cb.simulation.Recording | None = None
     by_site: dict[int, int] | None = None
@@ -233,8 +231,15 @@ class RunSummary:
 
     def __post_init__(self) -> None:
         self.periods = self.run.periods if self.stream is None else self.stream.periods
-        self.interrupted = self.run.stop is cb.simulation.RunStop.INTERRUPTED
         self.stop = getattr(self.run, "reason", "") or self.run.stop.value
+        self.cut = ""  # a remark in files
+        ends = self.run.stop, getattr(self.stream, "stop", None)
+        self.interrupted = cb.simulation.RunStop.INTERRUPTED in ends
+        if self.interrupted:
+            asked = "" if self.asked is None else f" of {self.asked:.12g}"
+            after = f"after {self.periods}{asked} periods"
+            goes_on = "" if self.stream is None else "; the same command goes on"
+            self.stop, self.cut = f"interrupted {after}{goes_on}", f"{CUT} {after}"
 
     def chunks(self) -> Iterator[Chunk]:
         """Go through all of it; through a stream piece by piece, so that memory does not grow with
@@ -355,7 +360,8 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
 
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
     heading = ["period", "time", *names]
-    return Result(entry, list, lambda: (heading, _strobes(summary)), partial(_draw, summary))
+    draw = partial(_draw, summary)
+    return Result(entry, list, lambda: (heading, _strobes(summary)), draw, summary.cut)
 
 
 def _strobes(summary: RunSummary) -> Iterator[list[float]]:
