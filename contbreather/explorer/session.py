@@ -94,13 +94,12 @@ class Session:
         now = name, parameter(name, value)
         self.message = ""
         with self._changing:  # what arrives meanwhile is not taken for what is wanted now
+            self.drawing = ""  # of another one
             self.change(fixed=now, forcing=forcing)
             if self._wanted in self._planes:
                 self._show_plane()
                 return
             self.change(awaited=self.state.title)
-            if self.drawing:
-                self._quick.stop()  # nobody waits for what is slow
             self._compute(self._wanted)
 
     @property
@@ -118,9 +117,13 @@ class Session:
 
         def say(how_far: str) -> None:
             past = time.monotonic() - began
-            if past > PATIENCE:  # most are there before it could be read
+            if past < PATIENCE:  # most are there before it could be read
+                return
+            with self._changing:
+                if self._wanted != wanted:
+                    raise KeyboardInterrupt  # nobody waits for what is slow
                 self.drawing = f"zones at {self.state.title}: {how_far}, {past:.0f} s"
-                self._say()
+            self._say()
 
         def job(progress: Progress) -> Zones:
             plane: Zones = zones(**on, forcing=forcing or None, progress=progress)

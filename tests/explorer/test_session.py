@@ -243,6 +243,30 @@ def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(monkeypatch: 
     assert explorer.wait(HUNG)
 
 
+def test_how_far_zones_are_is_not_said_any_more_when_others_are_looked_at(monkeypatch) -> None:
+    """Of a ring that was typed and typed away again; they are given up."""
+    monkeypatch.setattr(session, "PATIENCE", 0.0)
+    explorer, said, heard = Explorer(k=0.8), threading.Event(), list[str]()
+    explorer.look_at(0.8)
+    assert explorer.wait(HUNG)
+    explorer.listen(lambda _: said.set() if "points" in explorer.drawing else None)
+    usual = {"a": 0.5, "gamma": 0.05, "k": 0.8, "forcing": ""}
+    explorer.choose_typed(**usual, lattice="open:4", damping=0.02)
+    assert said.wait(HUNG)
+    explorer.choose_typed(**usual, lattice="")
+    assert (explorer.drawing, explorer.state.awaited) == ("", "")
+    explorer.listen(lambda _: heard.append(explorer.drawing))
+    assert explorer.wait(HUNG)
+    explorer.tell("later")
+    assert {*heard} == {""}
+    assert explorer.state.plane is not None
+    assert plane_in_words(explorer.state.plane) == "infinite chain"
+    explorer.choose_typed(**usual, lattice="open:4", damping=0.02)
+    assert explorer.state.awaited  # what was given up was not computed on
+    explorer.stop()
+    assert explorer.wait(HUNG)
+
+
 def test_a_place_beyond_grazing_says_what_is_there() -> None:
     explorer = Explorer()
     explorer.look_at(0.8)
