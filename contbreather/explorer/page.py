@@ -22,7 +22,7 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 from contbreather.errors import ContbreatherError
 from contbreather.explorer import forms, style, views
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, names, verdict_in_words, verdicts
+from contbreather.explorer.state import PageState, told_apart, verdict_in_words, verdicts
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
 from contbreather.progress import in_notebook
@@ -72,7 +72,7 @@ class Page:
 
     def _branch_controls(self) -> None:
         explorer = self.explorer
-        self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
+        self.x, self.y = (pn.widgets.Select(label=name, width=110) for name in "xy")
         self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(label="special point", width=120)
         self.point = pn.widgets.IntSlider(label="point", width=120)
@@ -106,7 +106,7 @@ class Page:
 
     def _laid_out(self) -> Any:
         which = pn.FlexBox(
-            self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
+            self.curve, self.label, self.point, self.x, self.y, sizing_mode="stretch_width"
         )
         fields = pn.Row(*self.asked.values(), margin=0)
         parts: dict[str, tuple[Any, ...]] = {
@@ -276,7 +276,7 @@ class Page:
     def _render_branches(self, new: PageState, old: PageState) -> None:
         (x, y), codes = new.columns, [*new.shown]
         if (new.curves, new.hidden) != (old.curves, old.hidden):
-            self.curve.options = names(new.shown)
+            _, self.curve.options = told_apart(new.shown)
         self.curve.value = new.listed if new.listed in codes else next(iter(codes), None)
         self.remove.disabled = not codes
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes

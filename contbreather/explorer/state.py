@@ -262,13 +262,15 @@ def small(lattice: Any) -> Any:
 # --- in words -------------------------------------------------------------------------------------
 
 
-def names(curves: Mapping[str, Branch]) -> dict[str, str]:
-    """Codes of curves by names that say what not all of them share: the parameters that vary, those
-    that do not, and the lattice."""
-    by_code = {code: _facts(branch) for code, branch in curves.items()}
-    shared = set.intersection(*map(set, by_code.values())) if by_code else set()
-    rest = {code: [fact for fact in facts if fact not in shared] for code, facts in by_code.items()}
-    return {": ".join(filter(None, (code, ", ".join(rest[code])))): code for code in rest}
+def told_apart(curves: Mapping[str, Branch]) -> tuple[str, dict[str, str]]:
+    """Say what all curves share of the parameters that vary, those that do not and the lattice, and
+    name each by its code and what it does not share: codes by names."""
+    facts = {code: _facts(branch) for code, branch in curves.items()}
+    first = next(iter(facts.values()), [])
+    shared = [fact for fact in first if all(fact in its for its in facts.values())]
+    own = {code: ", ".join(fact for fact in facts[code] if fact not in shared) for code in facts}
+    by_name = {": ".join(filter(None, (code, words))): code for code, words in own.items()}
+    return ", ".join(shared), by_name
 
 
 def _facts(branch: Branch) -> list[str]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from contbreather.plotting.canvas import BLACK, BLUE, CYCLE, VERMILLION
 from contbreather.plotting.zones import SHADES
 
+T = TypeVar("T")
 GRID = """
 :host { display: grid !important; gap: 10px; padding: 8px !important; align-items: stretch;
   grid-template-columns: 300px minmax(0, 1fr) minmax(0, 1fr);
@@ -87,6 +91,10 @@ class Theme:
     unstable: str
     band: str
     paper: str
+
+    def colours(self, names: Iterable[T]) -> dict[T, str]:
+        """One for each, again from the first where there are more."""
+        return dict(zip(names, itertools.cycle(self.cycle), strict=False))
 
 
 LIGHT = Theme(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 from unicodedata import lookup
@@ -21,6 +21,7 @@ from contbreather.explorer.state import (
     map_on_ring,
     model_in_words,
     plane_in_words,
+    told_apart,
     watched,
 )
 from contbreather.explorer.style import Theme
@@ -44,7 +45,7 @@ MARKS = {
     "X": "x", "*": "star", "P": "plus", ".": "dot", "x": "x", "h": "hex", "p": "hex",
     "<": "y", ">": "square_pin", "d": "diamond_dot", "8": "hex_dot",
 }  # fmt: skip
-ACROSS, UP = 0.12, 0.05  # parts of a figure that a word takes
+ACROSS, UP = 0.12, 0.07  # parts of a figure that a word takes
 WIDE, NARROW = 53, 33  # letters of a title in a line, of the zones and of the multipliers
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {branches.STABLE: "solid", branches.UNSTABLE: "dashed", branches.BEYOND: "dotted",
@@ -63,6 +64,13 @@ def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
     source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
+def _title(words: str, letters: int) -> str:
+    """Break words into lines, at least two: of a title that has more of them than the one before
+    Bokeh leaves the old one behind it."""
+    lines = wrap(words, letters, max_lines=3, placeholder=" \N{HORIZONTAL ELLIPSIS}") or [""]
+    return "\n".join(lines if lines[1:] else ("", *lines))
+
+
 def letter(name: str) -> str:
     try:
         return lookup(f"GREEK SMALL LETTER {name}")
@@ -70,12 +78,14 @@ def letter(name: str) -> str:
         return name
 
 
-def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any:
+def _sheet(theme: Theme, x: str, y: str, height: int | None, title: str = "") -> Any:
     fig: Any = figure(
-        height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
+        title=_title(title, WIDE), height=height, sizing_mode="stretch_width", x_axis_label=x,
+        y_axis_label=y,
         tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
         x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
-        background_fill_color=None, border_fill_color=None, outline_line_color=theme.faint, **more,
+        background_fill_color=theme.paper, border_fill_color=theme.paper,
+        outline_line_color=theme.faint,
     )  # fmt: skip
     fig.toolbar.update(logo=None, autohide=True)
     fig.title.update(text_color=theme.text, text_font_size="13px")
@@ -91,11 +101,11 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any
 
 def _legend(fig: Any, theme: Theme, place: str, **more: Any) -> None:
     """Put the legend beside the axes: inside it would cover curves."""
-    look: dict[str, Any] = {"padding": 4, "margin": 4, "glyph_width": 26, "spacing": 12, **more}
+    look: dict[str, Any] = {"padding": 4, "margin": 4, "glyph_width": 26, "spacing": 10, **more}
     fig.legend[0].update(
-        location="top_right", label_text_color=theme.text, label_text_font_size="11px",
-        background_fill_color=theme.paper, background_fill_alpha=0.75, border_line_color=None,
-        **look,
+        location="center", label_text_color=theme.text, label_text_font_size="11px",
+        label_height=14, background_fill_color=theme.paper, background_fill_alpha=0.75,
+        border_line_color=None, **look,
     )  # fmt: skip
     fig.add_layout(fig.legend[0], place)
 
@@ -115,12 +125,12 @@ def _bounded(axis: Range1d, low: float, high: float) -> None:
 
 def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataSource:
     """Draw marks with words beside them, and more of it under the pointer."""
-    columns = ("text", *also, "what")
+    columns = ("text", "side", "right", "down", *also, "what")
     source: ColumnDataSource = _drawn(fig, "scatter", "x", "y", also=columns, size=9, **look)
     fig.add_tools(HoverTool(renderers=fig.renderers[-1:], tooltips=[("", "@what")]))
     fig.text(
-        "x", "y", "text", source=source, text_color=theme.text, x_offset=7, y_offset=-5,
-        text_font_size="12px",
+        "x", "y", "text", source=source, text_color=theme.text, text_align="side",
+        x_offset="right", y_offset="down", text_font_size="12px",
     )  # fmt: skip
     return source
 
@@ -183,9 +193,7 @@ class ZonesView:
             words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
         elif drawn is not None and orbit is not None and here != model_in_words(orbit):
             words += f"; chosen: {model_in_words(orbit)}"
-        lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
-        # always two: of a title that has more than before Bokeh leaves the old one behind it
-        self.figure.title.text = "\n".join((*lines, "")[:2])
+        self.figure.title.text = _title(words, WIDE)
 
     def boundaries(self, curves: Iterable[Branch], drawn: Zones) -> None:
         name, value = drawn.fixed
@@ -234,31 +242,43 @@ class BranchView:
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.figure = fig = _sheet(theme, "a", "p", 380, title="no branch yet")
-        look: dict[str, Any] = {"also": ["colour"], "color": "colour", "line_width": 2}
-        self.lines = {
-            style: _drawn(fig, "multi_line", "xs", "ys", line_dash=dash, **look)
-            for style, dash in DASHES.items()
-        }
+        look: dict[str, Any] = {"color": "colour", "line_dash": "dash", "line_width": 2}
+        columns = "multi_line", "xs", "ys"
+        self.lines = _drawn(fig, *columns, also=["colour", "dash"], **look)
+        # of no line: what the legend says
+        self.key = _drawn(
+            fig, *columns, also=["colour", "dash", "word"], legend_field="word", **look
+        )
         look = {"marker": "mark", "fill_color": "colour", "line_color": "colour"}
         self.special = _named_marks(fig, theme, "colour", "mark", **look)
         self.here = _here(fig, theme)
+        _legend(fig, theme, "below", ncols=3)
 
     def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
-        drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
-        marks = []
-        for i, (code, branch) in enumerate(curves.items()):
-            colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in branches.pieces(branch, x, y):
-                drawn[style].append((xs, ys, colour))
-            marks += [_special(point, code, x, y, colour) for point in branch.special]
-        for style, rows in drawn.items():
-            _fill(self.lines[style], rows)
+        shared, _ = told_apart(curves)
+        lines, marks = list[Any](), list[Any]()
+        colours, styles = self.theme.colours(curves), set[str]()
+        for code, branch in curves.items():
+            for style, *line in branches.pieces(branch, x, y):
+                lines.append((*line, colours[code], DASHES[style]))
+                styles.add(style)
+            marks += [_special(point, code, x, y, colours[code]) for point in branch.special]
+        _fill(self.lines, lines)
+        _fill(self.key, self._entries(colours, styles))
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
-        many = f"{len(curves)} curves" if len(curves) > 4 else ", ".join(curves)
-        self.figure.title.text = many or "no branch yet"
+        self.figure.title.text = _title(shared if curves else "no branch yet", WIDE)
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
-            _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
+            _reach(axis, (v for row in lines for v in row[at]))
         _fill(self.special, _named(self.figure, marks))
+
+    def _entries(self, colours: Mapping[str, str], styles: set[str]) -> Iterator[tuple[Any, ...]]:
+        """Say what colours stand for, of many curves the first, and dashes, as in print."""
+        nowhere = [np.nan]
+        for code in list(colours)[: branches.MANY]:
+            yield nowhere, nowhere, colours[code], "solid", code
+        for style, word in branches.WORDS.items():
+            if style in styles and styles != {branches.STABLE}:
+                yield nowhere, nowhere, self.theme.text, DASHES[style], word
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         point = None if chosen is None else chosen.point
@@ -280,15 +300,18 @@ class BranchView:
 
 
 def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
-    """Leave out words that would cover one before: (x, y, word, ...); the mark has to do there,
-    which says what it is under the pointer."""
+    """Put words, of (x, y, word, ...), above and right of their marks, at these edges on the other
+    side. One that would cover another is left out: the mark has to do there, which says what it is
+    under the pointer."""
     seen: list[tuple[float, float]] = []
     rows = []
     for x, y, word, *more in marks:
-        at = x / (fig.x_range.end - fig.x_range.start), y / (fig.y_range.end - fig.y_range.start)
-        room = all(abs(at[0] - u) > ACROSS or abs(at[1] - v) > UP for u, v in seen)
-        seen += [at] if room and word else []
-        rows.append((x, y, word if room else "", *more))
+        across = (x - fig.x_range.start) / (fig.x_range.end - fig.x_range.start)
+        up = (y - fig.y_range.start) / (fig.y_range.end - fig.y_range.start)
+        room = all(abs(across - u) > ACROSS or abs(up - v) > UP for u, v in seen)
+        seen += [(across, up)] if room and word else []
+        side = ("right", -7) if across > 1.0 - ACROSS else ("left", 7)  # pixels
+        rows.append((x, y, word if room else "", *side, 16 if up > 1.0 - UP else -5, *more))
     return rows
 
 
@@ -323,7 +346,7 @@ class OrbitView:
         for source in vars(self).values():
             if isinstance(source, ColumnDataSource):
                 _fill(source, [])
-        self.figure.title.text = "\n".join(wrap(why or self.empty, NARROW))
+        self.figure.title.text = _title(why or self.empty, NARROW)
 
 
 class ProfileView(OrbitView):
@@ -377,7 +400,7 @@ class MotionView(OrbitView):
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
-        self.figure.title.text = "\n".join(wrap(verdict, WIDE))
+        self.figure.title.text = _title(verdict, WIDE)
         colours = self._draw({n: (times, its) for n, its in zip(there, u, strict=True)})
         hits = impacts_of(orbit, there)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
@@ -394,7 +417,7 @@ class MotionView(OrbitView):
         self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {outcome}"
 
     def _draw(self, by_site: dict[int, tuple[Array, Array]]) -> dict[int, str]:
-        colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}
+        colours = self.theme.colours(by_site)
         lines = ((n, *thinned(t / PERIOD, u)) for n, (t, u) in by_site.items())
         _fill(self.lines, ((t, u, colours[n], f"site {n}") for n, t, u in lines))
         _reach(self.figure.x_range, [t[i] for t in self.lines.data["xs"] for i in (0, -1)])
@@ -451,7 +474,7 @@ class MultipliersView(OrbitView):
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
         about = f"over {'half a' if orbit.symmetric else 'a'} period, {finite.lattice.describe()}"
-        self.figure.title.text = "\n".join(wrap(f"{about}{beyond}", NARROW))
+        self.figure.title.text = _title(f"{about}{beyond}", NARROW)
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             _bounded(axis, -reach, reach)

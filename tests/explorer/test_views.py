@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bokeh.core.enums import MarkerType
-from bokeh.models import GlyphRenderer, HoverTool
+from bokeh.models import HoverTool
 
 import contbreather as cb
 from contbreather.continuation.curve.kinds import LOOKS, look_of
@@ -28,10 +28,6 @@ same = np.testing.assert_array_equal
 @pytest.fixture(scope="module")
 def branch() -> Any:
     return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
-
-
-def glyphs(fig: Any) -> list[GlyphRenderer]:
-    return [one for one in fig.renderers if isinstance(one, GlyphRenderer)]
 
 
 def rows(source: Any, *names: str) -> list[Any]:
@@ -101,18 +97,12 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     view.show(both, "a", "phi")
     printed = [line for line in plot(branch, x="a", y="phi").axes.get_lines()
                if line.get_linestyle() != "None"]  # fmt: skip
-    dashes = {id(one.data_source): one.glyph.line_dash for one in glyphs(view.figure)[:4]}
-    for (style, source), dash in zip(
-        view.lines.items(), ("solid", "dashed", "dotted", "dashdot"), strict=True
-    ):
-        own = [line for line in printed if line.get_linestyle() == style]
-        wanted = [(line, colour) for colour in DARK.cycle[:2] for line in own]
-        assert dashes[id(source)] == dash
-        for (xs, ys, its), (line, colour) in zip(
-            rows(source, "xs", "ys", "colour"), wanted, strict=True
-        ):
-            same([xs, ys], line.get_data())
-            assert its == colour
+    dashes = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "dashdot"}
+    wanted = [(line, colour) for colour in DARK.cycle[:2] for line in printed]
+    drawn = rows(view.lines, "xs", "ys", "colour", "dash")
+    for (xs, ys, *its), (line, colour) in zip(drawn, wanted, strict=True):
+        same([xs, ys], line.get_data())
+        assert its == [colour, dashes[line.get_linestyle()]]
     points = []
     for one, colour, mark in zip(both, DARK.cycle, ("?", ""), strict=False):
         for p in branch.special:
@@ -124,7 +114,8 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     assert rows(view.special, "x", "y", "text", "colour", "what") == points
     assert [tool.tooltips for tool in view.figure.select(HoverTool)] == [[("", "@what")]]
     axes = view.figure.xaxis.axis_label, view.figure.yaxis.axis_label
-    assert (view.figure.title.text, *axes) == ("one, two", "a", "φ")
+    shared = "in a, infinite chain, gamma = 0.04, k = 0.8"
+    assert (view.figure.title.text.strip(), *axes) == (shared, "a", "φ")
     for axis, get in ((view.figure.x_range, "get_xdata"), (view.figure.y_range, "get_ydata")):
         data = np.concatenate([getattr(line, get)() for line in printed])
         around(axis, data.min(), data.max())
@@ -146,12 +137,42 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         assert unicodedata.name(views.letter(name)) == f"GREEK SMALL LETTER {name.upper()}"
 
 
+def test_the_legend_says_which_curve_a_colour_is_and_what_dashes_mean(branch: Any) -> None:
+    """The same as in print; of many curves it has the first."""
+    view, stable = views.BranchView(LIGHT), branch[5:8]
+    legend = view.figure.legend[0]
+    assert legend in view.figure.below
+    (entry,) = legend.items
+    assert (entry.label.field, entry.renderers[0].data_source) == ("word", view.key)
+    for curves, wanted in (
+        ({"one": branch, "two": stable}, [
+            ("one", LIGHT.cycle[0], "solid"), ("two", LIGHT.cycle[1], "solid"),
+            ("stable", LIGHT.text, "solid"), ("unstable", LIGHT.text, "dashed"),
+        ]),
+        ({"two": stable}, [("two", LIGHT.cycle[0], "solid")]),
+        ({str(i): stable for i in range(12)},
+         [(str(i), LIGHT.cycle[i % 7], "solid") for i in range(8)]),
+        ({}, []),
+    ):  # fmt: skip
+        view.show(curves, "a", "p")
+        assert rows(view.key, "word", "colour", "dash") == wanted
+        assert np.isnan(np.array(view.key.data["xs"])).all()  # nothing is drawn besides the legend
+
+
+def test_words_at_an_edge_are_on_the_other_side_of_their_marks(branch: Any) -> None:
+    view, fork = views.BranchView(LIGHT), branch.first("PF")
+    view.show({"one": branch}, "a", "p")
+    assert ("PF1", "left", 7, -5) in rows(view.special, "text", "side", "right", "down")
+    view.show({"one": replace(branch, points=(branch[1], branch[2], fork))}, "a", "p")
+    assert rows(view.special, "text", "side", "right", "down")[-1] == ("PF1", "right", -7, 16)
+
+
 def test_the_motion_shows_each_site_between_its_walls() -> None:
     view = views.MotionView(LIGHT)
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
     view.show(B, (1, 0), "stable")
-    assert view.figure.title.text == "stable"
+    assert view.figure.title.text.strip() == "stable"
     assert rows(view.lines, "site", "colour") == [("site 1", "#0072B2"), ("site 0", "#D55E00")]
     hits = rows(view.hits, "x", "y", "colour")
     assert {(wall, colour) for _, wall, colour in hits} == {(-1.0, "#D55E00"), (1.0, "#D55E00")}
@@ -210,7 +231,7 @@ def test_multipliers_are_those_of_half_a_period_of_the_ring_or_of_the_own_lattic
     view = views.MultipliersView(LIGHT)
     view.show(B, 100)
     same(view.dots.data["x"] + 1j * view.dots.data["y"], B.multipliers(sites=100, half=True))
-    assert view.figure.title.text == "over half a period, ring of 100"
+    assert view.figure.title.text.strip() == "over half a period, ring of 100"
     edge = np.exp(2j * np.pi * 0.08**0.5)  # exp(+-i pi w), w up to 2 sqrt(gamma)
     ends = [xs[-1] + 1j * ys[-1] for xs, ys in rows(view.band, "xs", "ys")]
     assert ends == pytest.approx([edge, edge.conjugate()])
@@ -236,7 +257,7 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(a: float, beyond: b
     same(red, off & (abs(mu) > 1.0))
     assert size[off].min(initial=10.0) > size.min() >= 2.0
     fig, words = view.figure, f"; one at |μ| = {largest:.4g}" * beyond
-    assert fig.title.text.replace("\n", " ") == f"over half a period, ring of 100{words}"
+    assert fig.title.text.strip().replace("\n", " ") == f"over half a period, ring of 100{words}"
     reach = 1.1 * min(max(1.15, largest), 4.0)
     for axis in (fig.x_range, fig.y_range):
         ends = axis.start, axis.end, axis.reset_start, axis.reset_end
@@ -244,7 +265,7 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(a: float, beyond: b
     frame = fig.width - fig.min_border_left - fig.min_border_right
     assert frame == fig.height - fig.min_border_top - fig.min_border_bottom == 240
     view.nothing("too large")
-    assert fig.title.text == "too large"
+    assert fig.title.text.strip() == "too large"
     assert not any(map(len, view.dots.data.values()))
 
 
