@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -109,39 +108,7 @@ def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
     }
 
 
-# --- boundary, point, branch ----------------------------------------------------------------------
-
-
-def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
-    b = cb.symmetric(0.8, 0.045, 0.8)
-    shown = cells(run("point --a 0.8 --gamma 0.045 --k 0.8")[1])
-    own = {"a": b.a, "gamma": b.gamma, "k": b.k, "p": b.p, "phi": b.phi, "chi": b.chi}
-    assert {name: float(shown[name]) for name in own} == pytest.approx(own, rel=1e-14)
-    assert float(shown["max |u_1|"]) == pytest.approx(b.admissibility().max_neighbour, rel=1e-14)
-    assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
-
-
 # --- titles, and pictures that commands write -----------------------------------------------------
-
-
-def test_table_of_arms_holds_the_special_points_of_each(run) -> None:
-    line = "switch --free a --gamma 0.04 --k 0.8"
-    arms = json.loads(run(f"{line} --json")[1])["arms"]
-    table_lines = [one for one in run(line)[1].splitlines() if one.startswith(("┃", "│"))]
-    heading, *rows = ([cell.strip() for cell in re.split("[┃│]", one)[1:-1]] for one in table_lines)
-    assert heading[:3] == ["arm", "label", "a"]
-    special = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm["special"]]
-    assert len(rows) == len(special)
-    for row, (number, point) in zip(rows, special, strict=True):
-        shown = dict(zip(heading, row, strict=True))
-        assert shown["arm"] == str(number)
-        assert shown["label"] == point["label"]
-        if "asymmetry" in heading:
-            asymmetry = point["t2"] - point["t1"] - math.pi
-            assert float(shown["asymmetry"]) == pytest.approx(asymmetry, abs=1e-11)
-        assert {"p", "t1", "t2"} <= set(heading)
-        for name in set(heading) & {"a", "p", "t1", "t2", "c"}:
-            assert float(shown[name]) == pytest.approx(point[name], rel=1e-11, abs=1e-11)
 
 
 @pytest.fixture

@@ -234,22 +234,14 @@ def test_the_console_script_hears_it_from_the_start() -> None:
 POINT = "point --a 0.5 --gamma 0.04 --k 0.8"
 
 
-@pytest.mark.parametrize("line", [POINT, "--help"])
-def test_a_full_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None:
+@pytest.mark.parametrize("line", [POINT, "--help", ""])
+def test_a_full_or_closed_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None:
     with open("/dev/full", "w") as full:
-        one = process(line, tmp_path, stdout=full)
-    assert (one.returncode, one.stderr) == (
-        1,
-        "contbreather: cannot write to standard output: No space left on device\n",
-    )
-
-
-def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
-    one = process(POINT, tmp_path, stdout=None, preexec_fn=lambda: os.close(1))
-    assert (one.returncode, one.stderr) == (
-        1,
-        "contbreather: cannot write to standard output: it is closed\n",
-    )
+        closed = {"stdout": None, "preexec_fn": lambda: os.close(1)}
+        one = process(line or POINT, tmp_path, **({"stdout": full} if line else closed))
+    why = "No space left on device" if line else "it is closed"
+    said = f"contbreather: cannot write to standard output: {why}\n"
+    assert (one.returncode, one.stderr) == (1, said)
 
 
 def test_a_full_or_closed_standard_error_keeps_the_status(tmp_path: Path) -> None:

@@ -96,16 +96,6 @@ def test_a_ring_of_a_lattice_is_that_of_sites(run) -> None:
     assert content(run, f"{line} --lattice ring:20") == content(run, f"{line} --sites 20")
 
 
-def test_branch_and_its_special_points_are_the_library_s(run) -> None:
-    found = content(run, f"branch --free a {AT} --lattice open:9 --window 0.55 0.95")
-    branch = cb.trace(
-        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9)), "a", within={"a": (0.55, 0.95)}
-    )
-    assert [one["label"] for one in found["special"]] == [one.label for one in branch.special]
-    for one, own in zip(found["special"], branch.special, strict=True):
-        assert one["a"] == pytest.approx(own["a"], abs=1e-10)
-
-
 @pytest.mark.parametrize(("free", "lattice"), [("damping", "ring:12"), ("spring", "grid:3x3")])
 def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str) -> None:
     found = content(run, f"branch --free {free} --a 0.6 {AT} --lattice {lattice} --window 0 0.02")

@@ -7,7 +7,6 @@ import json
 import math
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -19,6 +18,8 @@ import contbreather.__main__ as entry
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
 from contbreather.cli.process import CutShort
 from contbreather.errors import Interrupted, NotConverged
+
+from .apart import ended
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
 
@@ -68,16 +69,14 @@ def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
-# --- the watch ------------------------------------------------------------------------------------
-
-
 # --- what is written ------------------------------------------------------------------------------
 
 
+BRANCH = "branch --free a --gamma 0.08 --k 0.8 --window 0.5 0.55 --csv -"
+
+
 def test_a_table_on_standard_output_has_it_to_itself() -> None:
-    line = ["branch", "--free", "a", "--gamma", "0.08", "--k", "0.8", "--window", "0.5", "0.55"]
-    command = [sys.executable, "-m", "contbreather", *line, "--csv", "-"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = ended("-m", "contbreather", *BRANCH.split())
     header, *rows = done.stdout.splitlines()
     assert header == "label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi"
     assert all(row.count(",") == header.count(",") for row in rows)
@@ -85,12 +84,8 @@ def test_a_table_on_standard_output_has_it_to_itself() -> None:
 
 
 def test_a_table_may_go_to_standard_output_whatever_that_is() -> None:
-    line = ["branch", "--free", "a", "--gamma", "0.08", "--k", "0.8", "--window", "0.5", "0.55"]
     with open("/dev/full", "w") as full:  # as any other device, a terminal for instance
-        done = subprocess.run(
-            [sys.executable, "-m", "contbreather", *line, "--csv", "-"],
-            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
-        )  # fmt: skip
+        done = ended("-m", "contbreather", *BRANCH.split(), stdout=full)
     said = "contbreather: cannot write /dev/stdout: No space left on device; choose another place\n"
     assert (done.returncode, done.stderr) == (BAD_INPUT, said)
 
@@ -98,13 +93,9 @@ def test_a_table_may_go_to_standard_output_whatever_that_is() -> None:
 def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> None:
     line = ["zones", "--k", "0.8", "--csv", "zones.csv"]
     with (tmp_path / "zones.csv").open("w") as out:
-        done = subprocess.run(
-            [sys.executable, "-m", "contbreather", *line],
-            stdout=out, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path,
-        )  # fmt: skip
+        done = ended("-m", "contbreather", *line, stdout=out, cwd=tmp_path)
     both = "standard output and --csv both name zones.csv; give different names"
-    said = f"contbreather: {both}\n"
-    assert (done.returncode, done.stderr) == (BAD_INPUT, said)
+    assert (done.returncode, done.stderr) == (BAD_INPUT, f"contbreather: {both}\n")
     assert (tmp_path / "zones.csv").read_text() == ""
 
 

@@ -84,13 +84,6 @@ def test_length_is_said_as_it_was(run, periods, length, few):
     assert f"No verdict: {few}, give at least 100." in out
 
 
-def test_smooth_ring_settles_on_the_orbit_that_shooting_finds(run):
-    status, out, _ = run(f"{STABLE} --smooth 6 --sites 8 --periods 300 --json")
-    verdict = json.loads(out)["verdict"]
-    assert (status, verdict["kind"]) == (DONE, "PERIODIC")
-    assert 0.9 < verdict["evidence"]["multiplier"] < 1.0
-
-
 # --- starts ---------------------------------------------------------------------------------------
 
 

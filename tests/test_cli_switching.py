@@ -19,23 +19,6 @@ DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
 # --- switch ---------------------------------------------------------------------------------------
 
 
-def test_both_arms_are_told_with_normal_form_stability_and_end(run: Run) -> None:
-    status, out, err = run(f"{SWITCH} -o arms.png")
-    assert (status, err) == (DONE, "")
-    for sentence in (
-        "PF1 at a = 0.777632425944, on symmetric breather in a",
-        "Supercritical: (t2 - t1 - pi)^2 / (a - 0.777632) -> 8.761463",
-        "Arm 1, EP1 to GR1: stable on the infinite chain.",
-        "Arm 1, GR1: ended at a terminal event (site 1 reaches |u| = 1 at t = 0.01765",
-        "Arm 2, GR1: ended at a terminal event (site 1 reaches |u| = 1 at t = 3.15925",
-        "Arm 2, the mirror image of arm 1.",
-        "Wrote arms.png.",
-    ):
-        assert sentence in out
-    assert out.count("0.877386621674") == 2
-    assert Path("arms.png").stat().st_size > 10_000
-
-
 def test_both_arms_are_told_to_be_stable_alike(run: Run) -> None:
     """They are mirror images. At EP1, the pitchfork, and NS1 a multiplier is on the circle, so that
     no count is told there; no point of the walk lies between NS1 and EP2, and yet that piece is
@@ -135,19 +118,10 @@ def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Run) -> None:
     assert "Not all arms" not in out
 
 
-def arms_end(monkeypatch: pytest.MonkeyPatch, how: BaseException) -> None:
-    """Have arms that are followed end like this."""
-    monkeypatch.setattr(
-        "contbreather.continuation.branches.diagram.follow", MagicMock(side_effect=how)
-    )
-
-
 def test_arms_that_fail_are_told_and_have_status_1(run: Run, monkeypatch: pytest.MonkeyPatch):
-    arms_end(monkeypatch, cb.NotConverged("no first step"))
+    fails = MagicMock(side_effect=cb.NotConverged("no first step"))
+    monkeypatch.setattr("contbreather.continuation.branches.diagram.follow", fails)
     status, out, err = run(DIAGRAM)
     assert status == FAILED
     assert "2 arms not followed" in out
     assert "not complete: branch 0: PF1: no first step" in err
-
-
-# --- figures of several branches ------------------------------------------------------------------
