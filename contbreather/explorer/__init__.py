@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from contbreather.checks import whole
 from contbreather.errors import BadInput
 from contbreather.explorer.session import Session
 
@@ -103,8 +102,6 @@ def server_for(
     panel = _panel()
     from bokeh.server.util import create_hosts_allowlist
 
-    if whole("port", port, 0) > 65535:
-        raise BadInput(f"port = {port}: ports are whole numbers up to 65535, 0 for any free one")
     port = _free(address, port)
     own = (f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address)))
     hosts = [host.lower() for host in (*own, *origins)]
@@ -158,13 +155,14 @@ def _panel() -> Any:
 
 def _free(address: str, port: int) -> int:
     try:
-        info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        info = socket.getaddrinfo(address, None, type=socket.SOCK_STREAM)[0]
+        host, _, *more = info[4]
         with socket.socket(info[0], info[1]) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(info[4])
+            probe.bind((host, port, *more))
             return int(probe.getsockname()[1])
-    except (OSError, OverflowError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+    except (OSError, OverflowError, TypeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).rstrip(".")
         raise BadInput(
             f"cannot listen at {address}, port {port}: {reason}; choose another port, or 0 for "
             "any that is free"

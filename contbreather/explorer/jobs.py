@@ -181,32 +181,35 @@ def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
     return params, ", ".join(f"{name}={code}" for name, code in codes.items())
 
 
+def _called(
+    title: str, name: str, function: Callable[..., Any], start: Any, code: str, *given: Any,
+    **more: Any,
+) -> Computation:  # fmt: skip
+    """Call a function of the library, with the code of what it starts from."""
+    words = [code, *map(repr, given), *(f"{name}={value!r}" for name, value in more.items())]
+    return Computation(
+        title, name, f"cb.{function.__name__}({', '.join(words)})",
+        lambda progress: function(start, *given, **more, progress=progress),
+    )  # fmt: skip
+
+
 def traced(chosen: Chosen, free: str, window: Window) -> Computation:
     start = chosen.orbit if chosen.point is None else chosen.point
     within = {free: window}
-    code = f'cb.trace({chosen.code}, "{free}", within={within})'
-    return Computation(
-        f"branch in {free}", "branch", code,
-        lambda progress: trace(start, free, within=within, progress=progress),
-    )  # fmt: skip
+    return _called(f"branch in {free}", "branch", trace, start, chosen.code, free, within=within)
 
 
 def switched(chosen: Chosen) -> Computation:
     point = _special(chosen, "to switch at")
-    return Computation(
-        f"arms of {point.label}", "arms", f"cb.switch({chosen.code})",
-        lambda progress: switch(point, progress=progress),
-    )  # fmt: skip
+    return _called(f"arms of {point.label}", "arms", switch, point, chosen.code)
 
 
 def bounded(chosen: Chosen, pair: tuple[str, str], within: Mapping[str, Window]) -> Computation:
-    point = _special(chosen, "to trace")
+    point, code = _special(chosen, "to trace"), chosen.code
     windows = {name: within[name] for name in pair if name in within}
-    return Computation(
-        f"boundary of {point.label}", "line",
-        f"cb.boundary({chosen.code}, {pair}, within={windows})",
-        lambda progress: boundary(point, pair, within=windows, progress=progress),
-    )  # fmt: skip
+    return _called(
+        f"boundary of {point.label}", "line", boundary, point, code, pair, within=windows
+    )
 
 
 def _special(chosen: Chosen, what: str) -> Any:

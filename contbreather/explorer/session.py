@@ -68,17 +68,20 @@ class Session:
         for listener in tuple(self._listeners):
             listener(self.state)
 
-    def change(self, **values: Any) -> None:
-        """Show something else: other columns (`axes`), say."""
+    def _become(self, step: Callable[[PageState], PageState], undone: str = "") -> None:
+        """Show something else; `undo` goes back from there where it has something to say."""
         with self._changing:
-            self.state = replace(self.state, **values)
+            if undone:
+                self._before.append((undone, self.state))
+            self.state = step(self.state)
         self._say()
 
+    def change(self, **values: Any) -> None:
+        """Show other columns (`axes`), say."""
+        self._become(lambda state: replace(state, **values))
+
     def tick(self, codes: Iterable[str]) -> None:
-        """Draw these curves; those of another problem give way to one that was not drawn."""
-        with self._changing:
-            self.state = self.state.ticked(codes)
-        self._say()
+        self._become(lambda state: state.ticked(codes))
 
     def tell(self, message: str) -> None:
         self.message = message
@@ -308,18 +311,13 @@ class Session:
         self._count += 1
         name = f"{name}{self._count}"
         *setup, last = lines
-        with self._changing:
-            self._before.append((f"{name} is taken back.", self.state))
-            lines = (*setup, last.replace("{}", name, 1))
-            self.state = self.state.with_result(name, lines, value, outcome)
-        self._say()
+        lines = (*setup, last.replace("{}", name, 1))
+        undone = f"{name} is taken back."
+        self._become(lambda state: state.with_result(name, lines, value, outcome), undone)
 
     def remove(self, code: str) -> None:
         """Take a curve away, by the name that the script has for it."""
-        with self._changing:
-            self._before.append((f"{code} is back.", self.state))
-            self.state = self.state.without(code)
-        self._say()
+        self._become(lambda state: state.without(code), f"{code} is back.")
 
     @property
     def undoes(self) -> bool:
