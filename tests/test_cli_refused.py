@@ -89,8 +89,8 @@ HERE --damping 0.1 >> take a ring or another
 branch --free a --gamma 0.05 --k 0.8 --lattice open:9 --site 9 >> no such site on the open chain
 boundary PF --gamma 0.05 --k 0.8 --lattice open:9 --walls 1,-1 >> two numbers low < high
 branch --free damping --a 0.6 --gamma 0.05 --k 0.8 --window 0.01 0.1 >> on the infinite chain
-switch --free a --gamma 0.05 --k 0.8 --lattice open:9 --threshold 1.02
-    >> --threshold 1\.02: branches that are switched to are judged by the paper's 1\.005
+SWITCH --lattice open:9 --threshold 1.02 >> Unknown option.*--threshold
+DIAGRAM --sites 9 --threshold 1.005 >> Unknown option.*--threshold
 zones --damping 0.1 >> on the infinite chain site 0 impacts
 zones --damping 0.1 --sites 6 --past-folds
     >> past_folds: lower breathers are drawn on the infinite chain, or on a ring
@@ -107,8 +107,7 @@ simulate --gamma 0.1 --k 0.8 >> --a is missing
 simulate --a 0.1 --gamma 0.3 --k 0.8 >> 0 <= gamma < 1/4
 simulate --a 1.05 --gamma 0.1 --k 0.8 >> site 1 reaches .* give a state with --start
 simulate --a 1.05 --gamma 0.2 --k 0.8 >> [^.]; give a state with --start instead\n
-simulate --a 0.6 --gamma 0.05 --k 0.8 --sites 9 --threshold 1.02
-    >> --threshold: the verdict on a run has none
+simulate --a 0.6 --gamma 0.05 --k 0.8 --sites 9 --threshold 1.02 >> Unknown option.*--threshold
 simulate --a 0.6 --gamma 0.05 --k 0.8 --lattice open:9 --site 9 >> no such site on the open chain
 LOST --walls -2,2 --smooth 6 >> --walls goes with rigid walls only: leave out --smooth
 LOST --stream f.nc --smooth 6 >> --stream goes with rigid walls

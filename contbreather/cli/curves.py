@@ -10,7 +10,15 @@ from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import contbreather as cb
-from contbreather.cli.options import Axes, BranchWindow, ModelOptions, StepSizes, Whole, Window
+from contbreather.cli.options import (
+    Axes,
+    BranchWindow,
+    Judged,
+    ModelOptions,
+    StepSizes,
+    Whole,
+    Window,
+)
 from contbreather.cli.output import (
     Result,
     SavedOutput,
@@ -42,6 +50,7 @@ SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
 def point(
     where: ModelOptions = ModelOptions(),
+    rule: Judged = Judged(),
     *,
     root: Whole | None = None,
     certify: bool = False,
@@ -62,7 +71,7 @@ def point(
     from contbreather.orbits.closed_form import rooted
 
     on = where.on()
-    verge = where.verge(ring := on["lattice"])
+    verge = rule.verge(ring := on["lattice"])
     if where.sites is not None:  # of a point it asks for a ring besides the infinite chain
         on = replace(where, sites=None).on()
     roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**where.given(), **on})
@@ -132,6 +141,7 @@ def _judged(
 
 def branch(
     where: ModelOptions = ModelOptions(),
+    rule: Judged = Judged(),
     *,
     along: BranchWindow,
     towards: Literal["both", "up", "down"] = "both",
@@ -155,7 +165,7 @@ def branch(
     """
     into.check(where.read)
     axes.check(into.output)
-    steps, problem = sizes.steps(), along.problem(where, root)
+    steps, problem = sizes.steps(), along.problem(where, rule, root)
     traced, cut = until_interrupted(
         cb.continuation.trace, problem, along.free,
         within=along.within, towards=towards, steps=steps, save=into.save,
@@ -167,6 +177,7 @@ def branch(
 def boundary(
     kind: str,
     where: ModelOptions = ModelOptions(),
+    rule: Judged = Judged(),
     *,
     pair: tuple[str, str] = ("gamma", "a"),
     window: Window = None,
@@ -196,7 +207,7 @@ def boundary(
     within = {first: window or window_of(first), second: window_of(second)}
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(
-        kind.upper(), pair, within=within, threshold=where.threshold,
+        kind.upper(), pair, within=within, threshold=rule.threshold,
         **{**where.given(*NEEDED), **where.on(*pair)},
     )  # fmt: skip
     curve, cut = until_interrupted(

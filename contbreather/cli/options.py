@@ -78,8 +78,6 @@ class LatticeOptions:
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     """A ring of so many sites in place of the infinite chain, judged by the paper's rule."""
-    threshold: float | None = None
-    """On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given."""
     site: Annotated[Whole, parameter_help("site")] = CHOICES["site"].default
     walls: Annotated[
         tuple[str, ...], Parameter(allow_leading_hyphen=True), parameter_help("walls")
@@ -112,12 +110,6 @@ class LatticeOptions:
             one_of("the parameter", name, (*NAMES, *forcing.params))
         return {"lattice": lattice, "forcing": forcing, "site": self.site, "walls": walls}
 
-    def verge(self, lattice: Any) -> float:
-        """Threshold of instability on a lattice, refused where it has none."""
-        from contbreather.stability.verdict import threshold_on
-
-        return threshold_on(lattice, self.threshold)
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Needed:
@@ -146,7 +138,22 @@ class ModelOptions(LatticeOptions, _Needed):  # fields of the last base come fir
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class ZoneOptions(LatticeOptions):
+class Judged:
+    """Rule by which finite lattices are judged; what is switched to has the paper's."""
+
+    threshold: float | None = None
+    """On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given."""
+
+    def verge(self, lattice: Any) -> float:
+        """Threshold of instability on a lattice, refused where it has none."""
+        from contbreather.stability.verdict import threshold_on
+
+        return threshold_on(lattice, self.threshold)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ZoneOptions(Judged, LatticeOptions):  # fields of the last base come first
     """Windows of zone diagrams, and the lattice of their breathers."""
 
     gamma_window: Annotated[Span | None, window_help("gamma")] = None
@@ -211,25 +218,18 @@ class BranchWindow:
         return {self.free: self.window or window_of(self.free)}
 
     def problem(
-        self, where: ModelOptions, root: int | None = None, *, switched: bool = False
-    ) -> cb.Problem:
+        self, where: ModelOptions, judged: Judged = Judged(), root: int | None = None, *,
+        switched: bool = False,
+    ) -> cb.Problem:  # fmt: skip
         """Equations of a breather at the value of the free parameter, if one is given, or in its
         window, with all events; where other branches are `switched` to, on finite lattices those of
         shooting."""
-        from contbreather.stability.verdict import THRESHOLD
-
         free, on, params = self.free, where.on(self.free), where.given(self.free)
         near = (params[free], params[free]) if free in params else self.within[free]
         breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
-        threshold = where.verge(breather.lattice)
-        if switched and threshold != THRESHOLD:
-            raise BadInput(
-                f"--threshold {threshold:g}: branches that are switched to are judged by the "
-                f"paper's {THRESHOLD}; leave it out"
-            )
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)
-        return breather.problem_beyond(threshold).having(free)
+        return breather.problem_beyond(judged.verge(breather.lattice)).having(free)
 
 
 @Parameter(name="*")

@@ -77,8 +77,6 @@ class RunOptions:
                 "and --save, or --stream"
             )
         whole("--seed", self.seed, 0)
-        if where.threshold is not None:
-            raise BadInput("--threshold: the verdict on a run has none; leave it out")
 
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
@@ -107,17 +105,18 @@ class RunOptions:
                     u, v = (u, v) + self.perturb * push
             shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on["forcing"]}
             shared |= {"periods": self.periods, "t0": t0, "progress": bar}
+            summary = partial(
+                RunSummary, asked=self.periods, site=where.site, begun=self.start is None
+            )
             if self.smooth is not None:
-                run: Ran = cb.simulation.simulate_smooth((u, v), m=self.smooth, **shared)
-                return RunSummary(run, self.periods)
+                return summary(cb.simulation.simulate_smooth((u, v), m=self.smooth, **shared))
             shared["walls"] = on["walls"]
             if self.stream is None:
-                shared |= {"noise": self.noise, "seed": self.seed}
-                return RunSummary(cb.simulate((u, v), **shared), self.periods, where.site)
+                return summary(cb.simulate((u, v), **shared, noise=self.noise, seed=self.seed))
             if self.periods.is_integer():  # whole ones alone are kept
                 shared["periods"] = int(self.periods)
             recording = cb.simulation.record(self.stream, (u, v), **shared)
-            return RunSummary(recording.last(2 * JUDGED), self.periods, where.site, recording)
+            return summary(recording.last(2 * JUDGED), stream=recording)
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:
@@ -177,16 +176,8 @@ def simulate(
     if summary.interrupted:
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
-    usual = of_run(summary, where.given())
-
-    def entry() -> dict[str, Any]:
-        about = dict(usual.entry())
-        begun = options.start is None and summary.by_site is not None  # as a breather that impacts
-        return {**about, "lost_after": summary.lost} if begun else about
-
-    result = usual._replace(entry=entry, lines=lambda: _lines(summary, options))
     try:
-        into.leave(result, cut=summary.interrupted, others=written)
+        into.leave(of_run(summary, where.given()), cut=summary.interrupted, others=written)
     finally:
         undamped = where.damping and not (where.lattice or options.start or options.smooth)
         if undamped and summary.lost is not None:
@@ -223,6 +214,7 @@ class RunSummary:
     run: Ran
     asked: float | None = None  # periods; of a run out of a file nobody knows
     site: int = 0
+    begun: bool = False  # whether as a breather
     stream: cb.simulation.Recording | None = None
     by_site: dict[int, int] | None = None
     rests: int = 0
@@ -310,11 +302,12 @@ def _in_periods(count: object) -> str:
     return f"{count} period{'s' * (str(count) != '1')}"
 
 
-def _lines(summary: RunSummary, options: RunOptions) -> Iterator[object]:
+def _lines(summary: RunSummary) -> Iterator[object]:
     from contbreather.simulation.classify import in_words
 
     verdict, run = summary.judge(), summary.run
-    walls = "rigid walls" if options.smooth is None else f"smooth walls, m = {options.smooth:g}"
+    m = getattr(run.conditions, "m", None)
+    walls = "rigid walls" if m is None else f"smooth walls, m = {m:g}"
     length = _in_periods(summary.periods if summary.stream else run.length)
     lattice = run.conditions.lattice.describe()
     yield f"{lattice[0].upper()}{lattice[1:]}, {walls}, {length}"
@@ -325,7 +318,7 @@ def _lines(summary: RunSummary, options: RunOptions) -> Iterator[object]:
         if summary.rests:  # the last rebounds of a chatter are summed: no impacts of the table
             times = "once" if summary.rests == 1 else f"{summary.rests} times"
             rows.append(("came to rest on a wall", times))
-        if options.start is None:
+        if summary.begun:
             lost = "to the end" if summary.lost is None else _in_periods(summary.lost)
             rows.append(("breather kept for", lost))
     if rows := [*rows, *in_words(verdict["evidence"])]:
@@ -356,12 +349,18 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
             "verdict": verdict,
             "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
             **({"impacts": hits} if hits else {}),
+            **({"lost_after": summary.lost} if hits and summary.begun else {}),
         }
 
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
     heading = ["period", "time", *names]
-    draw = partial(_draw, summary)
-    return Result(entry, list, lambda: (heading, _strobes(summary)), draw, summary.cut)
+    return Result(
+        entry,
+        partial(_lines, summary),
+        lambda: (heading, _strobes(summary)),
+        partial(_draw, summary),
+        summary.cut,
+    )
 
 
 def _strobes(summary: RunSummary) -> Iterator[list[float]]:

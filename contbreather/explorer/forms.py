@@ -149,7 +149,7 @@ class PageForms:
         self.breather = {name: text_field(NUMBERS[name].label, first[name]) for name in NEEDED}
         for name in ("forcing", "lattice", "site", "spring", "damping", "omega", "walls"):
             entry = CHOICES.get(name) or NUMBERS[name]
-            hint = str(entry.default or "none")
+            hint = f"{entry.default:g}" if name == "omega" else str(entry.default or "none")
             self.breather[name] = text_field(entry.label, first.get(name, ""), hint)
         # 1 has the largest p, admissible or not
         self.breather["root"] = text_field("root, by p", "", "upper")
