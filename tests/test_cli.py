@@ -342,22 +342,6 @@ def test_zones_in_planes_of_the_frequency_are_those_of_the_library(run: Run) -> 
     assert (status, "--gamma: one value is expected in planes of omega" in err) == (BAD_INPUT, True)
 
 
-@pytest.mark.slow
-def test_zones_of_another_forcing(run: Run) -> None:
-    line = f"zones --k 0.7 --gamma-window 0.1 0.14 --forcing {TWO_HARMONICS!r}"
-    content = strict(run(f"{line} --json")[1])
-    assert "cos(3 * t)" in content["forcing"]
-    forcing = cb.Symbolic(TWO_HARMONICS)
-    lows = [curve for curve in content["zones"][0]["curves"] if curve["curve"] == "LP"]
-    smallest = [
-        smallest_amplitude(gamma, 0.7, forcing) - a
-        for curve in lows
-        for gamma, a in zip(curve["gamma"], curve["a"], strict=True)
-    ]
-    assert max(smallest) < 1e-10
-    assert min(map(abs, smallest)) < 1e-10
-
-
 def test_the_table_of_zones_is_that_of_the_library(run: Run) -> None:
     """With the parameter of the forcing in it, and the counts."""
     line = "zones --k 0.8 --gamma-window 0.04 0.042 --csv z.csv --save z.nc"

@@ -38,9 +38,7 @@ BRANCH --towards left >> "both", "up", "down"
 BRANCH --window 0.5 >> --window requires 2 positional arguments\. Only got 1
 atlas --k 0.8 --workers 0 >> Invalid value "0" for --workers\. Must be >= 1
 # of the chain
-point --a 0.5 --gamma 0.25 --k 0.8 >> 0 <= gamma < 1/4
 zones --k 1 >> zones need 0 < k < 1
-point --a 0.05 --gamma 0.1 --k 0.8 >> below the fold.*the smallest a is 0\.0570290371821
 point --a nan --gamma 0.1 --k 0.8 >> a = nan: .* finite
 POINT --forcing 'cos(t' >> is not a formula
 POINT --forcing '-cos(t)-c*cos(3*t)' >> needs a value for c
@@ -57,8 +55,6 @@ BRANCH --threshold 1.01 >> threshold = 1\.01: the infinite chain has none
 boundary LP --k 0.8 --threshold 1.01 >> threshold = 1\.01: the infinite chain has none
 zones --k 0.8 --threshold 1.01 >> threshold = 1\.01: the infinite chain has none
 POINT --sites 10 --threshold 0.9 >> threshold = 0\.9
-branch --free b --gamma 0.1 --k 0.8 >> the parameter must be 'a', 'gamma', .*, got 'b'
-BRANCH --window 0.9 0.95 --root 1 >> no breather .* between 0\.9 and 0\.95: .*\(15\) is broken
 BRANCH --window 0.9 0.5 >> the window of 'a' is empty: \(0\.9, 0\.5\)
 branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4 >> 0 <= gamma < 1/4
 BRANCH --a 0.7 --window 0.1 0.6 >> the start has a=0\.7, outside \(0\.1, 0\.6\)
@@ -138,7 +134,6 @@ atlas --k 0.8 --over lattice=0:1:3 --forcing 'cos(t)+lattice*cos(3*t)'
 BRANCH --y p >> --y p: nothing is drawn; name a figure, -o branch\.png
 BRANCH --csv '' >> name of the file to write is empty
 zones -o . >> it is a directory
-BRANCH --csv nowhere/b.csv >> there is no directory nowhere
 LOST --final nowhere/f.json >> there is no directory nowhere
 zones -o zones.jpeg >> suffix must be one of
 atlas --k 0.8 --save a.csv >> a netCDF-4 file, call it a\.nc

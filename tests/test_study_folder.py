@@ -46,10 +46,12 @@ def test_a_figure_is_a_name_in_the_folder_of_its_run(place: str, precious: Path,
 
 
 @pytest.mark.parametrize("name", ["../precious", "/tmp/x", "a.b", "a b", "..", r"a\u001b[31m"])
-def test_names_of_figures_are_names_as_those_of_results(name: str, precious: Path) -> None:
-    path = study(precious.parent, f'{ONE}[figure."{name}"]\ndraws = ["b"]\n')
+@pytest.mark.parametrize(
+    "text", [ONE + '[figure."{}"]\ndraws = ["b"]\n', '[zones."{}"]\nk = 0.8\n']
+)
+def test_names_of_figures_and_of_results_are_names(name: str, text: str, tmp_path: Path) -> None:
     with pytest.raises(cb.BadInput, match="a name of letters, digits, - and _ was expected"):
-        read(path)
+        read(study(tmp_path, text.format(name)))
 
 
 @pytest.mark.parametrize("again", [False, True])
