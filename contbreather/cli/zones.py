@@ -103,21 +103,16 @@ def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbi
 
 
 def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
-    shown = ("omega", "gamma", "a", "k", "p", "nu", "t")
+    shown = ("omega", "gamma", "a", "k", "nu", "t")
     curves = [
         {"curve": kind, **{name: branch[name] for name in shown if name in branch.curve.slots},
          "p": branch["p"], "phi": cb.orbits.zone_diagram.phases_on(branch),
          "labels": [point.label for point in branch]}
         for kind, branch in diagram
     ]  # fmt: skip
+    attributes = "verdict", "lower", "beyond", "outline"
     regions = [
-        {
-            "verdict": region.verdict,
-            "unstable": region.counts,
-            "lower": region.lower,
-            "beyond": region.beyond,
-            "outline": region.outline,
-        }
+        {**{name: getattr(region, name) for name in attributes}, "unstable": region.counts}
         for region in diagram.regions
     ]
     losses = {name: diagram.model.get(name) for name in ("damping", "spring")}

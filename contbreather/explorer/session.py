@@ -143,20 +143,19 @@ class Session:
     def _arrived(self, wanted: Plane, plane: Zones | None, cut: bool, trouble: str) -> None:
         if plane is not None and not cut:
             self._planes[wanted] = plane
-        if cut:
-            if self._wanted == wanted and not self._quick.waiting:  # not for another one
-                self.change(plane=plane or self.state.plane, awaited="")
-                self.tell(f"zones at {self.state.title}: stopped; what was done is kept.")
-        elif plane is None:
+        # what was wanted in between may have been computed before: then nothing else comes
+        if self._wanted in self._planes:
+            self._show_plane()
+        elif plane is not None and not cut:
+            self.change(plane=plane)
+        elif self._wanted == wanted and not self._quick.waiting:  # it does not end for another one
             last = self.state.plane
-            if self._wanted == wanted:  # what is drawn stays
+            if cut:
+                trouble = f"zones at {self.state.title}: stopped; what was done is kept."
+                self.change(plane=plane or last, awaited="")
+            else:  # what is drawn stays
                 self.change(**({"fixed": last.fixed} if last else {}), awaited="")
             self.tell(trouble)
-        # what was wanted in between may have been computed before: then nothing else comes
-        elif self._wanted in self._planes:
-            self._show_plane()
-        else:
-            self.change(plane=plane)
 
     def choose(self, chosen: Chosen) -> None:
         self.message = ""

@@ -102,10 +102,8 @@ class PageState:
     @property
     def offered(self) -> list[str]:
         """Names of the columns of numbers that all drawn curves have."""
-        columns = [drawn_columns(branch) for branch in self.shown.values()]
-        return (
-            [name for name in columns[0] if all(name in one for one in columns)] if columns else []
-        )
+        first, *others = [drawn_columns(branch) for branch in self.shown.values()] or [[]]
+        return [name for name in first if all(name in its for its in others)]
 
     @property
     def columns(self) -> tuple[str, str]:

@@ -324,17 +324,10 @@ def _value(point: Any, name: str) -> float:
 
 def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
-    what = f"{point.title} of {code}: {values}"
-    quiet = point.kind == "EP"
+    word = "" if point.kind == "EP" else branches.name_of(point)
     mark = MARKS.get(look_of(point.kind).marker, "circle")
-    return (
-        _value(point, x),
-        _value(point, y),
-        "" if quiet else branches.name_of(point),
-        colour,
-        mark,
-        what,
-    )
+    what = f"{point.title} of {code}: {values}"
+    return _value(point, x), _value(point, y), word, colour, mark, what
 
 
 class OrbitView:
