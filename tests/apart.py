@@ -6,8 +6,6 @@ Nobody waits until a time is up, for a machine may be slow, but until something 
 
 from __future__ import annotations
 
-import atexit
-import json
 import os
 import signal
 import subprocess
@@ -16,7 +14,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +21,7 @@ import contbreather
 
 HOME = Path(contbreather.__file__).parents[1]
 HUNG = 600  # seconds, for what will never happen
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
 @contextmanager
@@ -79,72 +77,3 @@ def workers_of(number: int) -> dict[int, float]:
             if int(numbers[1]) == number and "popen_loky" in (folder / "cmdline").read_text():
                 found[int(folder.name)] = int(numbers[11]) / os.sysconf("SC_CLK_TCK")
     return found
-
-
-# --- copies of a process that has loaded what tests load, and done nothing ------------------------
-
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # a process with several is not copied well
-PYTEST = ["-n0", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
-
-
-@cache
-def original() -> subprocess.Popen[str]:
-    """What is copied. It ends with this process."""
-    environment = {**os.environ, "PYTHONPATH": str(HOME), **ONE_THREAD}
-    one = subprocess.Popen(
-        [sys.executable, "-P", __file__], env=environment, text=True, start_new_session=True,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-    )  # fmt: skip
-    atexit.register(one.communicate)
-    return one
-
-
-def copied(arguments: list[str], where: Path, said: Path) -> int:
-    """How pytest ends with these arguments in a copy, which takes a tenth of the time that a fresh
-    interpreter does; what it says is written there."""
-    one = original()
-    assert one.stdin
-    assert one.stdout
-    print(json.dumps([*map(str, (where, said)), *arguments]), file=one.stdin, flush=True)
-    number = int(one.stdout.readline())
-    late = threading.Timer(HUNG, os.killpg, (number, signal.SIGKILL))
-    late.daemon = True
-    late.start()
-    try:
-        return int(one.stdout.readline())
-    except BaseException:  # an interruption: nobody listens to what it says later
-        os.killpg(number, signal.SIGKILL)
-        one.kill()
-        original.cache_clear()
-        raise
-    finally:
-        late.cancel()
-
-
-def copy_for_each_line() -> None:
-    """Say the number of each copy and how it ended."""
-    import cyclopts  # noqa: F401
-    import numpy as np  # noqa: F401
-    import pytest
-
-    answers = os.fdopen(os.dup(1), "w")
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    os.dup2(nowhere, 1)
-    pytest.main([*PYTEST, "--collect-only", __file__])  # no test, but their settings
-    for line in sys.stdin:
-        if child := os.fork():
-            _, status = os.waitpid(child, 0)
-            print(os.waitstatus_to_exitcode(status), file=answers, flush=True)
-            continue
-        os.setsid()
-        print(os.getpid(), file=answers, flush=True)
-        where, said, *arguments = json.loads(line)
-        words = os.open(said, os.O_CREAT | os.O_WRONLY)
-        for stream, other in enumerate((nowhere, words, words)):
-            os.dup2(other, stream)
-        os.chdir(where)
-        sys.exit(pytest.main([*PYTEST, *arguments]))
-
-
-if __name__ == "__main__":
-    copy_for_each_line()

@@ -24,7 +24,7 @@ from contbreather import machine_code
 from contbreather.cli import main
 from contbreather.workers import THREADS
 
-from .apart import copied
+from .apart import ended
 
 # a machine that is slow fails no test
 settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -77,17 +77,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def in_its_own_process(item: pytest.Item) -> None:
     """Run a test by another pytest, with nothing of it here."""
-    config = item.config
+    options = ["-n0", "-q", "-rs", "-p", "no:cacheprovider", "-p", "no:randomly", "--here"]
+    root = item.config.rootpath
     with tempfile.TemporaryDirectory() as folder:
-        said = Path(folder, "said")
-        status = copied(
-            ["--here", "-rs", f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
-             str(config.rootpath / item.nodeid)],
-            config.invocation_params.dir, said,
+        done = ended(
+            "-m", "pytest", *options, f"--basetemp={folder}/pytest", f"--rootdir={root}",
+            root / item.nodeid, cwd=item.config.invocation_params.dir,
         )  # fmt: skip
-        words = said.read_text()
-    if status != pytest.ExitCode.OK:
-        pytest.fail(f"it ends with {status}\n{words}", pytrace=False)
+    words = done.stdout + done.stderr
+    if done.returncode != pytest.ExitCode.OK:
+        pytest.fail(f"it ends with {done.returncode}\n{words}", pytrace=False)
     if "\n1 skipped" in words:
         pytest.skip(words)
 
