@@ -63,7 +63,8 @@ MAIN = "(document.querySelector('#main'))"
 TITLE = """() => {
   for (const one of globalThis.Bokeh?.documents ?? [])
     for (const model of one._all_models.values())
-      if (model.type == "Title" && /, k = |no diagram/.test(model.text)) return model.text
+      if (model.type == "Title" && /^\\s*(infinite chain, k = |no diagram)/.test(model.text))
+        return model.text.trim()
   return ""
 }"""
 # what has the focus, inside of shadow roots too
