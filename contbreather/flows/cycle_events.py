@@ -38,7 +38,7 @@ from .integrate import bottom
 from .multipliers import paces
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
-_FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
+FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -55,12 +55,12 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
     return float(equations.swing @ x[equations.layout.nodes[0].ravel()])
 
 
-def _swing(least: float, point: Point) -> float:
+def swing(least: float, point: Point) -> float:
     """Measure the swing, less that of an equilibrium."""
     return _amplitude(equations_of(point.base_point), point.base_point.x) - least
 
 
-def _examine_swing(least: float, point: Point) -> Examined:
+def examine_swing(least: float, point: Point) -> Examined:
     orbit: Cycle = point.base_point.solution
     states = orbit.flights[0].states
     extent, size = float(np.ptp(states, axis=0).max()), float(abs(states).max())
@@ -73,7 +73,7 @@ def _examine_swing(least: float, point: Point) -> Examined:
 def _examine_generalised(point: Point) -> Examined:
     """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
     of A dp/dA."""
-    if reason := _examine_swing(_FLAT, point):
+    if reason := examine_swing(FLAT, point):
         return reason
     equations, (z, tangent) = equations_of(point.base_point), (point.z, point.direction)
     left = _amplitude(equations, z) / _amplitude(equations, tangent)
@@ -84,9 +84,9 @@ def _examine_generalised(point: Point) -> Examined:
 
 
 _SHRUNK = Event(
-    "HB", partial(_swing, _AT_REST), examine=partial(_examine_swing, _AT_REST), ends="branch"
+    "HB", partial(swing, _AT_REST), examine=partial(examine_swing, _AT_REST), ends="branch"
 )
-_GENERALISED = Event("GH", partial(_swing, _FLAT), examine=_examine_generalised, ends="branch")
+_GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, ends="branch")
 
 
 # --- where a multiplier is 1 --------------------------------------------------------------------

@@ -8,7 +8,7 @@ S. Aubry, Nonlinearity 7, 1623, 1994).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -114,17 +114,6 @@ class SingleOscillator:
             return sign * found[0]
         return sign * min(found, key=lambda a: abs(a - abs(code)))
 
-    def motion(self, a: float, half: float) -> Callable[[Array], Array]:
-        """Position and velocity at times from 0 to half of its period."""
-        from scipy.integrate import solve_ivp
-
-        def field(t: float, y: Array) -> Array:
-            return np.array([y[1], -float(self.pull(y[0]))])
-
-        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13 * abs(a)}
-        solution: Any = solve_ivp(field, (0.0, half), [a, 0.0], dense_output=True, **how).sol
-        return solution
-
 
 def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
     """The sites of a code and what they do, as it was given: a dict, or a list of sites."""
@@ -145,20 +134,13 @@ def half_without_coupling(
     chain: Oscillators, code: Any, omega: float, p: Params, scheme: Collocation
 ) -> TrajectorySegment:
     """Half of the orbit that a code stands for, without coupling."""
-    half, motions = math.pi / omega, dict[int, Callable[[Array], Array]]()
+    x = np.zeros(2 * chain.sites)
     for site, value in coded(chain, code).items():
         if not (math.isfinite(real(value)) and real(value)):
             raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
-        single = SingleOscillator(chain, site, p)
-        motions[site] = single.motion(single.amplitude(real(value), omega), half)
-
-    def states(t: Array) -> Array:
-        rest = np.zeros((2 * chain.sites, np.size(t)))
-        for site, motion in motions.items():
-            rest[[site, chain.sites + site]] = motion(t)
-        return rest
-
-    return fitted(scheme, 0.0, half, states)
+        x[site] = SingleOscillator(chain, site, p).amplitude(real(value), omega)
+    half = math.pi / omega
+    return fitted(scheme, 0.0, half, chain.motion(x, half, {**p, SHARE: 0.0}))
 
 
 def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, float]:

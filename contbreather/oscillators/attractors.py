@@ -31,6 +31,21 @@ def forcing_period(t: Any, x: Any, p: Params) -> Any:
     return 2 * math.pi / p["omega"]
 
 
+def refuse_other_period(chain: Oscillators, p: Params) -> None:
+    """Refuse a drive that is not the same after 2 pi/omega, which is the period of a breather."""
+    if chain.drive is None:
+        return
+    period, omega = forcing_period(0.0, None, p), p["omega"]
+    t = period * np.linspace(0.05, 1.0, 16)
+    now, later = chain.drive(t, p), chain.drive(t + period, p)
+    if abs(later - now).max() > 1e-6 * abs(now).max():
+        raise BadInput(
+            f"drive = {chain.drive} does not have the period of the breather, 2*pi/omega = "
+            f"{period:.6g} at omega = {omega:.6g}: write its time as omega*t, 'a*cos(omega*t)' for "
+            "'a*cos(t)'"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class UncoupledSites:
     """All sites of a driven lattice without coupling, each by itself: states have the shape
@@ -66,16 +81,6 @@ class UncoupledSites:
             atol=tolerance * (abs(x).max() or 1.0),
         ).y  # fmt: skip
         return ends.reshape(*x.shape, -1)
-
-    def motion(self, x: Array) -> Callable[[Array], Array]:
-        """Positions and then velocities of all sites over a period."""
-        from scipy.integrate import solve_ivp
-
-        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "dense_output": True}
-        how["atol"] = 1e-12 * (abs(x).max() or 1.0)
-        end, params = self.period, self.params
-        motion: Any = solve_ivp(self.chain, (0.0, end), x.ravel(), args=(params,), **how).sol
-        return lambda t: motion(np.mod(t, end))
 
     @cached_property
     def sizes(self) -> Array:
@@ -143,10 +148,11 @@ class UncoupledSites:
         if np.isnan(largest).any():
             site = int(np.isnan(largest[:, 0]).argmax())
             raise NoSolution(f"site {site}: alone it has no periodic motion about rest")
-        mean = self.motion(x)(self.period * np.arange(64) / 64)[:n].mean(axis=1)
+        times = self.period * np.arange(64) / 64
+        mean = self.chain.motion(x.ravel(), self.period, self.params)(times)[:n].mean(axis=1)
         held = self.chain.gradient(np.ones(n), self.params) != 0
         x[0, :, 0] -= np.where(held, 0.0, mean)  # where nothing holds it: about rest
-        return self.motion(x)
+        return self.chain.motion(x.ravel(), self.period, self.params)
 
 
 def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
@@ -163,8 +169,9 @@ def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
         return found[0 if code == "low" else -1][1]
     if not real(code) > 0:
         raise BadInput(
-            f"site {site}: {code!r} was given; of a driven lattice 'low', 'high' or an "
-            "amplitude is expected."
+            f"site {site}: {code!r} was given; 'low', 'high' or an amplitude is expected. All "
+            "sites follow one drive: what moves half a period later has -1 in the row drive= of "
+            "its Lattice."
         )
     return min(found, key=lambda orbit: abs(orbit[0] - real(code)))[1]
 
@@ -181,4 +188,5 @@ def driven_without_coupling(
     given, alone = coded(chain, code), UncoupledSites(chain, p)
     found = enumerate(alone.attractors())
     states = [_chosen(site, given.get(site, "low"), of) for site, of in found]
-    return fitted(scheme, 0.0, alone.period, alone.motion(np.array(states).T))
+    motion = chain.motion(np.transpose(states).ravel(), alone.period, alone.params)
+    return fitted(scheme, 0.0, alone.period, motion)

@@ -20,7 +20,7 @@ from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
 from .anticontinuum import coded, half_without_coupling, resonance
-from .attractors import driven_without_coupling, forcing_period
+from .attractors import driven_without_coupling, forcing_period, refuse_other_period
 from .breather_events import events_of_breather
 from .breather_problem import Breather, BreatherProblem, breather_problem
 from .half_orbit import HalfOrbit
@@ -160,6 +160,7 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
             f"u = 0 is no equilibrium: the force on site {n} is {force[n]:.3g} there; write the "
             "potentials so that all sites rest at 0"
         )
+    refuse_other_period(chain, values)
     if chain.walls is None and not chain.dissipative:
         u = np.linspace(0.1, 0.4, chain.sites)  # anywhere, and shifted as a whole
         here, there = chain.gradient(u, values), chain.gradient(u + 0.3, values)

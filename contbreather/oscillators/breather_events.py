@@ -17,8 +17,10 @@ from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import Matrix, above, any_vector, beside
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import Always, DefiningSystem, Event, Point
+from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
+from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import (
+    Singular,
     along_by_difference,
     rank_locus,
     signed_smallest,
@@ -29,9 +31,11 @@ from ..flows.conservative_events import (
     meeting,
     turn_of_energy,
 )
-from ..flows.cycle_events import BRANCH_POINT, events_of_cycle
+from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.equations import FlowEquations, equations_of
 from .half_orbit import HalfOrbit
+
+_PINNED = 1e-8  # an index that is less off 1 is that of a motion which nothing holds back
 
 
 def _closed(starts: str, ends: str, curve: Curve, z: Array) -> Matrix:
@@ -127,18 +131,40 @@ def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
     return -np.append(in_z, -math.sin(extra[0]) * in_index)
 
 
+def _crosses(point: Point) -> float:
+    """The test of BP; NaN where its sign is rounding. Next to the band a breather may move along a
+    ring all but freely: anywhere there is a solution, to the error of Newton's iteration."""
+    assert BRANCH_POINT.test is not None
+    free = abs(point.base_point.solution.indices - 1).min(initial=math.inf) < _PINNED
+    return math.nan if free else BRANCH_POINT.test(point)
+
+
+def _born(point: Point) -> Examined:
+    """The end of a family at rest, and the mode of which it is there."""
+    if reason := examine_swing(FLAT, point):
+        return reason
+    orbit = point.base_point.solution
+    modes = orbit.chain.frequencies(orbit.params)
+    nearest = int(abs(modes - orbit.omega).argmin())
+    edges = {0: "the lower edge of the band", modes.size - 1: "the upper edge of the band"}
+    mode = f"the mode of frequency {modes[nearest]:.9g}, {edges.get(nearest, 'in the band')}"
+    return {"said": f"it shrinks to rest: the family is born there from {mode}"}
+
+
 def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     """List the events of a breather of these equations."""
     if not isinstance(equations, HalfOrbit):
         return events_of_cycle(equations)
-    _, turn, branch_point, pd, kc = conservative_events(BRANCH_POINT)
+    crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
+    _, turn, branch_point, pd, kc = conservative_events(crossing)
     turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("v", "v")))
     pf = Event(
         "PF", _turned_around, examine=partial(examine_place, 1.0, _UNLIKE),
         locus=Always(_locus("u", "u")),
     )  # fmt: skip
     kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
-    return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc
+    born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
+    return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc, born
 
 
 _UNLIKE = {"said": "orbits branch off that are not their own images under a reversal of time"}

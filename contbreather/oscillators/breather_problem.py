@@ -27,6 +27,8 @@ from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
+from .anticontinuum import resonance
+from .attractors import refuse_other_period
 from .half_orbit import HalfBlocks, HalfOrbit, WholeOrbit, unfolded_half
 from .oscillator_lattice import Oscillators
 
@@ -217,6 +219,9 @@ class BreatherProblem(CycleProblem):
     def having(self, *names: str) -> Problem:
         """Give the energy of an orbit in place of its frequency, or the other way around."""
         if not isinstance(self.residual, HalfOrbit | WholeOrbit):
+            if "omega" in names:  # where that moves, too
+                omega = 1.01 * self.params["omega"]
+                refuse_other_period(self.solution.chain, {**self.params, "omega": omega})
             return super().having(*names)
         asked = [name for name in ("omega", "energy") if name in names]
         return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
@@ -239,6 +244,10 @@ class BreatherProblem(CycleProblem):
         problem = breather_problem(held, params, self.events, self.label)
         # the same unknowns in the same order, under other names
         return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
+
+    def ends_near(self, point: Point) -> str:
+        orbit: Breather = point.solution
+        return f"of its harmonics {resonance(orbit.chain, orbit.omega, orbit.params)[0]}"
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):

@@ -86,17 +86,21 @@ def between_walls_without_coupling(
 ) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]:
     """The flows, and an orbit of them at a share of the coupling, of impacting sites."""
     values = coded(chain, code)
-    if chain.drive is None or any(value != 1 for value in values.values()):
+    if chain.drive is None:
         raise BadInput(
-            f"code = {code!r}: with walls a driven lattice is needed, and 1 for each site that "
-            "impacts; all follow one drive, and one that does half a period later has -1 in the "
-            "row drive= of the lattice"
+            "between walls a driven lattice is needed, drive='a*cos(omega*t)' for instance: orbits "
+            "of a conservative one from impact to impact are not looked for"
+        )
+    if any(value != 1 for value in values.values()):
+        raise BadInput(
+            f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
+            "drive: what moves half a period later has -1 in the row drive= of its Lattice."
         )
     alone = UncoupledSites(chain, given)
     orbits = {n: _single(alone, n) for n in values}
     (first, *_) = [orbit.flights[0] for orbit in orbits.values()]
     begin = first.start + 0.5 * first.duration
-    x = alone.beside_rest()(np.array([begin]))[:, 0]
+    x = alone.beside_rest()(np.mod([begin], alone.period))[:, 0]
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
     share = _LITTLE if len(values) > 1 else 0.0

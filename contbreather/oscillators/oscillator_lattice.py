@@ -9,6 +9,7 @@ to the higher one. Ends that are fixed have bonds to the ground.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -18,9 +19,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from ..checks import brief, numbers, real
+from ..continuation.algebra.derivatives import IMAGINARY
+from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
-from ..flows.functions import slopes_along
-from ..lattice.finite import finite, stiffness_of
+from ..flows.jacobian import Coloured
+from ..lattice.finite import Lattice, finite, stiffness_of
 from .potentials import Params, SmoothFunction
 
 Array = NDArray[np.float64]
@@ -142,11 +145,11 @@ class Oscillators:
         signs = np.ones(sites.size)
         if sites.size > 1 and (abs(first - second) == 1).all():  # a chain: to its other end
             signs[-1] = -1.0
-        rows = [np.arange(count), np.arange(count), count + np.arange(sites.size)]
-        ends = np.concatenate([np.ones(count), -np.ones(count), signs])
-        place = np.concatenate(rows), np.concatenate([second, first, sites])
-        shape = count + sites.size, ground.size
-        return Bonds(sparse.csr_array((ends, place), shape), np.append(weights, ground[sites]))
+        every, shape = np.arange(count), (count + sites.size, ground.size)
+        rows = np.concatenate([every, every, count + np.arange(sites.size)])
+        ends = np.repeat([1.0, -1.0], count), np.concatenate([second, first, sites])
+        cells = np.append(ends[0], signs), (rows, ends[1])
+        return Bonds(sparse.csr_array(cells, shape), np.append(weights, ground[sites]))
 
     # --- forces -------------------------------------------------------------------------------
 
@@ -167,29 +170,13 @@ class Oscillators:
             total = total + back @ (_beside(weights, r) * self.W.slope(r, p))
         return total
 
-    def curvatures(self, u: Any, p: Params) -> tuple[Any, Any, NDArray[Any]]:
-        """Differentiate that once more at positions (N, m): rows, columns and values (entries, m)
-        of what is not zero."""
-        rows, columns, spread = self._second
-        values = spread[0] @ (_beside(self.onsite, u) * self.V.curvature(u, p))
-        for entries, ((ends, _), weights) in zip(spread[1:], self.parts(p), strict=False):
-            r = ends @ u
-            values = values + entries @ (_beside(weights, r) * self.W.curvature(r, p))
-        return rows, columns, values
-
     @cached_property
-    def _second(self) -> tuple[Any, Any, list[Any]]:
-        """Places in the second derivative of the energy, and where the curvature of each site and
-        of each bond goes there, of those that hold one end as well."""
-        sites, ends = sparse.eye_array(self.sites, format="csc"), abs(self.bonds.ends)
-        rows, columns = (ends.T @ ends + sites).nonzero()
-        parts = [sites, *(part.tocsc() for part, _ in self._ends)]
-        return rows, columns, [(e[:, rows].multiply(e[:, columns])).T.tocsr() for e in parts]
-
-    @property
-    def jacobian(self) -> LatticeJacobian:
-        """Its derivative in the states, as flows ask for it."""
-        return LatticeJacobian(self)
+    def jacobian(self) -> Coloured:
+        """Its derivative in the states, as flows ask for it: by its pattern."""
+        one, ends = sparse.eye_array(self.sites), abs(self.bonds.ends)
+        lost = one if self.damping is not None else None
+        blocks: Any = [[None, one], [ends.T @ ends + one, lost]]
+        return Coloured(Pattern(sparse.block_array(blocks)))
 
     def parts(self, p: Params) -> list[tuple[tuple[Any, Any], Any]]:
         """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
@@ -221,6 +208,15 @@ class Oscillators:
         """Tell whether it has no potential at the sites: bonds alone hold them."""
         return not callable(self.V.given) and self.V.given == "0"
 
+    def motion(self, x: Array, time: float, p: Params) -> Callable[[Array], Array]:
+        """States at times, from a state at t = 0 on."""
+        from scipy.integrate import solve_ivp
+
+        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "dense_output": True}
+        how |= {"atol": 1e-13 * (abs(x).max() or 1.0), "args": (p,)}
+        motion: Any = solve_ivp(self, (0.0, time), x, **how).sol
+        return motion
+
     # --- energies -----------------------------------------------------------------------------
 
     def site_energies(self, x: Array, p: Params) -> Array:
@@ -239,61 +235,14 @@ class Oscillators:
 
     def frequencies(self, p: Params) -> Array:
         """Frequencies of small oscillations about rest, ascending; NaN of those that grow."""
-        root = np.sqrt(self.masses)
-        rows, columns, values = self.curvatures(np.zeros((self.sites, 1)), p)
-        matrix = np.zeros((self.sites, self.sites))
-        matrix[rows, columns] = values[:, 0] / (root[rows] * root[columns])
-        squares = np.linalg.eigvalsh(matrix)
+        aside = 1j * IMAGINARY * np.eye(self.sites)
+        stiffness, root = self.gradient(aside, p).imag / IMAGINARY, np.sqrt(self.masses)
+        squares = np.linalg.eigvalsh(stiffness / np.multiply.outer(root, root))
         squares[abs(squares) < 1e-13 * max(1.0, abs(squares).max())] = 0.0
         return np.sqrt(np.where(squares < 0, np.nan, squares))
 
     def __repr__(self) -> str:
         return f"<Oscillators: V = {self.V}, W = {self.W}, {self.lattice.describe()}>"
-
-
-@dataclass(frozen=True)
-class LatticeJacobian:
-    """The derivative of the field of a lattice in its states, of many states at once."""
-
-    chain: Oscillators
-
-    def slopes(
-        self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
-    ) -> tuple[Array, Array, Array]:
-        """Evaluate the field at K states, and its derivatives in states, (n, n, K), and in time
-        and named parameters."""
-        value, other = slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
-        matrix = np.zeros((len(x), *x.shape))
-        rows, columns, entries = self._entries(x, p)
-        matrix[rows, columns] = entries
-        return value, matrix, other
-
-    def entries(
-        self, f: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
-    ) -> tuple[Array, Any, Array]:
-        """The same as rows, columns and values of one matrix with K blocks on its diagonal."""
-        value, other = slopes_along(f, t, x, p, names, np.empty((len(x), 0)))
-        rows, columns, entries = self._entries(x, p)
-        first = len(x) * np.arange(x.shape[1])[:, None]
-        return value, ((first + rows).ravel(), (first + columns).ravel(), entries.T.ravel()), other
-
-    def matrix(self, t: float, x: Array, p: Params) -> Any:
-        rows, columns, entries = self._entries(x[:, None], p)
-        return sparse.csc_array((entries[:, 0], (rows, columns)), (x.size, x.size))
-
-    def is_sparse(self, t: float, x: Array, p: Params) -> bool:
-        return True
-
-    def _entries(self, x: Array, p: Params) -> tuple[Any, Any, Array]:
-        chain, n, count = self.chain, self.chain.sites, x.shape[1]
-        rows, columns, stiff = chain.curvatures(x[:n], p)
-        sites, one = np.arange(n), np.ones((n, count))
-        places = [(sites, n + sites, one), (n + rows, columns, -stiff / chain.masses[rows, None])]
-        if chain.damping is not None:
-            lost = chain.lattice.dampings * chain.damping(0.0, p) / chain.masses
-            places.append((n + sites, n + sites, -lost[:, None] * one))
-        first, second, entries = (np.concatenate(part) for part in zip(*places, strict=True))
-        return first, second, entries
 
 
 def _beside(row: Any, x: Any) -> Any:
@@ -303,25 +252,18 @@ def _beside(row: Any, x: Any) -> Any:
 
 def _oriented(lattice: Any) -> tuple[Any, Any, Any, Any]:
     """From where each bond leads, and where to; its stiffness; and that to the ground by site."""
-    n = np.arange(lattice.sites)
-    if hasattr(lattice, "with_spring") or not hasattr(lattice, "stiffness"):  # a ring
-        return (
-            n[n.size < 2 :],
-            np.roll(n, -1)[n.size < 2 :],
-            np.ones(n.size - (n.size < 2)),
-            0.0 * n,
-        )
+    n = lattice.sites
+    if not isinstance(lattice, Lattice):  # a ring: of two sites it has two bonds
+        every = np.arange(n if n > 1 else 0)
+        return every, np.roll(every, -1), np.ones(every.size), np.zeros(n)
     matrix = stiffness_of(lattice)
     upper = sparse.triu(matrix, 1).tocoo()
     first, second = upper.coords
     ground = np.asarray(matrix.sum(axis=1)).ravel()
     ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
-    closing = np.zeros(first.size, dtype=bool)
-    if lattice.shape:
-        columns = lattice.shape[1]
-        (r, c), (below, right) = np.divmod(first, columns), np.divmod(second, columns)
-        closing = (right - c > 1) | (below - r > 1)
-    elif ((second - first == 1) | (second - first == n.size - 1)).all():
-        closing = (second - first) > 1
-    first, second = np.where(closing, second, first), np.where(closing, first, second)
+    line = np.isin(second - first, (1, n - 1)).all()
+    if shape := lattice.shape or ((1, n) if line else None):  # bonds that close a row or a column
+        (row, column), (below, right) = (np.divmod(ends, shape[1]) for ends in (first, second))
+        closing = (right - column > 1) | (below - row > 1)
+        first, second = np.where(closing, second, first), np.where(closing, first, second)
     return first, second, -upper.data, ground

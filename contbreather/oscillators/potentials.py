@@ -1,14 +1,15 @@
-"""Functions of one variable and parameters, with their derivatives: potentials, drives, damping.
+"""Functions of one variable and parameters, with their slopes: potentials, drives, damping.
 
-A formula is read as that of a forcing is, never executed, and differentiated by SymPy. A callable
-``V(u, p)`` is differentiated by complex steps, and these once more by differences.
+A formula is read as that of a forcing is, never executed, and differentiated by SymPy; a callable
+``V(u, p)`` by complex steps. What asks for a slope at a complex place differentiates it once more:
+its imaginary part is then that of differences, which are as analytic as V.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..errors import BadInput
 from ..lattice.formula import FUNCTIONS, read_formula
 
 Params = Mapping[str, Any]
-Function = Callable[[Any, Params], Any]
+Function = Callable[..., Any]
 
 _STEP = 2e-3  # of differences of order 8, relative to 1 + |u|: rounding 1e-13, truncation 1e-15
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
@@ -28,7 +29,7 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 
 @dataclass(frozen=True)
 class SmoothFunction:
-    """A formula in one variable, or ``f(u, p)``, with two derivatives.
+    """A formula in one variable, or ``f(u, p)``, with its derivative.
 
     Parameters
     ----------
@@ -57,21 +58,24 @@ class SmoothFunction:
         return () if callable(self.given) else _compiled(self.given, self.variable)[0]
 
     def __call__(self, u: Any, p: Params) -> NDArray[Any]:
-        return self._functions[0](u, p)
+        return self.given(u, p) if callable(self.given) else self._formula(0, u, p)
 
     def slope(self, u: Any, p: Params) -> NDArray[Any]:
         """The derivative in the variable."""
-        return self._functions[1](u, p)
+        if not callable(self.given):
+            return self._formula(1, u, p)
+        V, at = self.given, {name: np.real(value) for name, value in p.items()}
+        exact = np.imag(V(np.real(u) + 1j * IMAGINARY, at)) / IMAGINARY
+        if not np.iscomplexobj(sum(p.values(), u)):
+            return np.asarray(exact)
+        h = _STEP * (1 + abs(np.real(u)))
+        once_more = sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in _STENCIL) / h
+        return np.asarray(exact + 1j * np.imag(once_more))
 
-    def curvature(self, u: Any, p: Params) -> NDArray[Any]:
-        """The second derivative in the variable."""
-        return self._functions[2](u, p)
-
-    @property
-    def _functions(self) -> tuple[Function, ...]:
-        if callable(self.given):
-            return _by_steps(self.given)
-        return _compiled(self.given, self.variable)[1]
+    def _formula(self, order: int, u: Any, p: Params) -> NDArray[Any]:
+        names, derivatives = _compiled(self.given, self.variable)
+        value: NDArray[Any] = derivatives[order](u, *(p[name] for name in names))
+        return value + 0.0 * u  # as many, if constant
 
     def __str__(self) -> str:
         return str(getattr(self.given, "__name__", self.given))
@@ -79,7 +83,7 @@ class SmoothFunction:
 
 @lru_cache(maxsize=64)
 def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Function, ...]]:
-    """Differentiate a formula twice, and make functions of arrays of all three."""
+    """The parameters of a formula, and functions of arrays of it and of its derivative."""
     import sympy  # dear to import
 
     letters = read_formula(text).letters
@@ -91,23 +95,5 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Function
         raise BadInput(f"{brief(text)} depends on t: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
     modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
-    derivatives = (sympy.diff(formula, symbols[variable], order) for order in (1, 2))
-    functions = [formula, *map(sympy.simplify, derivatives)]
-    compiled = [sympy.lambdify(arguments, each, modules, cse=True) for each in functions]
-    return tuple(names), tuple(partial(_at, each, tuple(names)) for each in compiled)
-
-
-def _at(compiled: Function, names: tuple[str, ...], u: Any, p: Params) -> Any:
-    return compiled(u, *[p[name] for name in names]) + 0.0 * u  # as many, if constant
-
-
-@lru_cache(maxsize=64)
-def _by_steps(function: Function) -> tuple[Function, ...]:
-    def slope(u: Any, p: Params) -> Any:
-        return np.imag(function(np.real(u) + 1j * IMAGINARY, p)) / IMAGINARY
-
-    def curvature(u: Any, p: Params) -> Any:
-        h = _STEP * (1 + abs(np.real(u)))
-        return sum(c * (slope(u + k * h, p) - slope(u - k * h, p)) for k, c in _STENCIL) / h
-
-    return function, slope, curvature
+    both = formula, sympy.simplify(sympy.diff(formula, symbols[variable]))
+    return tuple(names), tuple(sympy.lambdify(arguments, f, modules, cse=True) for f in both)

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.continuation.curve.branch import Stop
 from contbreather.oscillators.breather_problem import breather_problem
 from contbreather.oscillators.half_orbit import SparseHalfOrbit
 
@@ -193,6 +194,33 @@ def test_what_ends_on_the_way_names_the_harmonic_and_the_band() -> None:
     high = np.sqrt(1 + 4 * 0.3 * share * np.sin(5 * np.pi / 11) ** 2)
     assert says.endswith(f"the band of small oscillations, 1 to {high:.6g}.")
     assert "the frequency itself, 1.2," in says
+
+
+@pytest.mark.parametrize(("free", "window"), [("omega", (0.9, 1.5)), ("energy", (-1.0, 2.0))])
+def test_a_family_that_shrinks_to_rest_ends_at_the_mode_that_it_is_born_from(free, window) -> None:
+    """A hard one at the upper edge: of an open chain of three that has w^2 = 1 + 3 c."""
+    start = phi4(cb.OpenChain(3), {1: 1}, 0.1)
+    branch = cb.trace(start, free, within={free: window}, towards="down")
+    end = branch.special[-1]
+    assert (end.kind, branch.stop, branch.doubtful) == ("HB", Stop.EVENT, ())
+    assert f"frequency {np.sqrt(1.3):.9g}, the upper edge of the band" in end.detail["said"]
+    assert end["omega"] == pytest.approx(np.sqrt(1.3), abs=1e-5)
+
+
+def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> None:
+    """Next to the band what holds it at its site is less than rounding; and the end of its branch
+    names the harmonic and the band."""
+    start = phi4(cb.Ring(5), {2: 1}, 0.05)
+    near = cb.trace(start, "omega", within={"omega": (1.09, 1.5)}, towards="down", events=())
+    assert abs(near[-1].solution.indices - 1).min() < 1e-5
+    branch = cb.trace(near[-1].problem, "omega", within={"omega": (1.0, 1.1)}, towards="down")
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert abs(branch[-1].solution.indices - 1).min() < 1e-12
+    assert not branch.doubtful
+    assert {point.kind for point in branch.special} <= {"EP", "MX"}
+    edge = np.sqrt(1 + 0.2 * np.sin(2 * np.pi / 5) ** 2)
+    assert f"the frequency itself, {branch[-1]['omega']:.6g}, is" in branch.reason
+    assert branch.reason.endswith(f"the band of small oscillations, 1 to {edge:.6g}")
 
 
 @pytest.mark.parametrize(

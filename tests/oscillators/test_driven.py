@@ -54,6 +54,33 @@ def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
         cb.breather(cb.Oscillators(**how), {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
 
 
+@pytest.mark.parametrize(
+    ("drive", "more", "code", "says"),
+    [
+        (
+            "a*cos(t)",
+            {"damping": 0.2},
+            {0: "low"},
+            r"the breather, 2\*pi/omega = 4.83322",
+        ),
+        ("a*cos(omega*t)", {"damping": 0.2}, {0: 1, 2: -1}, "site 2: -1 was given; 'low', 'high'"),
+        ("a*cos(omega*t)", {"walls": 1.0, "k": 0.8}, {0: 1, 2: -1}, "1 is expected for each site"),
+        (None, {"walls": 1.0, "k": 1.0}, {0: 1}, "a driven lattice is needed"),
+    ],
+)
+def test_a_code_that_does_not_fit_the_drive_is_refused(drive, more, code, says) -> None:
+    chain = cb.Oscillators(V="u**2/2", W="c*r**2/2", lattice=cb.Ring(3), drive=drive, **more)
+    with pytest.raises(cb.BadInput, match=says):
+        cb.breather(chain, code, omega=1.3, params={"c": 0.1, "a": 0.1})
+
+
+def test_a_drive_of_one_period_has_no_branch_in_the_frequency() -> None:
+    chain = cb.Oscillators(V="u**2", W="c*r**2/2", lattice=cb.Ring(3), damping=0.2, drive="cos(t)")
+    start = cb.breather(chain, {0: "low"}, omega=1.0, params={"c": 0.1})
+    with pytest.raises(cb.BadInput, match=r"write its time as omega\*t"):
+        cb.trace(start, "omega", within={"omega": (0.9, 1.1)})
+
+
 def test_what_escapes_is_no_attractor() -> None:
     """Beyond a Morse potential nothing leads back: the least motion is that about rest."""
     chain = cb.Oscillators(

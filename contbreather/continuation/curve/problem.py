@@ -109,6 +109,10 @@ class Structure:
         point of a walk that gets no finer problem is among the doubtful ones of its branch."""
         return ""
 
+    def ends_near(self, point: Any) -> str:
+        """Say what is near where a walk ends as no step can be made; empty if nothing is known."""
+        return ""
+
     def sized(self, sizes: Mapping[str, int]) -> Any:
         """Refine the problem from its present start as `finer` does, to unknowns of these sizes as
         far as that leads there: a file has points of a branch that was walked anew."""

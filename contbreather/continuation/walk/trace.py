@@ -375,8 +375,9 @@ class ContinuationIterator:
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
+                    near = self.curve.problem.ends_near(self.point)
                     advice = unlike_scales(self.curve, self.point.z)
-                    reason = "; ".join(filter(None, (reason, advice)))
+                    reason = "; ".join(filter(None, (reason, near, advice)))
                 break
             # record
             limit = self.growth.end(passed) if stop is None else None
