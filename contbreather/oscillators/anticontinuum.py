@@ -131,24 +131,23 @@ def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
 
 
 def half_without_coupling(
-    chain: Oscillators, code: Any, omega: float, p: Params, scheme: Collocation
+    chain: Oscillators, code: Any, p: Params, scheme: Collocation
 ) -> TrajectorySegment:
     """Half of the orbit that a code stands for, without coupling."""
     x = np.zeros(2 * chain.sites)
     for site, value in coded(chain, code).items():
         if not (math.isfinite(real(value)) and real(value)):
             raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
-        x[site] = SingleOscillator(chain, site, p).amplitude(real(value), omega)
-    half = math.pi / omega
+        x[site] = SingleOscillator(chain, site, p).amplitude(real(value), p["omega"])
+    half = math.pi / p["omega"]
     return fitted(scheme, 0.0, half, chain.motion(x, half, {**p, SHARE: 0.0}))
 
 
-def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, float]:
-    """Which harmonic of a frequency is nearest to the band of small oscillations, or in it, and how
-    far off that is, as a sentence."""
+def resonance(chain: Oscillators, omega: float, p: Params) -> str:
+    """Say which harmonic of a frequency is nearest to the band of small oscillations, or in it."""
     band = chain.frequencies(p)
     if np.isnan(band).any():
-        return "at rest it is unstable there", 0.0
+        return "at rest it is unstable there"
     low, high = float(band[0]), float(band[-1])
     m = np.arange(1, int(high / omega) + 2)
     off = np.maximum(np.maximum(low - m * omega, m * omega - high), 0.0)
@@ -158,4 +157,4 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, float]:
     return (
         f"{name}, {m[j] * omega:.6g}, {where} the band of small oscillations, {low:.6g} to "
         f"{high:.6g}"
-    ), float(off[j])
+    )

@@ -16,28 +16,22 @@ from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.cycle_constructors import named_state
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..one_thread import one_thread
 from .anticontinuum import coded, half_without_coupling, resonance
 from .attractors import driven_without_coupling, forcing_period, refuse_other_period
 from .breather_events import events_of_breather
-from .breather_problem import Breather, BreatherProblem, breather_problem
+from .breather_problem import COLUMNS, Breather, BreatherProblem, breather_problem
 from .half_orbit import HalfOrbit
-from .impacting import (
-    between_walls_without_coupling,
-    in_another_order,
-    refuse_impacts_apart,
-)
+from .impacting import between_walls_without_coupling, in_another_order, refuse_impacts_apart
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
 _RESOLVED, _TAIL = 1e-10, 1e-4
 _MOST = 400  # intervals that are not made finer
-
-_OWN = {"orbit", "mesh", "half", "period", "energy", "action", "participation", "unstable"}
-_OWN |= {"largest", "max|u|", "omega"}
 
 
 class CouplingEnds(NoSolution):
@@ -104,7 +98,6 @@ def breather(
     1.477892933
     """
     check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
-    omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     values = _params(chain, {} if params is None else params, omega)
     scheme = collocation or WHOLE
     if chain.walls is not None or not chain.dissipative:  # it is made of two halves
@@ -113,23 +106,18 @@ def breather(
     with suppress(NoSolution):  # on few points first: they lead there as well
         reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
     reached = reached or _walked(chain, code, values, scheme)
-    finer = collocation is None
-    return _closed(reached, scheme, values, events, label or "breather", finer=finer)
-
-
-def _closed(
-    reached: BreatherProblem, scheme: Collocation, params: Params, events: Any, label: str,
-    *, finer: bool,
-) -> BreatherProblem:  # fmt: skip
-    """Solve for the orbit that was reached on a mesh that follows it, of as many intervals as it
-    needs, unless their number was given."""
+    # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
-    sizes, pairs = sizes_of(flights), zip(flights, sizes_of(flights), strict=True)
-    start = tuple(f.on(f.knots, scheme).adapted(size) for f, size in pairs)
+    sizes = sizes_of(flights)
+    start = tuple(
+        flight.on(flight.knots, scheme).adapted(size)
+        for flight, size in zip(flights, sizes, strict=True)
+    )
     equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
-    problem: Any = breather_problem(equations, params, wanted, label).solve(tolerance=1e-12)[0]
-    while finer and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
+    named = breather_problem(equations, values, wanted, label or "breather")
+    problem: Any = named.solve(tolerance=1e-12)[0]
+    while collocation is None and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
         problem = problem.halved().solve(tolerance=1e-12)[0]
     return problem
 
@@ -143,16 +131,14 @@ def _coarse(orbit: Breather) -> bool:
 
 
 def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
+    """Check parameters, and what the lattice does with them at rest."""
+    omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     check_kind(params, Mapping, "a dict of parameters")
     missing = [name for name in chain.names if name not in (*params, "omega")]
     if missing:
         raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
-    if taken := sorted(_OWN & {*params}):
-        raise BadInput(f"rename {taken}: every breather has columns of these names")
-    values = {
-        name: number(name, value, -np.inf, np.inf, "a number") for name, value in params.items()
-    }
-    values = {**values, "omega": omega}
+    _, values = named_state({"u": 0.0}, params, "half", *COLUMNS, "unstable")
+    values["omega"] = omega
     force = abs(chain.gradient(np.zeros(chain.sites), values))
     if not force.max() <= 1e-12:
         n = int(force.argmax())
@@ -174,27 +160,25 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
-    omega = params["omega"]
     flows: tuple[Flow, ...] = (Flow(chain),)
-    share = 0.0
-    if chain.walls is not None:
+    share, walls, sites = 0.0, chain.walls is not None, tuple(coded(chain, code))
+    if walls:
         flows, flights, share = between_walls_without_coupling(chain, code, params, scheme)
     elif chain.dissipative:
         flights = (driven_without_coupling(chain, code, params, scheme),)
     else:
-        flights = (half_without_coupling(chain, code, omega, params, scheme),)
-    branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
-    while branch[-1][SHARE] < 1.0:
-        orbit, sites = branch[-1].solution, tuple(coded(chain, code))
-        other = in_another_order(orbit, chain, sites, scheme) if chain.walls is not None else None
-        if other is None:
-            reached = max(float(point[SHARE]) for point in (*branch.special, branch[-1]))
-            raise CouplingEnds(_refusal(code, branch, chain, omega), reached)
-        flows, flights, share = other
+        flights = (half_without_coupling(chain, code, params, scheme),)
+    while True:
         branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
-    problem: Any = branch[-1].problem
-    if chain.walls is not None:
+        if branch[-1][SHARE] == 1.0:
+            break
+        other = in_another_order(branch[-1].solution, chain, sites, scheme) if walls else None
+        if other is None:
+            raise _refusal(chain, code, branch, params["omega"])
+        flows, flights, share = other
+    if walls:
         refuse_impacts_apart(branch[-1].solution)
+    problem: Any = branch[-1].problem
     return problem
 
 
@@ -217,18 +201,18 @@ def _with_more_coupling(
     except NotConverged as error:
         raise NoSolution(
             f"{code}: without coupling it cannot be continued; "
-            f"{resonance(chain, params['omega'], params)[0]}"
+            f"{resonance(chain, params['omega'], params)}"
         ) from error
     ends = (replace(fold(), ends="branch"),)
     return trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
 
 
-def _refusal(code: Any, branch: Branch, chain: Oscillators, omega: float) -> str:
+def _refusal(chain: Oscillators, code: Any, branch: Branch, omega: float) -> CouplingEnds:
     """Say how far a breather reaches, and why not farther."""
     end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
     turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
-    near = resonance(chain, omega, end.params)[0]
-    return (
+    return CouplingEnds(
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
-        f"for; there {turns}. Of its harmonics {near}."
+        f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
+        float(end[SHARE]),
     )

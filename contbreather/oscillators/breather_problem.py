@@ -109,24 +109,18 @@ class Breather(Cycle):
 
     # --- its columns --------------------------------------------------------------------------
 
+    def _means(self, function: Callable[[Array], Array]) -> Array:
+        """Integrate a function of states, the columns of an array, over a period, and divide by it:
+        by the weights at the Gauss points of each flow."""
+        total: Any = 0.0
+        for f in self.flights:
+            inside = (f.states[:, None] + f.scheme.matrix @ f.slopes).reshape(-1, f.dimension).T
+            total += function(inside) @ np.multiply.outer(f.lengths, f.scheme.weights).ravel()
+        return np.asarray(total / self.period)
+
     @cached_property
     def _energies(self) -> Array:
-        """Mean energies of the sites over a period."""
-        return np.asarray(
-            sum(self._mean(f, self.chain.site_energies(at, self.params)) for f, at in self._inner)
-        )
-
-    @cached_property
-    def _inner(self) -> list[tuple[TrajectorySegment, Array]]:
-        """States at the Gauss points of each flow."""
-        return [
-            (f, (f.states[:, None] + f.scheme.matrix @ f.slopes).reshape(-1, f.dimension).T)
-            for f in self.flights
-        ]
-
-    def _mean(self, flight: TrajectorySegment, of: Array) -> Array:
-        weights = np.multiply.outer(flight.lengths, flight.scheme.weights).ravel()
-        return np.asarray(of @ weights) / self.period
+        return self._means(lambda x: self.chain.site_energies(x, self.params))
 
     @cached_property
     def energy(self) -> float:
@@ -134,8 +128,7 @@ class Breather(Cycle):
 
     @cached_property
     def action(self) -> float:
-        masses, n = self.chain.masses, self.chain.sites
-        living = sum(self._mean(f, masses @ at[n:] ** 2) for f, at in self._inner)
+        living = self._means(lambda x: self.chain.masses @ x[self.chain.sites :] ** 2)
         return float(living) / self.omega
 
     @cached_property
@@ -236,18 +229,13 @@ class BreatherProblem(CycleProblem):
         equations: Any = self.residual
         params = {n: value for n, value in self.params.items() if n != equations.held}
         params[name] = getattr(self.solution, name)
-        held = (
-            equations.holding(name)
-            if isinstance(equations, WholeOrbit)
-            else replace(equations, held=name)
-        )
-        problem = breather_problem(held, params, self.events, self.label)
+        problem = breather_problem(equations.holding(name), params, self.events, self.label)
         # the same unknowns in the same order, under other names
         return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
 
     def ends_near(self, point: Point) -> str:
         orbit: Breather = point.solution
-        return f"of its harmonics {resonance(orbit.chain, orbit.omega, orbit.params)[0]}"
+        return f"of its harmonics {resonance(orbit.chain, orbit.omega, orbit.params)}"
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):
@@ -255,9 +243,7 @@ class BreatherProblem(CycleProblem):
         return super().lift(kind)
 
     def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
-        if (
-            isinstance(equations, WholeOrbit) and equations.held == "omega"
-        ):  # it may go around twice
+        if isinstance(equations, WholeOrbit) and equations.held == "omega":  # perhaps twice around
             params = {**params, "omega": 2 * math.pi / equations.start[0].duration}
         return breather_problem(equations, params, self.events, label or self.label)
 
@@ -265,8 +251,7 @@ class BreatherProblem(CycleProblem):
 def _doubled_half(point: Point) -> SwitchingProblem:
     """Make half of the orbit of twice the period: once around, from where the perturbation that
     changes its sign is at rest, which is at one end of the half or at the other."""
-    problem, (free,) = point.curve.problem, point.curve.free
-    half: HalfOrbit = problem.residual
+    problem, half = point.curve.problem, point.curve.problem.residual
     (whole,), k = point.solution.flights, len(half.start[0].states)
     # at rest where the half begins and without displacement where it ends, or the other way around
     blocks = point.solution.half_map.A, point.solution.half_map.D
@@ -280,25 +265,26 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     params = dict(point.params)
     if half.held == "omega":
         params["omega"] /= 2
-    twice = replace(half, start=(whole,))
-    arm: Problem = breather_problem(twice, params, problem.events, problem.label)
-    curve = Curve(arm, (free,))
-    with suppress(Undefined):  # off PD by as much as the mesh does not resolve
-        arm = Point(curve, crossing(curve, curve.start).solution.z).problem
-    return SwitchingProblem(arm, free, both=False)
+    twice = breather_problem(replace(half, start=(whole,)), params, problem.events, problem.label)
+    return _crossed(twice, point, both=False)
 
 
 def _whole(point: Point) -> SwitchingProblem:
     """Make the whole orbit one of a family that need not be time-reversible."""
-    problem, (free,), half = point.curve.problem, point.curve.free, point.curve.problem.residual
-    equations = WholeOrbit.of(half, point.solution.flights)
-    family: Problem = breather_problem(
-        equations, point.params, events_of_cycle(equations), problem.label
-    )
-    curve = Curve(family, (free,))
-    with suppress(Undefined):  # off PF by as much as the mesh does not resolve
-        family = Point(curve, crossing(curve, curve.start).solution.z).problem
-    return SwitchingProblem(family, free)
+    problem = point.curve.problem
+    equations = WholeOrbit.of(problem.residual, point.solution.flights)
+    events = events_of_cycle(equations)
+    family = breather_problem(equations, point.params, events, problem.label)
+    return _crossed(family, point, both=True)
+
+
+def _crossed(arm: Problem, point: Point, both: bool) -> SwitchingProblem:
+    """Start where curves cross, which is off the point by as much as the mesh does not resolve."""
+    (free,) = point.curve.free
+    curve = Curve(arm, (free,))
+    with suppress(Undefined):
+        arm = Point(curve, crossing(curve, curve.start).solution.z).problem
+    return SwitchingProblem(arm, free, both=both)
 
 
 def breather_problem(
@@ -307,12 +293,9 @@ def breather_problem(
     """The problem of a breather that starts at the orbit which its equations began with."""
     start = equations.unknowns(equations.start, params)
     size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
-    whole_time = sum(flight.duration for flight in equations.start)
-    scales = {"orbit": size} | {
-        name: whole_time
-        for name in ("half", "period", "durations", "phase", "held")
-        if name in start
-    }
+    whole = sum(flight.duration for flight in equations.start)
+    times = ("half", "period", "durations", "phase", "held")
+    scales = {"orbit": size} | {name: whole for name in times if name in start}
     gone = {*params, *start, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
     record: dict[str, Any] = {name: get for name, get in COLUMNS.items() if name not in gone}
     record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))

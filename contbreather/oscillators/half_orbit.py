@@ -100,6 +100,9 @@ class HalfOrbit(FlowEquations):
         start = super().unknowns(flights, p)
         return {"half" if name == "period" else name: value for name, value in start.items()}
 
+    def holding(self, name: str) -> HalfOrbit:
+        return replace(self, held=name)
+
     def _condition(self, i: int, x: Array, flight: TrajectorySegment, p: Params) -> float:
         if self.held == "omega":
             return super()._condition(i, x, flight, p)
