@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import networkx as nx
 import numpy as np
+from scipy import sparse
 
 from ..checks import whole
 from ..errors import NoSolution, partial_result
@@ -100,19 +102,16 @@ def breathers(
     {0: 1, 2: -1} 10 True 0
     """
     catalogue: list[CodedBreather] = []
+    how |= {"omega": omega, "params": params}
     with partial_result(lambda: tuple(catalogue)):
         for code, copies in _classes(chain, sites, {**(params or {}), "omega": omega}):
-            catalogue.append(_entry(chain, code, copies, {"omega": omega, "params": params, **how}))
+            entry = partial(CodedBreather, dict(code), copies)
+            try:
+                catalogue.append(entry(1.0, "", breather(chain, dict(code), **how)))
+            except NoSolution as error:
+                share = error.share if isinstance(error, CouplingEnds) else 0.0
+                catalogue.append(entry(share, str(error), None))
     return tuple(catalogue)
-
-
-def _entry(chain: Oscillators, code: Code, copies: int, how: Mapping[str, Any]) -> CodedBreather:
-    try:
-        found = breather(chain, dict(code), **how)
-    except NoSolution as error:
-        share = error.share if isinstance(error, CouplingEnds) else 0.0
-        return CodedBreather(dict(code), copies, share, str(error), None)
-    return CodedBreather(dict(code), copies, 1.0, "", found)
 
 
 def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[Code, int]]:
@@ -121,26 +120,20 @@ def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[C
     if isinstance(sites, Iterable):
         groups = [tuple(sorted(whole("sites", n, 0) for n in sites))]
     else:
-        most = whole("sites", sites, 1)
-        groups = [
-            group
-            for count in range(1, min(most, chain.sites) + 1)
-            for group in itertools.combinations(range(chain.sites), count)
-        ]
+        counts = range(1, min(whole("sites", sites, 1), chain.sites) + 1)
+        groups = [g for n in counts for g in itertools.combinations(range(chain.sites), n)]
     codes: list[Code] = [
         tuple(zip(group, signs, strict=True))
         for group in groups
         for signs in itertools.product(values, repeat=len(group))
     ]
-    alike = nx.Graph()
+    alike, exchanges = nx.Graph(), _exchanges(chain, params)
     alike.add_nodes_from(codes)
-    known, exchanges = set(codes), _exchanges(chain, params)
     for code in codes:
         # half a period later, and at other sites
         later = tuple((n, value if isinstance(value, str) else -value) for n, value in code)
         moved = (tuple(sorted((to[n], value) for n, value in code)) for to in exchanges)
-        images = [later, *moved]
-        alike.add_edges_from((code, image) for image in images if image in known)
+        alike.add_edges_from((code, image) for image in (later, *moved) if image in alike)
     order = {code: i for i, code in enumerate(codes)}
     for images in nx.connected_components(alike):
         yield min(images, key=order.__getitem__), len(images)
@@ -154,14 +147,11 @@ def _exchanges(chain: Oscillators, params: Params) -> list[Mapping[int, int]]:
     if abs(pull + push).max() > 1e-12 * abs(pull).max():
         return []
     lattice, graph, ends = chain.lattice, nx.Graph(), abs(chain.bonds.ends)
-    single = np.diff(ends.indptr) == 1  # bonds to the ground
-    ground = ends.T @ (single * chain.couplings)
+    ground = ends.T @ ((np.diff(ends.indptr) == 1) * chain.couplings)
     own = chain.masses, chain.onsite, lattice.dampings, lattice.drive, ground
     for n, values in enumerate(zip(*own, strict=True)):
         graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in values))
-    for bond, weight in enumerate(chain.couplings):
-        places = ends.indices[ends.indptr[bond] : ends.indptr[bond + 1]].tolist()
-        if len(places) == 2:
-            total = float(graph.edges.get(places, {}).get("total", 0.0)) + weight
-            graph.add_edge(*places, total=total, weight=f"{total:.9g}")
+    joined = sparse.triu(ends.T @ sparse.diags_array(chain.couplings) @ ends, 1).tocoo()
+    for i, j, weight in zip(*joined.coords, joined.data, strict=True):
+        graph.add_edge(int(i), int(j), weight=f"{weight:.9g}")
     return list(exchanges_of_sites(graph))

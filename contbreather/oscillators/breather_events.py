@@ -38,30 +38,26 @@ from .half_orbit import HalfOrbit
 _PINNED = 1e-8  # an index that is less off 1 is that of a motion which nothing holds back
 
 
-def _closed(starts: str, ends: str, curve: Curve, z: Array) -> Matrix:
-    """Close the equations for other perturbations than those of the orbit; those that are at rest
-    at both ends as it is have a given energy in place of a frequency."""
-    half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
-    if starts == ends == "v":
-        return replace(half, held="energy").derivatives(x, {**p, "energy": 0.0}, curve.free)
-    matrix: Matrix = half.closed_by(starts, ends, x, p, curve.free)
-    return matrix
+def _closed(rest: str, curve: Curve, z: Array) -> Matrix:
+    """The equations of other perturbations than those of the orbit, see `HalfOrbit.closed`."""
+    half: HalfOrbit = curve.problem.residual
+    return half.closed_by(rest, z[: curve.size], curve.params(z), curve.free)
 
 
-def _weak(starts: str, ends: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
+def _weak(rest: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
     """The least singular value of these, and its vectors."""
 
     def make(z: Array) -> tuple[float, Array, Array]:
-        weak = least_singular(_closed(starts, ends, curve, z)[:, : curve.size])
+        weak = least_singular(_closed(rest, curve, z)[:, : curve.size])
         return weak.sign * weak.size, weak.sign * weak.left, weak.right
 
-    found: tuple[float, Array, Array] = curve.cached(f"closed by {starts} {ends}", z, make)
+    found: tuple[float, Array, Array] = curve.cached(f"closed by {rest}", z, make)
     return found
 
 
-def _locus(starts: str, ends: str) -> DefiningSystem:
+def _locus(rest: str) -> DefiningSystem:
     """Where these equations lose rank."""
-    return rank_locus(partial(_weak, starts, ends), partial(_closed, starts, ends))
+    return rank_locus(partial(_weak, rest), partial(_closed, rest))
 
 
 def _turned_around(point: Point) -> float:
@@ -87,9 +83,7 @@ def _at_minus_one(point: Point) -> DefiningSystem:
     """The perturbations that change their sign are at rest where it begins, or where its half
     ends: those that do here."""
     curve, z = point.base_point.curve, point.base_point.z
-    ways = (("v", "u"), ("u", "v"))
-    starts, ends = min(ways, key=lambda way: abs(_weak(way[0], way[1], curve, z)[0]))
-    return _locus(starts, ends)
+    return _locus(min(("vu", "uv"), key=lambda rest: abs(_weak(rest, curve, z)[0])))
 
 
 def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array]:
@@ -99,7 +93,7 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array
     def make(place: Array) -> tuple[float, Array, Array]:
         half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
         rows, _, rest = half.pairs(math.cos(place[-1]))
-        ends = half.open.derivatives(x, p)
+        ends = half.closed[""].derivatives(x, p)
         both = rows @ _twice(ends) + rest
         a = any_vector(both.shape[0])
         whole = above(beside(both.tocsc(), a[:, None]), np.append(a, 0.0)[None, :])
@@ -122,12 +116,12 @@ def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
     rows, turned, _ = half.pairs(math.cos(extra[0]))
 
     def ends(curve: Curve, z: Array) -> Matrix:
-        return half.open.derivatives(z[: curve.size], curve.params(z), curve.free)
+        return half.closed[""].derivatives(z[: curve.size], curve.params(z), curve.free)
 
     ways = zip(np.split(rows.T @ left, 2), np.split(right, 2), strict=True)
     in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
     x, p = z[: curve.size], curve.params(z)
-    in_index = left @ (turned @ (_twice(half.open.derivatives(x, p)) @ right))
+    in_index = left @ (turned @ (_twice(half.closed[""].derivatives(x, p)) @ right))
     return -np.append(in_z, -math.sin(extra[0]) * in_index)
 
 
@@ -157,10 +151,10 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
         return events_of_cycle(equations)
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     _, turn, branch_point, pd, kc = conservative_events(crossing)
-    turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("v", "v")))
+    turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("vv")))
     pf = Event(
         "PF", _turned_around, examine=partial(examine_place, 1.0, _UNLIKE),
-        locus=Always(_locus("u", "u")),
+        locus=Always(_locus("uu")),
     )  # fmt: skip
     kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")

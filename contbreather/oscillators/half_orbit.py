@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -40,10 +40,11 @@ from ..flows.sparse_equations import FEW, SparseFlowEquations
 from .oscillator_lattice import Oscillators
 
 
-def at_rest(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """The velocities, in the place of the positions: those that vanish where the half ends."""
-    v = x[len(x) // 2 :]
-    return np.concatenate([v, 0.0 * v])
+def at_rest(rest: str, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """Put the part that vanishes where all ends in the rows of that which does not at its start."""
+    u, v = np.split(x, 2)
+    end = u if rest[1] == "u" else v
+    return np.concatenate([end, 0.0 * end] if rest[0] == "v" else [0.0 * end, end])
 
 
 def half_period(t: Any, x: Any, p: Params) -> Any:
@@ -79,20 +80,21 @@ class HalfOrbit(FlowEquations):
     """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
 
     held: str = "omega"  # what is given of it
-    opened: bool = False  # for minus the state where it ends, in place of what closes it
+    rest: str = "vv"  # which parts vanish at its beginning and its end; none where it is open
 
     @classmethod
     def of(cls, chain: Oscillators, **more: Any) -> HalfOrbit:
         kind = SparseHalfOrbit if 2 * chain.sites >= FEW else cls
-        return kind(flows=(Flow(chain, reset=at_rest),), period=half_period, turns=1, **more)
+        flow = Flow(chain, reset=partial(at_rest, "vv"))
+        return kind(flows=(flow,), period=half_period, turns=1, **more)
 
     @property
     def chain(self) -> Oscillators:
         return cast("Oscillators", self.flows[0].f)
 
     @property
-    def standing(self) -> Array:  # v_0 = 0 in rows of v, v_end = 0 in those of u
-        return np.repeat([0.0, 0.0 if self.opened else 1.0], self.chain.sites)
+    def standing(self) -> Array:  # of the parts where it begins those that vanish
+        return np.repeat([float(self.rest[:1] == part) for part in "uv"], self.chain.sites)
 
     def unknowns(
         self, flights: Sequence[TrajectorySegment], p: Params | None = None
@@ -116,9 +118,10 @@ class HalfOrbit(FlowEquations):
         slope = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
         slope[first.size + 1 :] -= [name == "energy" for name in names]
         columns = np.append(first, self.layout.size + np.arange(len(names)))
-        row = np.delete(slope, first.size), (np.full(columns.size, last), columns)
-        others = _rows(self.layout.size, np.delete(np.arange(self.layout.size), last))
-        return _alike(matrix, others @ matrix + sparse.csr_array(row, matrix.shape))
+        edited: Any = matrix.copy() if isinstance(matrix, np.ndarray) else sparse.lil_array(matrix)
+        edited[last] = 0.0
+        edited[last, columns] = np.delete(slope, first.size)
+        return edited if isinstance(matrix, np.ndarray) else edited.tocsc()
 
     def _energy(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.energy(x, p)
@@ -138,31 +141,30 @@ class HalfOrbit(FlowEquations):
     # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
 
     @cached_property
-    def open(self) -> HalfOrbit:
-        """The same without what closes it: where all ends is in the rows of the first state."""
-        return replace(self, flows=(Flow(self.chain),), held="omega", opened=True)
+    def closed(self) -> dict[str, HalfOrbit]:
+        """The same for other perturbations, by the parts that vanish at both of their ends: "uu"
+        and, at a given energy, "vv" have the multiplier 1, "uv" and "vu" -1; "" is open."""
+        made = {}
+        for rest in ("uu", "uv", "vu", "vv", ""):
+            flow = Flow(self.chain, reset=partial(at_rest, rest) if rest else None)
+            held = "energy" if rest == "vv" else "omega"
+            made[rest] = replace(self, flows=(flow,), rest=rest, held=held)
+        return made
 
-    def closed_by(
-        self, starts: str, ends: str, x: Array, p: Params, names: tuple[str, ...]
-    ) -> Matrix:
-        """Close the derivative, in unknowns and named parameters, for perturbations with other
-        parts, "u" or "v", at rest at both ends: (u, u) are turned around, and have the multiplier
-        1; (v, u) and (u, v) have -1."""
-        matrix, size = self.open.derivatives(x, p, names), self.layout.size
-        first, sites, last = self.layout.nodes[0][0], self.chain.sites, self.layout.lengths[0]
-        part = {"u": first[:sites], "v": first[sites:]}
-        rest, moves = part[starts], part["v" if starts == "u" else "u"]
-        kept = np.delete(np.arange(size), first)
-        closed = (_rows(size, kept) + _rows(size, moves, part[ends])) @ matrix
-        closed = closed + _rows(size, rest, width=matrix.shape[1])
-        if starts == ends == "u":  # the orbit's own velocity is one of them: across that alone
-            start, end = (self.chain(0.0, state, p)[sites:]
-                          for state in (x[first], self.flights(x, p)[0].end))  # fmt: skip
-            border = np.append(start, end), (
-                np.append(np.full(sites, last), moves), np.append(part["v"], np.full(sites, last)),
-            )  # fmt: skip
-            closed = closed + sparse.csr_array(border, matrix.shape)
-        return _alike(matrix, closed)
+    def closed_by(self, rest: str, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
+        """Differentiate these in unknowns and named parameters."""
+        matrix = self.closed[rest].derivatives(x, {**p, "energy": 0.0}, names)
+        if rest != "uu":
+            return matrix
+        # the orbit's own velocity is one of them: across that alone
+        first, last, n = self.layout.nodes[0][0], self.layout.lengths[0], self.chain.sites
+        start, end = (
+            self.chain(0.0, state, p)[n:] for state in (x[first], self.flights(x, p)[0].end)
+        )
+        rows = np.append(np.full(n, last), first[n:])
+        columns = np.append(first[n:], np.full(n, last))
+        border = sparse.csr_array((np.append(start, end), (rows, columns)), matrix.shape)
+        return matrix + (border if sparse.issparse(matrix) else border.toarray())
 
     def pairs(self, index: float) -> tuple[Any, Any, Any]:
         """What is singular where a pair of multipliers has a stability index, ``L (1 x O) + E``
@@ -190,18 +192,15 @@ class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
 
     @property
     def closing(self) -> tuple[Any, Any]:
-        sites = np.arange(self.chain.sites)
-        return super().closing if self.opened else (sites, sites + sites.size)  # `at_rest`
+        if not self.rest:
+            return super().closing
+        parts = dict(zip("uv", np.split(np.arange(2 * self.chain.sites), 2), strict=True))
+        return parts["u" if self.rest[0] == "v" else "v"], parts[self.rest[1]]
 
 
-def _rows(size: int, to: Array, of: Array | None = None, width: int = 0) -> Any:
+def _rows(size: int, to: Array, of: Array | None = None) -> Any:
     """Select rows of a matrix, and put them elsewhere."""
-    places = to, to if of is None else of
-    return sparse.csr_array((np.ones(len(to)), places), (size, width or size))
-
-
-def _alike(matrix: Matrix, made: Any) -> Matrix:
-    return sparse.csc_array(made) if sparse.issparse(matrix) else np.asarray(made)
+    return sparse.csr_array((np.ones(len(to)), (to, to if of is None else of)), (size, size))
 
 
 @dataclass(frozen=True, eq=False)
