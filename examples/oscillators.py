@@ -56,6 +56,11 @@ def main(folder: Path = Path()) -> list[Path]:
         plot_energy(family, ax=panels[3])
         plot_profile(hard, ax=panels[4])
         plot_profile(plane, ax=panels[5])
+        titles = ("Morse: profile", "over a period", "multipliers", "family up to the band")
+        for panel, title in zip(panels, (*titles, "FPUT, fixed ends", "plane"), strict=True):
+            panel.set_title(title, fontsize="medium")
+        for label in panels[3].texts:  # its ends are those of the window
+            label.set_visible(not label.get_text().startswith("EP"))
     return [save_figure(figure, folder / "oscillators.png")]
 
 

@@ -23,7 +23,6 @@ _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it reson
 _ESCAPED = 10.0  # relative to the same
 _MOST = 400  # periods after which it has settled, or never will
 
-
 Attractor = tuple[float, Array]  # how far it swings, and its state at t = 0
 
 
@@ -48,23 +47,19 @@ def refuse_other_period(chain: Oscillators, p: Params) -> None:
 
 @dataclass(frozen=True, eq=False)
 class UncoupledSites:
-    """All sites of a driven lattice without coupling, each by itself: states have the shape
-    (2, N, m), of m motions of each."""
+    """All sites of a driven lattice, each by itself, as there is no coupling in the parameters:
+    states have the shape (2, N, m), of m motions of each."""
 
     chain: Oscillators
-    given: Params
+    params: Params
 
-    @cached_property
-    def params(self) -> Params:
-        return {**self.given, SHARE: 0.0}
+    @classmethod
+    def of(cls, chain: Oscillators, p: Params) -> UncoupledSites:
+        return cls(chain, {**p, SHARE: 0.0})
 
     @property
     def period(self) -> float:
-        return 2 * math.pi / float(self.given["omega"])
-
-    def field(self, t: float, x: Array) -> Array:
-        flat = x.reshape(2 * self.chain.sites, -1)
-        return np.asarray(self.chain(t, flat, self.params)).reshape(x.shape)
+        return float(forcing_period(0.0, None, self.params))
 
     def run(self, x: Array, times: Any, tolerance: float) -> Array:
         """States at times, the last axis; what comes too far has escaped, and stays there."""
@@ -73,8 +68,9 @@ class UncoupledSites:
         far = _ESCAPED * self.sizes
 
         def rates(t: float, y: Array) -> Array:
-            state = y.reshape(x.shape)
-            return np.ravel(np.where(abs(state[0]) < far, self.field(t, state), 0.0))
+            field = self.chain(t, y.reshape(2 * self.chain.sites, -1), self.params)
+            inside = abs(y.reshape(x.shape)[0]) < far
+            return np.ravel(np.where(inside, field.reshape(x.shape), 0.0))
 
         ends: Array = solve_ivp(
             rates, (0.0, times[-1]), x.ravel(), t_eval=times, method="DOP853", rtol=tolerance,
@@ -123,22 +119,22 @@ class UncoupledSites:
         """Newton's iteration for states that come back, and the modulus of the largest multiplier
         of each; NaN where none does."""
         # beside rest in that of what the drive makes of it
-        drive = abs(self.field(0.0, np.zeros_like(x))[1])
+        drive = abs(self.chain(0.0, np.zeros((x[:, :, 0].size, 1)), self.params)[-len(x[0]) :])
         sizes = np.where(x.any(axis=0), abs(x).max(axis=0), np.where(drive, drive, 1.0))
-        lost = np.zeros(sizes.shape, dtype=bool)
+        lost, off = np.zeros(sizes.shape, dtype=bool), np.full(sizes.shape, math.inf)
         for _ in range(8):
+            if (lost | (off < 1e-9 * sizes)).all():
+                break
             step, (u, v) = 1e-5 * sizes, x
             beside = np.array([np.hstack([u, u + step, u]), np.hstack([v, v, v + step])])
             end, by_u, by_v = np.split(self.run(beside, [self.period], 1e-12)[..., 0], 3, axis=2)
             M = np.stack([by_u - end, by_v - end], axis=1) / step  # (2, 2, N, m)
             M, gap = M.transpose(2, 3, 0, 1), (x - end).transpose(1, 2, 0)
             # of a site that nothing holds the place is free: the shortest correction
-            move = np.linalg.pinv(M - np.eye(2), rcond=1e-6) @ gap[..., None]
-            off = abs(move[..., 0]).max(axis=2)
+            move = (np.linalg.pinv(M - np.eye(2), rcond=1e-6) @ gap[..., None])[..., 0]
+            off = abs(move).max(axis=2)
             lost |= ~(off < 1e3 * sizes)
-            x = np.where(lost, x, x + move[..., 0].transpose(2, 0, 1))
-            if (lost | (off < 1e-9 * sizes)).all():
-                break
+            x = np.where(lost, x, x + move.transpose(2, 0, 1))
         largest = abs(np.linalg.eigvals(M)).max(axis=2)
         return x, np.where(lost | ~(off < 1e-9 * sizes), np.nan, largest)
 
@@ -185,7 +181,7 @@ def driven_without_coupling(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    given, alone = coded(chain, code), UncoupledSites(chain, p)
+    given, alone = coded(chain, code), UncoupledSites.of(chain, p)
     found = enumerate(alone.attractors())
     states = [_chosen(site, given.get(site, "low"), of) for site, of in found]
     motion = chain.motion(np.transpose(states).ravel(), alone.period, alone.params)

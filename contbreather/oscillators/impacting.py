@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -75,10 +76,7 @@ class Flight(NamedTuple):
     start: float
     end: float
     met: tuple[WallDistance, ...]
-
-    @property
-    def sites(self) -> tuple[int, ...]:
-        return tuple(wall.site for wall in self.met)
+    bounce: Bounce
 
 
 def between_walls_without_coupling(
@@ -96,9 +94,9 @@ def between_walls_without_coupling(
             f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
             "drive: what moves half a period later has -1 in the row drive= of its Lattice."
         )
-    alone = UncoupledSites(chain, given)
+    alone = UncoupledSites.of(chain, given)
     orbits = {n: _single(alone, n) for n in values}
-    (first, *_) = [orbit.flights[0] for orbit in orbits.values()]
+    first = orbits[next(iter(values))].flights[0]
     begin = first.start + 0.5 * first.duration
     x = alone.beside_rest()(np.mod([begin], alone.period))[:, 0]
     for n, orbit in orbits.items():
@@ -134,19 +132,17 @@ def _from_impact_to_impact(
     if len(sites) > 1:
         x = _returning(chain, walls, p, begin, x, period)
     (before, *_) = _flown(chain, walls, p, begin, x, period)
-    start = before.end, Bounce(chain, before.sites)(0.0, before.motion(before.end), p)
+    start = before.end, before.bounce(0.0, before.motion(before.end), p)
     flights = [*_flown(chain, walls, p, *start, period * (1 + _AT_ONCE))]
-    also = [flight.met[1:] for flight in (flights[-1], *flights)]  # that impact with another
-    flows = tuple(
-        Flow(
-            chain, until=flight.met[0], reset=Bounce(chain, flight.sites),
-            walls=tuple(
-                Flow(chain, until=end, reset=Bounce(chain, (n,))) for (n, _), end in ends.items()
-                if end not in (*flight.met, *also[i])
-            ),
-        ) for i, flight in enumerate(flights)
-    )  # fmt: skip
-    return flows, tuple(fitted(scheme, f.start, f.end - f.start, f.motion) for f in flights)
+    flows = []
+    for flight, previous in zip(flights, [flights[-1], *flights], strict=False):
+        near = (*flight.met, *previous.met[1:])  # met with another: it is there to begin with
+        others = [end for end in ends.values() if end not in near]
+        walled = (Flow(chain, until=end, reset=Bounce(chain, (end.site,))) for end in others)
+        flow = Flow(chain, until=flight.met[0], reset=flight.bounce, walls=tuple(walled))
+        flows.append(flow)
+    fits = (fitted(scheme, f.start, f.end - f.start, f.motion) for f in flights)
+    return tuple(flows), tuple(fits)
 
 
 def _flown(
@@ -166,8 +162,9 @@ def _flown(
         begins, t, x = t, float(run.t[-1]), run.y[:, -1]
         outwards = (w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0)
         met = tuple(outwards) if run.status == 1 else ()
-        yield Flight(run.sol, begins, t, met)
-        x = Bounce(chain, tuple(wall.site for wall in met))(t, x, p)
+        bounce = Bounce(chain, tuple(wall.site for wall in met))
+        yield Flight(run.sol, begins, t, met, bounce)
+        x = bounce(t, x, p)
         end = t if run.status == 1 and end - t < 2 * _AT_ONCE * time else end
 
 
@@ -208,19 +205,21 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
         Flow(field, until=lambda t, x, p: wall - x[0], reset=bounce),
         Flow(field, until=lambda t, x, p: wall + x[0], reset=bounce),
     ]
+    how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
     for velocity in _VELOCITIES:
         start = {"u": 0.0, "v": velocity * wall * p["omega"]}
-        try:
+        with suppress(ContbreatherError):
             found = cycle(
-                flows, start, {"k": min(k, _SETTLED)}, period=period, settle=_SETTLES * period,
-                collocation=Collocation(6, 6), events=(),
-            )  # fmt: skip
-        except ContbreatherError:
-            continue
-        if len(cycle_of(found).flights) == 2:
-            walk = trace(found, "k", within={"k": (0.0, k)}, towards="up") if k > _SETTLED else ()
-            if not walk or walk[-1]["k"] == k:
-                return walk[-1].solution if walk else cycle_of(found)
+                flows, start, {"k": min(k, _SETTLED)}, collocation=Collocation(6, 6), **how
+            )
+            if len(cycle_of(found).flights) != 2:
+                continue
+            if k <= _SETTLED:
+                return cycle_of(found)
+            end = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1]
+            if end["k"] == k:
+                orbit: Cycle = end.solution
+                return orbit
     raise NoSolution(
         f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
         f"attracts where impacts keep at most {_SETTLED:g} of their velocity"

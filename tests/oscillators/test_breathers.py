@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
+from contbreather.flows.functions import slopes
 from contbreather.oscillators.breather_problem import breather_problem
 from contbreather.oscillators.half_orbit import SparseHalfOrbit
 
@@ -112,6 +113,17 @@ def test_sites_far_away_change_nothing() -> None:
     assert isinstance(many.residual, SparseHalfOrbit)
     assert many.solution.energy == pytest.approx(few.solution.energy, abs=1e-10)
     assert many.solution.unstable == 0
+
+
+def test_tails_that_are_next_to_nothing_are_differentiated_as_well() -> None:
+    """A hundred sites away it moves by 1e-200: its derivative is that of any site at rest."""
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(3))
+    x = np.array([[1.0], [1e-200], [1e-310], [0.0], [1e-200], [1e-310]])
+    slope = slopes(chain, 0.0, x, {"c": 0.05})[1][:, :6, 0]
+    K = np.diag([1 + 3.0, 1, 1]) + 0.05 * (3 * np.eye(3) - 1)
+    np.testing.assert_allclose(
+        slope, np.block([[np.zeros((3, 3)), np.eye(3)], [-K, np.zeros((3, 3))]])
+    )
 
 
 def test_an_own_integration_returns_and_has_the_same_multipliers() -> None:
