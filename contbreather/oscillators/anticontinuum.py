@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, real
+from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
@@ -51,11 +52,7 @@ class SingleOscillator:
 
     def pull(self, u: Any) -> NDArray[Any]:
         """Its slope."""
-        chain, p = self.chain, self.params
-        total = chain.onsite[self.site] * chain.V.slope(u, p)
-        for sign, weight in self.bonds:
-            total = total + weight * sign * chain.W.slope(sign * u, p)
-        return np.asarray(total / chain.masses[self.site])
+        return np.asarray(self(u + 1j * IMAGINARY).imag / IMAGINARY)
 
     def turning(self, a: Array, sign: float) -> tuple[Array, Array]:
         """The energies of amplitudes on one side, and their turning points on the other side of

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from ..continuation.algebra.linear_algebra import least_singular, solved
 from ..continuation.algebra.newton import Array
@@ -94,7 +95,7 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array
         half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
         rows, _, rest = half.pairs(math.cos(place[-1]))
         ends = half.closed[""].derivatives(x, p)
-        both = rows @ _twice(ends) + rest
+        both = rows @ sparse.block_diag([ends, ends]) + rest
         a = any_vector(both.shape[0])
         whole = above(beside(both.tocsc(), a[:, None]), np.append(a, 0.0)[None, :])
         unit, why = np.eye(1, a.size + 1, a.size)[0], "a second pair is where one is followed"
@@ -103,12 +104,6 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array
 
     found: tuple[float, Array, Array] = curve.cached("pair", np.append(z, extra), make)
     return found
-
-
-def _twice(matrix: Matrix) -> Matrix:
-    from scipy import sparse
-
-    return sparse.block_diag([matrix, matrix], format="csc")
 
 
 def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
@@ -120,9 +115,9 @@ def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
 
     ways = zip(np.split(rows.T @ left, 2), np.split(right, 2), strict=True)
     in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
-    x, p = z[: curve.size], curve.params(z)
-    in_index = left @ (turned @ (_twice(half.closed[""].derivatives(x, p)) @ right))
-    return -np.append(in_z, -math.sin(extra[0]) * in_index)
+    open_ends = half.closed[""].derivatives(z[: curve.size], curve.params(z))
+    both = sparse.block_diag([open_ends, open_ends])
+    return -np.append(in_z, -math.sin(extra[0]) * (left @ (turned @ (both @ right))))
 
 
 def _crosses(point: Point) -> float:
@@ -152,13 +147,9 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     _, turn, branch_point, pd, kc = conservative_events(crossing)
     turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("vv")))
-    pf = Event(
-        "PF", _turned_around, examine=partial(examine_place, 1.0, _UNLIKE),
-        locus=Always(_locus("uu")),
-    )  # fmt: skip
+    said = {"said": "orbits branch off that are not their own images under a reversal of time"}
+    found = partial(examine_place, 1.0, said)
+    pf = Event("PF", _turned_around, examine=found, locus=Always(_locus("uu")))
     kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc, born
-
-
-_UNLIKE = {"said": "orbits branch off that are not their own images under a reversal of time"}
