@@ -36,8 +36,6 @@ from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_sw
 from ..flows.equations import FlowEquations, equations_of
 from .half_orbit import HalfOrbit
 
-_PINNED = 1e-8  # an index that is less off 1 is that of a motion which nothing holds back
-
 
 def _closed(rest: str, curve: Curve, z: Array) -> Matrix:
     """The equations of other perturbations than those of the orbit, see `HalfOrbit.closed`."""
@@ -124,8 +122,9 @@ def _crosses(point: Point) -> float:
     """The test of BP; NaN where its sign is rounding. Next to the band a breather may move along a
     ring all but freely: anywhere there is a solution, to the error of Newton's iteration."""
     assert BRANCH_POINT.test is not None
-    free = abs(point.base_point.solution.indices - 1).min(initial=math.inf) < _PINNED
-    return math.nan if free else BRANCH_POINT.test(point)
+    off = abs(point.base_point.solution.indices - 1).min(initial=math.inf)
+    # an index less off 1 is that of a motion which nothing holds back
+    return math.nan if off < 1e-8 else BRANCH_POINT.test(point)
 
 
 def _born(point: Point) -> Examined:
