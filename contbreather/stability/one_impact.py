@@ -214,55 +214,40 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     if gamma == 0.0:
         return Window(0.0, -1.0)
     if k == 1.0:
-        (low, nu), (high, other) = _neutral_until(gamma, spring), _neutral_from(gamma, spring)
+        (low, nu), (high, other) = (_neutral(gamma, spring, side) for side in (1, -1))
         if low >= high:
             return Window(high, -1.0, other, other)
         return Window(0.5 * (low + high), 0.25 * (low - high) ** 2, nu, other)
     return Window(*_windows(gamma, k, spring)[0][0].tolist())
 
 
-def _neutral_until(gamma: float, spring: float) -> tuple[float, float]:
-    """For k = 1 the largest b for which D, real there, has a zero between the band and mu = -1, and
-    its angle."""
-    edge = math.sqrt(spring + 4.0 * gamma)
+def _neutral(gamma: float, spring: float, side: int) -> tuple[float, float]:
+    """For k = 1 the largest b for which D, real there, has a zero between the band and mu = -1, on
+    the side 1; on the side -1 the least for one between it and mu = 1. And its angle."""
+    if side < 0 and spring == 0.0:  # the band starts there
+        return float(4.0 * alias_sums(gamma, np.zeros(1)).C[0]), 0.0
+    edge = math.sqrt(spring + 4.0 * gamma) if side > 0 else math.sqrt(spring)
 
     def angle(t: Any) -> Any:
-        return edge + (1.0 - edge) * t * t  # the root at the edge is smooth in t
+        # the root at the edge is smooth in t
+        return edge + (1.0 - edge) * t * t if side > 0 else edge * (1.0 - t * t)
 
     def needed(t: Array) -> Array:
         nu = angle(t)
-        # -pi/g = pi sqrt((nu^2 - spring)(nu - edge)(nu + edge))
-        inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
-        return _elastic(gamma, spring, nu, inverse)
+        if side > 0:
+            # -pi/g = pi sqrt((nu^2 - spring)(nu - edge)(nu + edge))
+            inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
+        else:
+            below = edge * (edge + nu)  # spring - nu^2 = t^2 edge (edge + nu)
+            inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
+        _, R, B, C, _ = alias_sums(gamma, nu, spring)
+        # c = 2, d = 0: D = 0 where beta (1 - pi B/g) = 4 (-pi R^2/g - nu (2 R + nu B)), and
+        # b = beta + 4 C
+        share = (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)
+        return np.asarray(side * (4.0 * (C + share)))
 
     t, b = highest(needed, 0.0, 1.0)
-    return b, angle(t)
-
-
-def _neutral_from(gamma: float, spring: float) -> tuple[float, float]:
-    """For k = 1 the least b for which it has one between the band and mu = 1, and its angle."""
-    if spring == 0.0:  # the band starts there
-        return float(4.0 * alias_sums(gamma, np.zeros(1)).C[0]), 0.0
-    floor = math.sqrt(spring)
-
-    def angle(t: Any) -> Any:
-        return floor * (1.0 - t * t)
-
-    def needed(t: Array) -> Array:
-        nu = angle(t)  # spring - nu^2 = t^2 floor (floor + nu)
-        below = floor * (floor + nu)
-        inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
-        return -_elastic(gamma, spring, nu, inverse)
-
-    t, b = highest(needed, 0.0, 1.0)
-    return -b, angle(t)
-
-
-def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
-    """The b with which D has a zero off the band for k = 1; ``inverse = -pi/g``."""
-    _, R, B, C, _ = alias_sums(gamma, nu, spring)
-    # c = 2, d = 0: D = 0 where beta (1 - pi B/g) = 4 (-pi R^2/g - nu (2 R + nu B)), b = beta + 4 C
-    return np.asarray(4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)))
+    return side * b, angle(t)
 
 
 # --- the map --------------------------------------------------------------------------------------

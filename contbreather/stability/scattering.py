@@ -16,9 +16,8 @@ velocity ``v_g = v/(2 nu)`` and meets the site every ``N/v_g``, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,46 +57,36 @@ class OverReflection(HtmlRepr):
         )
 
 
-@dataclass(frozen=True)
-class Waves:
-    """Waves of the infinite chain that meet a symmetric breather, by ``alpha = theta/2``."""
+class Waves(NamedTuple):
+    """Waves of the infinite chain that meet a symmetric breather, at angles of the band."""
 
-    map: HalfMap
+    nu: Array
+    W: Array  # negative where more comes back than went in; down to alpha = 0, the limit there
+    gain: Array  # ln|S|, exact also where |S| is near 1
+    growth: Array  # pi v_g ln|S|
 
-    def angle(self, alpha: Array) -> Array:
-        """nu, with ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
-        sine = 2.0 * math.sqrt(self.map.gamma) * np.sin(alpha)
-        spring = self.map.lattice.spring
-        return np.asarray(np.sqrt(spring + sine * sine) if spring else sine)
 
-    def v(self, alpha: Array) -> Array:
-        """``v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2)``, without a difference."""
-        return 4.0 * self.map.gamma * np.sin(alpha) * np.cos(alpha)
-
-    def W(self, alpha: Array) -> Array:
-        """Negative where more comes back than went in; down to alpha = 0, the limit there."""
-        nu, R, B, C, by_nu = alias_sums(self.map.gamma, self.angle(alpha), self.map.lattice.spring)
-        c, d = 1.0 + self.map.k, 0.5 * (1.0 - self.map.k)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steep = np.where(nu > 0.0, R / nu, by_nu)
-        return (steep + B) * (c * c * nu * R + self.map.b - c * c * C) + d * d
-
-    def gain(self, alpha: Array) -> Array:
-        """ln|S|, exact also where |S| is near 1."""
-        nu, R, B, C, _ = alias_sums(self.map.gamma, self.angle(alpha), self.map.lattice.spring)
-        k, b, v = self.map.k, self.map.b, self.v(alpha)
-        smooth, L = smooth_and_L(nu, k, b, (R, B, C))
-        # at a Neimark-Sacker point S has a pole; its size is then that of rounding
-        F = np.maximum(np.abs(v * smooth - 1j / math.pi * L), 1e-15 * (1.0 + abs(b)))
-        excess = -4.0 * (1.0 - k * k) / math.pi * v * nu * self.W(alpha)
-        return np.asarray(0.5 * np.log1p(np.maximum(excess / F**2, -1.0)))
-
-    def growth(self, alpha: Array) -> Array:
-        """pi v_g ln|S|"""
-        gamma, spring = self.map.gamma, self.map.lattice.spring
-        cosine = math.sqrt(gamma) * np.cos(alpha)
-        speed = 0.5 * self.v(alpha) / self.angle(alpha) if spring else cosine
-        return np.asarray(math.pi * speed * self.gain(alpha))
+def waves(map: HalfMap, alpha: Array) -> Waves:
+    """What comes back at ``nu^2 = spring + 4 gamma sin(alpha)^2``, ``alpha = theta/2``."""
+    gamma, k, b, spring = map.gamma, map.k, map.b, map.lattice.spring
+    sine, cosine = np.sin(alpha), np.cos(alpha)
+    nu = 2.0 * math.sqrt(gamma) * sine
+    if spring:
+        nu = np.sqrt(spring + nu * nu)
+    # v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2), without a difference
+    v = 4.0 * gamma * sine * cosine
+    _, R, B, C, by_nu = alias_sums(gamma, nu, spring)
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steep = np.where(nu > 0.0, R / nu, by_nu)
+        speed = 0.5 * v / nu if spring else math.sqrt(gamma) * cosine
+    W = (steep + B) * (c * c * nu * R + b - c * c * C) + d * d
+    smooth, L = smooth_and_L(nu, k, b, (R, B, C))
+    # at a Neimark-Sacker point S has a pole; its size is then that of rounding
+    F = np.maximum(np.abs(v * smooth - 1j / math.pi * L), 1e-15 * (1.0 + abs(b)))
+    excess = -4.0 * (1.0 - k * k) / math.pi * v * nu * W
+    gain = 0.5 * np.log1p(np.maximum(excess / F**2, -1.0))
+    return Waves(nu, W, gain, math.pi * speed * gain)
 
 
 def over_reflects(map: HalfMap) -> bool:
@@ -105,7 +94,7 @@ def over_reflects(map: HalfMap) -> bool:
     band."""
     if map.gamma == 0.0 or map.k == 1.0:  # no waves; nothing lost and nothing won
         return False
-    lowest = Waves(map).W(np.linspace(0.0, 0.5 * math.pi, GRID + 1)).min()
+    lowest = waves(map, np.linspace(0.0, 0.5 * math.pi, GRID + 1)).W.min()
     return bool(lowest < -1e-13 * (1.0 + abs(map.b)))  # more than rounding of its terms
 
 
@@ -116,17 +105,20 @@ def over_reflection(map: HalfMap) -> OverReflection:
     """
     if not over_reflects(map):
         return OverReflection(False)
-    waves = Waves(map)
-    (gain, at), (growth, where) = _largest(waves.gain, map), _largest(waves.growth, map)
+    (gain, at), (growth, where) = _largest(map, "gain"), _largest(map, "growth")
     if gain <= 0.0:  # amplified, but by less than rounding shows
         return OverReflection(True)
-    nu = waves.angle(np.array([at, where]))
-    return OverReflection(True, gain, float(nu[0]), growth, float(nu[1]))
+    first, second = waves(map, np.array([at, where])).nu.tolist()
+    return OverReflection(True, gain, first, growth, second)
 
 
-def _largest(f: Callable[[Array], Array], map: HalfMap) -> tuple[float, float]:
-    """The largest value of a function of the band, and where: between the samples next to its
-    highest peaks, of which there is one beside each Neimark-Sacker point."""
+def _largest(map: HalfMap, name: str) -> tuple[float, float]:
+    """The largest value of a column of `Waves`, and where: between the samples next to its highest
+    peaks, of which there is one beside each Neimark-Sacker point."""
+
+    def f(alpha: Array) -> Array:
+        return np.asarray(getattr(waves(map, alpha), name))
+
     gamma, spring, ends = map.gamma, map.lattice.spring, map.window
     x = np.linspace(0.0, 0.5 * math.pi, GRID + 1)
     sines = np.array([max(nu * nu - spring, 0.0) / (4.0 * gamma) for nu in (ends.low, ends.high)])

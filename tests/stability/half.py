@@ -11,7 +11,7 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.one_impact import Gradient, HalfMap, half_map
 from contbreather.stability.saltation import Saltation, saltation
-from contbreather.stability.scattering import OverReflection, Waves
+from contbreather.stability.scattering import OverReflection, waves
 from contbreather.stability.scattering import over_reflection as reflection_of
 from contbreather.stability.scattering import over_reflects as reflects
 from contbreather.stability.zeros import Count
@@ -76,9 +76,9 @@ def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> Ov
 
 def amplified(gamma: float, nu: Any, k: float, b: float, spring: float = 0.0) -> Any:
     """|S| at angles of the band (times pi)."""
-    waves = Waves(HalfMap(gamma, k, b, CHAIN.with_spring(spring)))
+    map = HalfMap(gamma, k, b, CHAIN.with_spring(spring))
     square = (np.atleast_1d(nu) ** 2 - spring) / (4.0 * gamma)
-    return np.exp(waves.gain(np.arcsin(np.sqrt(square))))
+    return np.exp(waves(map, np.arcsin(np.sqrt(square))).gain)
 
 
 def dense_half_map(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
