@@ -169,8 +169,7 @@ class _Place:
 
 
 def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float]:
-    """``[f'(t2) - f'(t1)]/(t2 - t1)``, smooth where both times meet; and its derivatives in their
-    middle at fixed distance, and in the distance at fixed middle."""
+    """``[f'(t2) - f'(t1)]/(t2 - t1)``; and its slopes in their middle and in their distance."""
     middle, half = 0.5 * (t1 + t2), 0.5 * (t2 - t1)
     value = slope = across = 0.0
     for m, A, B in forcing.harmonics:

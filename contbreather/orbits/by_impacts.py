@@ -91,8 +91,7 @@ class ByImpacts:
 
     @classmethod
     def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
-        """Make the orbit of these times, impulses, offsets and amplitudes, on a curve that set out
-        from certain conditions."""
+        """Make the orbit of these unknowns on a curve that set out from certain conditions."""
         resonant = resonant_of(on, section)
         equations = impact_equations(section, on.forcing, on.lattice, on.walls, resonant)
         times, impulses, offsets, amplitudes = equations.split(np.asarray(x, dtype=float))
@@ -136,8 +135,7 @@ class ByImpacts:
 
     @classmethod
     def closest(cls, on: Conditions, section: Section, *given: Any) -> ByImpacts:
-        """The orbit of times, impulses, offsets; what is not given is fitted to all equations,
-        which are linear in it."""
+        """Fit what is not given of times, impulses, offsets, linear in all equations."""
         if on.lattice.sites is not None:
             check_possible(section, on)
         check_order(section, given[0])
@@ -180,8 +178,7 @@ class ByImpacts:
 
     @property
     def condition(self) -> float:
-        """Condition number of the Newton matrix. It grows where a multiplier comes close to +1
-        (to -1, on half a symmetric orbit)."""
+        """Condition number of Newton's matrix: large where the section's map closes on it."""
         return float(np.linalg.cond(self.equations.jacobian(self.x, self.conditions.params)))
 
     # ------------------------------------------------------------------------ motion
@@ -244,8 +241,7 @@ class ByImpacts:
         return section_map(on.lattice, held, on.k, tuple(kicks), T, sign)
 
     def entry_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
-        """Derivatives of the entries b of the saltations by the names of unknowns, and of
-        parameters, in k and damping with b at its impact."""
+        """Derivatives of the entries b by names of unknowns and of parameters."""
         at, on, share = self.terms, self.conditions, self.equations.shares
         c = 1.0 + on.k * share
         i, J, w = np.arange(at.times.size), at.impulses, self.accelerations

@@ -331,8 +331,7 @@ def symmetric(
 
 
 def rooted(roots: tuple[Orbit, ...], root: int | None) -> Orbit:
-    """The solution of (11) with that number, counted from 1 by falling p; without one the first
-    that is admissible, or the first of all where none is."""
+    """The root of that number, by falling p from 1; or the first admissible one, or the first."""
     if root is None:
         candidates = roots if len(roots) > 1 else ()
         # on GR rounding must not decide which of two breathers it is

@@ -138,8 +138,7 @@ class Closure:
     def upper_phases(
         self, params: Mapping[str, float], largest: float
     ) -> Iterator[tuple[float, float]]:
-        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or a
-        fold below that, on."""
+        """Intervals of phases on which a falls to a fold, from the largest a or a fold on."""
         series, q = self._without_momentum(params)
         extrema, level = crests(series), q / largest
         for start, end in pairwise([extrema[-1] - 2.0 * math.pi, *extrema]):
@@ -227,8 +226,7 @@ class SymmetricProblem(OrbitProblem):
     def kernel_data(
         self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0, held: bool = False
     ) -> Any:
-        """None for the coupling of a ring, on lattices of somebody else, and of most events with
-        springs."""
+        """None for the coupling of a ring and other lattices; `held`: springs, too."""
         on, forcing = self.closure.lattice, self.closure.forcing
         sprung = isinstance(forcing, SpringResponse)
         if type(on) not in (InfiniteChain, Ring) or (sprung and not held):

@@ -54,8 +54,7 @@ def closure_derivative(t: ClosureTerms, d: ClosureTerms) -> tuple[Any, Any]:
 
 
 def fold_scalar(t: ClosureTerms) -> Any:
-    """The determinant of (11) in p and phi with the sign changed: zero where half the map, QS, has
-    the multiplier -1, eq. (14)."""
+    """Minus the determinant of (11): zero where the half map QS has the multiplier -1, eq. (14)."""
     return t.mean * t.w + (1.0 - t.k) / (1.0 + t.k) * t.v
 
 
@@ -124,8 +123,7 @@ def forcing_at(forcing: Forcing, params: Mapping[str, float]) -> Forcing:
 
 @lru_cache(maxsize=256)
 def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
-    """The forcing with these values; kept, for residual, Jacobian and sensitivities ask for the
-    same few in turn."""
+    """The forcing with these values; kept, for equations and slopes ask for the same few."""
     return forcing.at(**dict(values))
 
 

@@ -368,8 +368,7 @@ CONTACT = walker(contact, contact_slopes, ContactData)
 def closure_data(
     lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
 ) -> ClosureData | None:
-    """Data of a breather with these parameters free; None for others than a, gamma, spring and
-    omega (of the chain), k and coefficients of a Fourier series."""
+    """Data of a breather with these parameters free; None of others than `places` has."""
     names = "a", "gamma", "spring", "k", "omega"
     places = {name: (place, 1.0) for place, name in enumerate(names)}
     if lattice.sites is not None:

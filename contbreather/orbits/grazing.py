@@ -75,8 +75,7 @@ class GrazingSite:
 
 
 def in_unknowns(orbit: Orbit, slopes: Mapping[str, Array], names: Iterable[str]) -> Array:
-    """Slopes by names of unknowns and parameters side by side; of closed forms and of arms in half
-    the momentum, ``|J| = 2p``, and the phase."""
+    """Slopes by names, side by side; also in half the momentum, ``|J| = 2p``, and the phase."""
     signs = np.sign(orbit.impulses)
     by_p = 2.0 * sum(sign * slopes[f"J{i}"] for i, sign in enumerate(signs, 1))
     slopes = {**slopes, "p": by_p, "phi": slopes["t1"]}
@@ -134,8 +133,7 @@ GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, exami
 
 @dataclass(frozen=True)
 class _OtherContact:
-    """Clearance of all else where one local maximum grazes: of other sites, and of other maxima of
-    the same one. Where it ends, the limit of existence goes on with that."""
+    """Clearance of all else where one local maximum grazes: there its curve ends."""
 
     site: int
     mirrored: bool

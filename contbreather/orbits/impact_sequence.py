@@ -26,8 +26,7 @@ ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
 class Hit(NamedTuple):
-    """One impact of an orbit: velocities of the site just before and just after it, and its
-    acceleration just after."""
+    """An impact: velocities of the site before and after it, and its acceleration just after."""
 
     site: int
     wall: int
@@ -77,8 +76,7 @@ class ImpactSequence:
 
     @property
     def vanishing(self) -> int | None:
-        """The number of an impact that has lost its velocity, if any: there the saltation (19) has
-        a pole, and multipliers mean nothing."""
+        """Number of an impact that has lost its velocity: there the saltation (19) has a pole."""
         speeds = np.abs(self.incoming)
         return int(speeds.argmin()) if speeds.size and speeds.min() < VANISHED else None
 
@@ -137,8 +135,7 @@ class ImpactSequence:
 
     @property
     def chi(self) -> float:
-        """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
-        (11), ``p chi = wall - a f(phi)``."""
+        """Mean place of a site per unit p by its impacts, eq. (10): ``p chi = wall - a f(phi)``."""
         self._need_one("chi")
         return float(self.representation.chi)
 

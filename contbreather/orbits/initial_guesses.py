@@ -133,8 +133,7 @@ def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> 
 def from_orbit(
     orbit: Orbit, on: Conditions, sequence: Sequence[Any] | None, sign: int | None
 ) -> ByImpacts:
-    """An orbit, however it was found, under conditions of a finite lattice; opened up, or shot as
-    half of a symmetric one, if asked for."""
+    """Put an orbit under conditions of a finite lattice, opened up or by its half if asked for."""
     if sign == -1 and not orbit.symmetric:
         raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
     if sign == 1:

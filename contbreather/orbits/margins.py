@@ -189,8 +189,7 @@ def speed_of(motion: Motion, i: int) -> float:
 def flight_margin(
     motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix
 ) -> tuple[float, float]:
-    """The margin of a site from impact i to its next one, and when in that flight; without its
-    scale where a contact in it is divided out."""
+    """The margin of a site from impact i to its next, unscaled beside a contact; and when."""
     site, start = int(motion.impacts[SITE, i]), motion.impacts[TIME, i]
     low, high, k = motion.places[site, LOW], motion.places[site, HIGH], motion.places[site, BACK]
     best, where = math.inf, 0.0
@@ -230,8 +229,7 @@ def idle_margin(
 
 
 def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row: int) -> None:
-    """Margins beside a maximum of a site that touches a wall: the least there, the contact
-    divided out, and of those at the other wall."""
+    """Margins of a site beside its contact: the least at that wall, and the least at the other."""
     period, low, high = period_of(motion), motion.places[site, LOW], motion.places[site, HIGH]
     u = state(motion, site, motion.start + contact)[0]
     upper = high - u < u - low
@@ -330,8 +328,7 @@ def margins_along(
     motion: Motion, along: Along, near: Signs, touching: int, time: float, work: Matrix,
     lowest: Vector,
 ) -> None:  # fmt: skip
-    """The least margin of each of several motions, below the ceiling that was found before; the
-    work is that of the last."""
+    """The least margin of each of several motions, below the ceiling that was found before."""
     of, forced = motion.responses, motion.forced
     for i in range(along.a.size):
         for j in range(along.times.shape[1]):

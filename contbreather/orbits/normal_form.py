@@ -202,8 +202,7 @@ def _turned(
 
 
 def _loss(point: Point) -> int:
-    """1 where the symmetric orbit loses its stability with a growing parameter, -1 where it gains
-    it: on which side there is one real multiplier more outside."""
+    """1 where stability is lost with a growing parameter, -1 where it is gained."""
     along = point.direction
     # a little off the pitchfork, to both sides
     step = math.copysign(1e-3, along[-1]) / np.linalg.norm(along) * along

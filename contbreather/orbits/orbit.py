@@ -373,8 +373,7 @@ _KINDS = "closed_form.ClosedForm", "by_impacts.ByImpacts"
 
 
 def suitable(on: Conditions, section: Section) -> Iterator[Any]:
-    """Representations that suit an orbit, the cheapest first: each is fetched when those before do
-    not, and none knows the others."""
+    """Representations that suit an orbit, the cheapest first; none knows the others."""
     for path in _KINDS:
         module, _, name = path.partition(".")
         kind = getattr(import_module(f"contbreather.orbits.{module}"), name)
@@ -442,8 +441,7 @@ def _settled(problem: Problem) -> Orbit:
 
 
 def in_order(orbit: Orbit, iterations: int | None = None) -> None:
-    """`NotConverged` where what solves the equations has impacts out of order, or with a site that
-    moves away from the wall it should hit."""
+    """`NotConverged` where impacts are out of order, or come to a wall from outside."""
 
     def refuse(why: str) -> NotConverged:
         return NotConverged(

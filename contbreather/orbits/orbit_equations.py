@@ -195,8 +195,7 @@ class OrbitEquations:
         return _place(self, x.tobytes(), tuple(params.items()))
 
     def moved(self, at: Any, rates: Params) -> FloatArray:
-        """Derivatives of displacement, velocity and acceleration at each impact along a direction
-        of the parameters, the unknowns as they are."""
+        """Derivatives of the motion at each impact along a direction of the parameters."""
         out = np.zeros((3, self.section.count))
         if "a" in rates:
             out += rates["a"] * at.forced[:3]

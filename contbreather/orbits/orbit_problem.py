@@ -59,8 +59,7 @@ class OrbitProblem(Problem):
 
     @classmethod
     def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
-        """The problem of an orbit; `equations` are what else a `Problem` takes: the equations,
-        their start, events and columns."""
+        """The problem of an orbit with these equations, events and columns."""
         return cls(
             kind=kind,
             motion_at=at,
@@ -253,8 +252,7 @@ def _driven_from_dict(
 
 
 def read_by(kind: str, of: Callable[..., Any]) -> Callable[[Make], Make]:
-    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
-    parameters are a representation by `of`, and that is a problem."""
+    """Enter what makes a problem of the serialised form of a kind: orbits by `of`."""
 
     def entered(problem: Make) -> Make:
         serialised(kind)(partial(_from_dict, of, problem))
@@ -291,8 +289,7 @@ def momentum(j: int, point: Point) -> float:
 
 
 def of_whole_period(section: Section, times: Sequence[str], params: Params) -> dict[str, Implied]:
-    """Columns that arms of a symmetric orbit have, by the names of its own times: later impacts,
-    offset and asymmetry. A parameter of a forcing keeps its name."""
+    """Columns that arms of a symmetric orbit have, unless a parameter has that name."""
     later = {
         f"t{section.count + j}": partial(_later, name, section.length)
         for j, name in enumerate(times, start=1)
@@ -310,8 +307,7 @@ def _none(point: Point) -> float:
 
 
 def unstable_by(threshold: float) -> UnstableDimension:
-    """The column of the multipliers outside: isolated ones on the infinite chain, those beyond the
-    threshold on a finite lattice."""
+    """The column of multipliers outside the circle, or beyond the threshold."""
     return UnstableDimension(partial(_unstable, threshold), _rows)
 
 
@@ -323,8 +319,7 @@ def _unstable(threshold: float, point: Point) -> float:
 
 
 def _rows(points: Points) -> NDArray[np.int64] | None:
-    """Counts at points of a branch, -1 of an impact so weak that it may be none; None where each
-    has to be asked."""
+    """Counts at points of a branch, -1 where an impact vanishes; None where each must be asked."""
     along = breathers_along(points)
     return None if along is None else np.where(along.p > VANISHED, along.map.unstable(1.0), -1)
 
@@ -391,8 +386,7 @@ class BreathersAlong:
 
 
 def breathers_along(points: Points) -> BreathersAlong | None:
-    """The breathers of points, None where they are no such breathers; kept by the curve, because
-    all events ask."""
+    """The breathers of points, kept by their curve; None where they are no such breathers."""
     make = partial(_breathers, points)
     breathers: BreathersAlong | None = points.curve.cached("breathers", points.z, make)
     return breathers

@@ -166,8 +166,7 @@ class Section:
         return Section(self.impacts * 2, 2 * self.turns)
 
     def course(self, impacts: Sequence[Impact], sections: int = 0) -> tuple[Impact, ...]:
-        """The impacts of so many sections, of a period unless given, from those of one: each
-        section repeats the one before with its sign."""
+        """The impacts of so many sections, of a period unless given, from those of one."""
         T, sign = self.length, self.sign  # u(t + T) = sign u(t)
         sections = sections or (2 if sign < 0 else 1)
         return tuple(
@@ -201,8 +200,7 @@ class Section:
         return self if impacts == self.impacts else replace(self, impacts=impacts)
 
     def on(self, lattice: Any) -> Section:
-        """On another lattice: sites go around a ring, a single one is 0 on the infinite chain, and
-        elsewhere they stay what they are."""
+        """On another lattice: modulo a ring, a single site 0 on the infinite chain."""
         if lattice.sites is None and len(self.hit) == 1:
             return replace(self, impacts=tuple((0, wall) for _, wall in self.impacts))
         return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
@@ -254,8 +252,7 @@ def _whole(value: object) -> bool:
 
 
 def check_walls(section: Section, on: Conditions) -> None:
-    """`BadInput` where a site hits a wall that is not there, or half an orbit cannot stand for the
-    other half."""
+    """`BadInput` where a wall is not there, or walls or drive have no half section."""
     walls = on.walls
     for site, wall in section.impacts:
         if math.isinf(walls.position(site, wall)):

@@ -116,8 +116,7 @@ _FIRST = np.zeros(1, dtype=np.int64)
 
 
 class SiteMotion:
-    """The motion of an orbit over a section, by the response of its lattice, and which sites decide
-    on its clearance."""
+    """Motion of an orbit over a section, and the sites that decide on its clearance."""
 
     def __init__(self, representation: Any) -> None:
         self.representation, self.on = representation, representation.conditions
@@ -176,8 +175,7 @@ class SiteMotion:
     # ------------------------------------------------------------------------ motion
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
-        """Displacements, velocities and accelerations, one after the other, of sites at times,
-        broadcast against each other; at an impact those just after it."""
+        """Displacements, velocities, accelerations of sites at times; just after an impact."""
         n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
         sites, times = n.flatten(), t.flatten()
         if isinstance(self.response, ModalResponse):  # sites and times each once
@@ -258,8 +256,7 @@ class SiteMotion:
         return slopes
 
     def differences(self, sites: Sequence[int], other: int) -> FloatArray:
-        """Distances of motions of sites from that of another, and of that from its forced motion:
-        root mean squares over a period."""
+        """Root mean squares of motions less that of another, of that less its forced one."""
         times: FloatArray = self.start + math.pi / 8.0 * np.arange(16.0 * self.section.turns)
         paths = self.states(np.array([other, *sites])[:, None], times)[0]
         forced = self.on.a * self.response.forced((other,) * times.size, times)[0]

@@ -100,8 +100,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
 
 
 def breather_at(root: int | None = None, **conditions: Any) -> Any:
-    """The symmetric breather of a root, or what it becomes as the even harmonics of the drive and
-    its mean grow from 0."""
+    """The symmetric breather of a root, or what it becomes under the drive's even harmonics."""
     drive = forcing_of(conditions.get("forcing"))
     odd = with_even(0.0, drive)
     orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), root)
@@ -242,8 +241,7 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
 
 
 def _combed(name: str, value: float | None, span: Window) -> Iterator[float]:
-    """Values at which to look for a first point: evenly spread, the middle first; damping and
-    springs, which need not be there, without them before that."""
+    """Values to look at: evenly spread, the middle first; before them no damping, no springs."""
     if value is not None:
         if not span[0] <= value <= span[1]:
             raise BadInput(

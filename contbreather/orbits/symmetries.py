@@ -122,8 +122,7 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
 
 
 def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
-    """Its impacts in the order of a section, in which those of different sites may overtake each
-    other. Empty if it has others."""
+    """Impacts in the order of a section, which sites may interchange; empty if it has others."""
     of_site: dict[int, deque[Impact]] = {n: deque() for n in section.hit}
     for impact in window:
         of_site[impact.site].append(impact)
@@ -132,8 +131,7 @@ def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
 
 
 def simpler_than(orbit: Orbit) -> Orbit | None:
-    """This motion with fewer impacts: a part of its period, or half of it where the other half
-    is its mirror image."""
+    """This motion with fewer impacts: a part of its period, or half of it, mirrored."""
     on = orbit.representation.conditions
     for section in _parts(orbit):
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:

@@ -200,8 +200,7 @@ class Zones(Columns, HtmlRepr):
         return next((beyond_grazing(b, self.threshold) for b in own), "")
 
     def sentences(self) -> Iterator[str]:
-        """A sentence on each region without upper breathers in which there are lower ones, or
-        others beyond GR."""
+        """Sentences on regions with lower breathers alone, or with others beyond GR."""
         if self.beyond and not self.curves["GR"]:
             yield "No curve of GR is there, beyond which other orbits could be"
         for region in self.regions:
@@ -249,8 +248,7 @@ class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
 
 
 def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
-    """Roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
-    resonance."""
+    """Roots of (11) that keep off the walls; none in resonance."""
     return tuple(filter(_keeps_off, _roots(at, **model)))
 
 

@@ -136,8 +136,7 @@ class ZoneSearch:
                 self._scan(x, shown)
 
     def _scan(self, x: float, shown: Counter) -> bool:
-        """Follow every new event of the admissible breathers at one value of the first parameter:
-        by closed forms of all of them, or along branches."""
+        """Follow every new event of admissible breathers at one value of the first parameter."""
         at = {**self.held, self.name: self.value, self.pair[0]: x}
         pieces = self._row(at)
         if pieces is None:
@@ -198,8 +197,7 @@ class ZoneSearch:
         return problem
 
     def _branches(self, at: Mapping[str, float], shown: Counter) -> Iterator[Branch]:
-        """Branches of admissible breathers in the second parameter, at one value of the first, from
-        where it has one of several values, but for those that were passed."""
+        """Branches of admissible breathers in the second parameter at one value of the first."""
         free, passed = self.pair[1], list[Branch]()
         for y in (*self._comb(free, at.get("omega")), *self._next_to_folds(at)):
             for breather in admissible_roots({**at, free: y}, **self.model):
@@ -238,8 +236,7 @@ class ZoneSearch:
         return [a for a in beside if low <= a <= high]
 
     def _follow(self, point: Point, shown: Counter) -> None:
-        """Trace an event as a boundary unless it lies on one already, and what takes over where it
-        ends: another maximum that grazes, another wave of a ring, a fold."""
+        """Trace an event as a boundary unless it is on one, and what takes over at its ends."""
         waiting: list[tuple[Point, Branch | None]] = [(point, None)]
         while waiting:
             point, since = waiting.pop()
@@ -332,8 +329,7 @@ class RowPiece:
         return True
 
     def _is_on(self, event: Event, test: Array, step: int, least: float, known: Known) -> bool:
-        """Test whether the zero of a test in a step is on a known curve, or below the
-        amplitudes."""
+        """Test if the zero of a test in a step is on a known curve, or below the amplitudes."""
 
         def place(phi: float) -> Point:
             return Point(self.middle.curve, _at(self.middle.curve, np.array([phi]))[0])
@@ -395,8 +391,7 @@ def _at(curve: Curve, phi: Array) -> Array:
 
 
 def _may_touch_zero(test: Array, changes: Marked) -> Marked:
-    """Steps within which a test may come to zero and back, as on both sides a line through two
-    values leads there; or has no value."""
+    """Steps within which a test may come to zero and back, or has no value."""
     falls = np.append(True, test[1:] * (2.0 * test[1:] - test[:-1]) < 0.0)
     rises = np.append(test[:-1] * (2.0 * test[:-1] - test[1:]) < 0.0, True)
     return (~changes & falls[:-1] & rises[1:]) | np.isnan(np.diff(test))

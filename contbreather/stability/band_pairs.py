@@ -94,8 +94,7 @@ def regular_sum_slopes(
 
 
 def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
-    """Share of an alias s in pi R, pi B and pi C, with a rest of 1; or its change with g,
-    without."""
+    """Share of an alias s in pi R, pi B and pi C, with a rest of 1; or its change with g."""
     sg = s * g
     return sg, -g, rest + s * sg
 
@@ -208,8 +207,7 @@ def pair_windows(
     gammas: Vector, springs: Vector, k: float, expansions: Cube, work: BandWorkspace,
     windows: Matrix, roots: Matrix,
 ) -> None:  # fmt: skip
-    """`pair_window` of many chains, in rows, by the expansions of each, or the one of all; the
-    roots of the last."""
+    """`pair_window` of many chains, in rows; the roots of the last."""
     for i in range(gammas.size):
         first = 3 * i if expansions.shape[0] > 3 else 0
         own = BandWorkspace(
@@ -266,8 +264,7 @@ def bracketed(
     on: ChainWithImpacts, tails: Cube, roots: Matrix, count: int, low: float, high: float,
     first: float, last: float,
 ) -> int:  # fmt: skip
-    """The one root between two angles, of which at most two are kept, and the b there; how many
-    there are: secants, kept inside."""
+    """Find the root between two angles, by secants kept inside; 1, or 0 if there is none."""
     if (first > 0.0) == (last > 0.0):
         return 0
     rising = last > first
@@ -292,8 +289,7 @@ def bracketed(
 
 
 def refine_maximum(on: ChainWithImpacts, work: BandWorkspace, top: int) -> Triple:
-    """Three samples around the one maximum of the equation, closer and closer to it, and their
-    `parabola`."""
+    """Three samples closer and closer to the maximum of the equation; their `parabola`."""
     step, around = 0.5 * math.pi / GRID, work.around
     i = min(max(top, 1), GRID - 1)
     look_around(on, work, i * step, step)

@@ -234,8 +234,7 @@ class OrbitMap:
         return _around(self)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """Distance of the next pair from the circle, negative while an odd number is outside, and
-        their number."""
+        """Distance of the next pair from the circle, signed by parity; number of those outside."""
         outside = self.count().pairs
         return (-self.approach() if outside % 2 else self.approach()), outside
 
@@ -301,8 +300,7 @@ class OrbitMap:
         return as_counted(self.count(), self.zeros, RINGS)
 
     def zeros(self, sites: int, rim: float = -ON_CIRCLE) -> Array:
-        """Multipliers that Newton's method on F reaches from those of a ring, the largest first,
-        outside the circle, or as far in as Im kappa is a rim."""
+        """Multipliers by Newton's method from those of a ring, down to a rim of Im kappa."""
         mu = self.on_ring(sites).coupled
         # most of a ring's band is on the circle, to within rounding
         kappa = np.log(mu[(abs(mu) > 1.0 + 1e-9) & (mu.imag >= 0.0)]) / (2j * math.pi)
@@ -399,8 +397,7 @@ def _outside(kappa: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def series() -> PairSeries:
-    """Tables of all orbits: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is a
-    number times one of the sums S_p."""
+    """Tables of all orbits: of turn, reach, pull the coefficients of kappa^a <w^2l cos>."""
     order, a = np.arange(ORDERS)[:, None], np.arange(POWERS)
     which, number = [], []
     # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q

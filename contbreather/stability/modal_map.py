@@ -120,8 +120,7 @@ class ModalMap:
         return self.length if self.sign > 0 else 2.0 * self.length
 
     def applied(self, x: Array) -> Array:
-        """`matrix` times a perturbation (displacements, velocities of the modes), or columns of
-        them, without the matrix."""
+        """`matrix` times a perturbation of the modes, or columns of them, without the matrix."""
         y, v = x[: self.z.size], x[self.z.size :]
         for fly, blow in zip(self.turns, (*self.blows, None), strict=True):
             y, v = fly(y, v)
@@ -192,22 +191,19 @@ class ModalMap:
         return float(sign * math.exp(min(size - np.log(unit).sum(), 700.0)))
 
     def outermost(self, radius: float) -> float:
-        """By how much the first pair has left a circle, negative where none has (far inside by as
-        much as free modes), -1 where there is none."""
+        """By how much the first pair has left a circle, -1 where there is none."""
         margin = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
             margin = self.reduced.outermost(radius)
         return outermost(self.coupled, radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
-        """Distance of the first pair inside a circle, and nothing that counts; NaN where no pair
-        can be told from two real ones."""
+        """Distance of the first pair inside a circle, NaN next to two real ones; nothing counts."""
         return (math.nan if self.rounding > REAL else -float(self.outermost(radius))), 0
 
     @cached_property
     def rounding(self) -> float:
-        """Rounding of all multipliers: where an impact loses its velocity one grows beyond all
-        bounds."""
+        """Rounding of all multipliers: one grows beyond bounds as an impact vanishes."""
         return float(EPS * np.linalg.norm(self.matrix))
 
     def nearest(self) -> float:
@@ -222,8 +218,7 @@ class ModalMap:
         return self.reduced.beyond(farther)
 
     def unstable(self, threshold: float) -> float:
-        """Count the multipliers over the period beyond a threshold; NaN where damping ends, and
-        free modes are on it."""
+        """Count the multipliers beyond a threshold; NaN where free modes are on it."""
         if threshold == 1.0 and self.idle == 1.0:
             return math.nan
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and threshold > 1.0:
@@ -237,8 +232,7 @@ class ModalMap:
         return ReducedDeterminant(self.z, self.damping, self.length, self.turns, self.blows)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """The least singular value of ``M - mu``, with the phase of the determinant: so it is
-        smooth where it vanishes."""
+        """The least singular value of ``M - mu``, smooth by the phase of the determinant."""
         return _smallest_singular(self, _multiplier(angle, radius))[0]
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
@@ -392,8 +386,7 @@ class ReducedDeterminant:
         return np.asarray(np.linalg.det(matrix))
 
     def beyond(self, place: float) -> int:
-        """Count the real multipliers farther out than a place on the real axis off all poles, on
-        its side."""
+        """Count the real multipliers farther out than a place off all poles."""
         # poles are next to the place; beyond 1e6 an impact has all but lost its velocity
         beside = np.append(0.0, np.geomspace(1e-7, 1e6, 199))
         x = place * (1.0 + beside)

@@ -59,21 +59,11 @@ EDGE = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by
 ON_CIRCLE = 4e-13  # of |mu| - 1 of a zero that may be on the circle
 
 
-class AliasSums(NamedTuple):
-    """R, B, C at angles nu, and the slope of R."""
-
-    nu: Any
-    R: Any
-    B: Any
-    C: Any
-    by_nu: Any
-
-
-def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> AliasSums:
-    """These sums at angles up to 1 (times pi), on the band and off it."""
+def alias_sums(gamma: float, nu: Array, spring: float = 0.0) -> Array:
+    """R, B, C and the slope of R at angles up to 1 (times pi), on the band and off it."""
     places, rows = np.ascontiguousarray(nu), np.empty((nu.size, 4))
     SUMS(*_on(gamma, 1.0, spring), places, rows)
-    return AliasSums(nu, *rows.T)
+    return rows.T
 
 
 def _on(
@@ -92,8 +82,7 @@ def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
 
 
 def _expanded(spring: Any, slope: bool = False) -> Array:
-    """Tails of R/nu, B, C by powers of nu^2 and 4 gamma, the highest first; of many springs in one
-    row after the other."""
+    """Tails of R/nu, B, C by powers of nu^2 and 4 gamma, the highest first, chain by chain."""
     moments = InfiniteChain().moments(0)[:ORDERS] * in_powers_of_x(spring, ORDERS)
     if slope:
         moments = np.arange(ORDERS)[:, None] * np.roll(moments, 1, axis=-2)
@@ -225,7 +214,7 @@ def _neutral(gamma: float, spring: float, side: int) -> tuple[float, float]:
     """For k = 1 the largest b for which D, real there, has a zero between the band and mu = -1, on
     the side 1; on the side -1 the least for one between it and mu = 1. And its angle."""
     if side < 0 and spring == 0.0:  # the band starts there
-        return float(4.0 * alias_sums(gamma, np.zeros(1)).C[0]), 0.0
+        return float(4.0 * alias_sums(gamma, np.zeros(1))[2, 0]), 0.0
     edge = math.sqrt(spring + 4.0 * gamma) if side > 0 else math.sqrt(spring)
 
     def angle(t: Any) -> Any:
@@ -240,7 +229,7 @@ def _neutral(gamma: float, spring: float, side: int) -> tuple[float, float]:
         else:
             below = edge * (edge + nu)  # spring - nu^2 = t^2 edge (edge + nu)
             inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
-        _, R, B, C, _ = alias_sums(gamma, nu, spring)
+        R, B, C, _ = alias_sums(gamma, nu, spring)
         # c = 2, d = 0: D = 0 where beta (1 - pi B/g) = 4 (-pi R^2/g - nu (2 R + nu B)), and
         # b = beta + 4 C
         share = (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)
@@ -273,8 +262,7 @@ class RealScalars:
         )
 
     def crosses(self, mu: float) -> Any:
-        """D at mu = 1, without the pole that it has there where no spring holds the sites, or at
-        mu = -1: a multiple of the scalar of the pitchfork, of that of the fold."""
+        """D at mu = -1, and at mu = 1 without its pole: scalars of fold and pitchfork."""
         beta0, _, fold, _ = self._ends
         return fold if mu < 0.0 else -beta0
 
@@ -327,8 +315,7 @@ class HalfMap(RealScalars):
         return off, self.window.passed(self.b)
 
     def nearest(self) -> float:
-        """Angle, over pi, of the pair that is closest to leaving: at the nearer end of the
-        window."""
+        """Angle, over pi, of the pair closest to leaving, at the nearer end of the window."""
         return self.window.low if self.b < self.window.centre else self.window.high
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
@@ -344,8 +331,7 @@ class HalfMap(RealScalars):
         return Gradient(*(complex(*row) for row in out.tolist()))
 
     def unstable(self, threshold: float) -> Any:
-        """Count the multipliers outside the unit circle: exact, without a threshold. One on the
-        circle to within rounding is not outside."""
+        """Count the multipliers outside the unit circle by more than rounding."""
         beta0, beta0_size, fold, fold_size = self._ends
         above, below = beta0 > ROUNDING * beta0_size, fold < -ROUNDING * fold_size
         return 1 * above + 1 * below + 2 * self._pair_is_outside

@@ -75,7 +75,7 @@ def waves(map: HalfMap, alpha: Array) -> Waves:
         nu = np.sqrt(spring + nu * nu)
     # v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2), without a difference
     v = 4.0 * gamma * sine * cosine
-    _, R, B, C, by_nu = alias_sums(gamma, nu, spring)
+    R, B, C, by_nu = alias_sums(gamma, nu, spring)
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     with np.errstate(divide="ignore", invalid="ignore"):
         steep = np.where(nu > 0.0, R / nu, by_nu)
@@ -90,8 +90,7 @@ def waves(map: HalfMap, alpha: Array) -> Waves:
 
 
 def over_reflects(map: HalfMap) -> bool:
-    """Test whether waves of some angle come back larger than they went in: W < 0 somewhere on the
-    band."""
+    """Test whether some wave comes back larger than it went in: W < 0 on the band."""
     if map.gamma == 0.0 or map.k == 1.0:  # no waves; nothing lost and nothing won
         return False
     lowest = waves(map, np.linspace(0.0, 0.5 * math.pi, GRID + 1)).W.min()

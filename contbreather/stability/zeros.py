@@ -52,8 +52,7 @@ class Count(HtmlRepr):
 
 
 def steep(F: Array, floor: float) -> Array:
-    """Intervals across which F moves by much of its modulus, and their neighbours; what is below
-    the floor at both ends is nothing but rounding."""
+    """Intervals on which F moves by much of its modulus, above the floor; and those beside."""
     size = np.abs(F)
     # a chord of 0.6 |F| turns by asin(0.6) = 0.64 at most: no winding is missed between samples
     moves = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
@@ -183,16 +182,12 @@ def beyond(mu: Array, place: float) -> int:
 
 
 def outermost(mu: Array, radius: float = 1.0) -> float:
-    """By how much the first pair has left a circle, negative where none has, -1 if there is none.
-
-    For rings, where one pair after the other follows the first and tells nothing new.
-    """
+    """By how much the first pair has left a circle, -1 if there is none: for rings."""
     return float(np.abs(upper(mu)).max(initial=0.0)) / radius - 1.0
 
 
 def passing(mu: Array, radius: float = 1.0) -> tuple[float, int]:
-    """Distance of the nearest pair from a circle, with a sign that changes wherever one passes it,
-    positive where none is outside, 1 if there is none; and how many are outside."""
+    """Distance of the nearest pair from a circle, signed by the parity of those outside; these."""
     off = np.abs(upper(mu)) / radius - 1.0
     outside = int(np.count_nonzero(off > 0.0))
     return (-1.0) ** outside * float(abs(off).min(initial=1.0)), outside

@@ -102,7 +102,7 @@ def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
 def test_sums_over_aliases_hold_those_of_the_closed_form(kept: int) -> None:
     for gamma, nu in ((0.05, 0.3), (0.2, 0.95), (0.249, 1.0)):
         circle = winding.Circle.of(arb(gamma), arb(0.5), arb(0.1))
-        exact = alias_sums(gamma, np.array([nu]))[1:4]
+        exact = alias_sums(gamma, np.array([nu]))[:3]
         for ball, one in zip(circle.lattice_sums(arb(nu)), exact, strict=True):
             assert ball.overlaps(arb(float(one[0]), 1e-13))
 

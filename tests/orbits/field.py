@@ -1,4 +1,5 @@
-"""The equation of motion of any finite lattice, integrated: it shares nothing with the package."""
+"""The equation of motion of any finite lattice, integrated: it shares nothing with the package but
+the forcing as a function of time."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
@@ -29,14 +31,16 @@ class Field:
     def __init__(self, lattice: Any, on: Conditions, law: Any = None) -> None:
         one = np.ones(lattice.sites)
         masses, self.drive = (getattr(lattice, name, one) for name in ("masses", "drive"))
-        self.matrix = on.gamma * dense(lattice) / masses[:, None] + on.spring * np.diag(one)
+        each = range(lattice.sites)
+        spring, self.damping = (on.at_sites(name, each) * one for name in ("spring", "damping"))
+        self.matrix = on.gamma * dense(lattice) / masses[:, None] + np.diag(spring)
         self.on, self.sites = on, lattice.sites
         self.law = law or (lambda speed: on.k)
 
     def slope(self, t: float, x: Array) -> Array:
         u, v = x[: self.sites], x[self.sites :]
         force = self.on.a * self.on.forcing.d2f(t) * self.drive
-        return np.concatenate([v, force - self.matrix @ u - self.on.damping * v])
+        return np.concatenate([v, force - self.matrix @ u - self.damping * v])
 
     def run(
         self, x: Array, start: float, stop: float, at: Array | None = None
@@ -76,12 +80,21 @@ class FieldOf(Field):
 
     def __init__(self, orbit: cb.Orbit) -> None:
         super().__init__(orbit.lattice, orbit.conditions)
+        self.orbit = orbit
         self.start = float(orbit.times.min()) - 0.05
         self.length, self.sign = orbit.section.length, orbit.section.sign
         self.state = np.concatenate(orbit.state(t=self.start))
 
     def after(self, x: Array, stop: float, at: Array | None = None) -> tuple[Array, list, Array]:
         return self.run(x, self.start, stop, at)
+
+    def comes_back(self, close: float = 1e-11) -> None:
+        """Over a period it meets the orbit's impacts, no others, and is where it began."""
+        end, hits, _ = self.after(self.state, self.start + self.orbit.period)
+        assert end == pytest.approx(self.state, abs=close)
+        wanted = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in self.orbit.hits)
+        for own, other in zip(sorted(hits), wanted, strict=True):
+            assert own == pytest.approx(other, abs=close)
 
     def multipliers(self) -> Array:
         """Of the section's map times its sign, by differences."""

@@ -4,7 +4,6 @@ its own, walls that are shifted, the simulation, and a pitchfork that they break
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -23,6 +22,8 @@ from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.simulation import localisation, periodic, simulate, simulate_smooth
+
+from .field import FieldOf
 
 ON = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 UNEVEN = cb.Lattice(
@@ -65,8 +66,7 @@ def test_a_search_for_breathers_finds_what_they_become_under_the_whole_drive(ome
     assert found.times == pytest.approx(orbit_at(shot).times, abs=1e-11)
     assert found.impulses == pytest.approx(orbit_at(shot).impulses, abs=1e-11)
     if omega == 1.0:
-        end, _ = flown(found, float(found.times[0]) + 0.1)
-        assert end == pytest.approx(np.concatenate(found.state(t=found.times[0] + 0.1)), abs=1e-9)
+        FieldOf(found).comes_back(1e-9)
     branch = cb.trace(found, "c2", within={"c2": (-0.1, 0.0)})
     assert branch["asymmetry"][0] != branch["asymmetry"][-1]
 
@@ -79,51 +79,11 @@ def test_kinds_that_broken_symmetry_has_not_are_named() -> None:
     assert fold.solution.section.sign == 1
 
 
-def flown(orbit: Any, t0: float) -> tuple[Any, list[tuple[float, int, int]]]:
-    """The state a period later, by Runge and Kutta from impact to impact, and those met."""
-    on, n = orbit.conditions, orbit.lattice.sites
-    bonds, each = stiffness_of(orbit.lattice).toarray(), np.arange(n)
-    K = on.gamma * bonds / orbit.lattice.masses[:, None] + np.diag(on.at_sites("spring", each))
-    drag, drive = on.at_sites("damping", each), on.a * orbit.lattice.drive
-    cos, sin = on.forcing.cos, on.forcing.sin
-
-    def rates(t: float, y: Any) -> Any:
-        force = sum(c * math.cos(m * t) for m, c in cos) + sum(s * math.sin(m * t) for m, s in sin)
-        return np.concatenate([y[n:], drive * force - K @ y[:n] - drag * y[n:]])
-
-    def contact(site: int, wall: int) -> Callable[[float, Any], float]:
-        def gap(_: float, y: Any) -> float:
-            return 1.0 - wall * float(y[site])
-
-        gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
-        return gap
-
-    places = [(site, wall) for site in range(n) for wall in (1, -1)]
-    y, t, met = np.concatenate(orbit.state(t=t0)), t0, []
-    for _ in range(20):  # a site that sticks would hit without end
-        run = solve_ivp(
-            rates, (t, t0 + orbit.period), y, method="DOP853", rtol=1e-13, atol=1e-13,
-            events=[contact(*place) for place in places],
-        )  # fmt: skip
-        t, y = float(run.t[-1]), run.y[:, -1].copy()
-        hits = [place for place, times in zip(places, run.t_events, strict=True) if times.size]
-        for site, wall in hits:
-            met.append((t, site, wall))
-            y[site], y[n + site] = wall, -on.k * y[n + site]
-        if not hits:
-            return y, met
-    raise AssertionError("more than 20 impacts in a period")
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("place", PLACES)
 def test_an_orbit_returns_by_an_integrator_of_its_own(place: str, seed: int) -> None:
     found = orbit(place, seed)
-    t0 = float(found.times[0]) - 0.3
-    end, met = flown(found, t0)
-    np.testing.assert_allclose(end, np.concatenate(found.state(t=t0)), rtol=0, atol=1e-10)
-    wanted = sorted((hit.time - t0) % (2 * math.pi) for hit in found.hits)
-    np.testing.assert_allclose([t - t0 for t, *_ in met], wanted, rtol=0, atol=1e-10)
+    FieldOf(found).comes_back(1e-10)
     assert not found.symmetric
     assert bool(found.admissibility())
 
@@ -354,10 +314,8 @@ def test_multibreathers_grow_out_of_their_odd_harmonics() -> None:
     drive, lattice = Fourier(cos={0: 0.02, 1: -1.0, 2: 0.1}, sin={2: 0.05}), cb.OpenChain(5)
     on = {**ON, "lattice": lattice, "damping": 0.01, "spring": 0.2, "forcing": drive}
     two = cb.multibreather([0, 2], **on)
-    t0 = float(two.times.min()) - 0.3
-    end, met = flown(two, t0)
-    np.testing.assert_allclose(end, np.concatenate(two.state(t=t0)), rtol=0, atol=1e-10)
-    assert len(met) == 4
+    FieldOf(two).comes_back(1e-10)
+    assert len(two.hits) == 4
     entries = cb.multibreathers(most=2, **on)
     assert [entry.exists for entry in entries] == [True] * 9
 

@@ -251,12 +251,9 @@ def test_motion_is_the_same_by_every_representation(case: str, representation: s
 def test_the_integrated_motion_comes_back_through_the_same_impacts(case: str) -> None:
     orbit = given(case)
     field = FieldOf(orbit)
+    field.comes_back(2e-11)
     at = np.linspace(field.start, field.start + orbit.period, 60)[:-1]
-    end, hits, seen = field.after(field.state, field.start + orbit.period, at)
-    assert end == pytest.approx(field.state, abs=2e-11)
-    wanted = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in orbit.hits)
-    for own, other in zip(sorted(hits), wanted, strict=True):
-        assert own == pytest.approx(other, abs=1e-11)
+    _, _, seen = field.after(field.state, field.start + orbit.period, at)
     u = orbit.displacement(np.arange(field.sites), at[: len(seen), None])
     assert seen[:, : field.sites] == pytest.approx(u, abs=1e-11)
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
-from contbreather.stability.modal_map import ModalMap, ReducedDeterminant
+from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import REAL, beyond, outermost
 from tests.stability.by_hand import ring_map
@@ -45,23 +45,19 @@ MAPS = {
 }
 
 
-def reduced(map: ModalMap) -> ReducedDeterminant:
-    return ReducedDeterminant(map.z, map.damping, map.length, map.turns, map.blows)
-
-
 @pytest.mark.parametrize("name", MAPS)
 def test_the_reduced_determinant_is_the_product_over_all_multipliers(name: str) -> None:
     map, mu = MAPS[name], np.array([1.3, -1.2, 0.7 + 1.1j, -0.4 + 1.2j])
-    poles = reduced(map).poles
+    poles = map.reduced.poles
     free = np.concatenate([poles, poles.conj()])
     wanted = [np.prod((map.coupled - one) / (free - one)) for one in mu]
-    assert reduced(map).D(mu) == pytest.approx(np.array(wanted), rel=1e-9)
+    assert map.reduced.D(mu) == pytest.approx(np.array(wanted), rel=1e-9)
 
 
 @pytest.mark.parametrize("threshold", [1.005, 1.05, 1.2])
 @pytest.mark.parametrize("name", MAPS)
 def test_the_first_pair_to_leave_is_that_of_all_multipliers(name: str, threshold: float) -> None:
-    map, determinant = MAPS[name], reduced(MAPS[name])
+    map, determinant = MAPS[name], MAPS[name].reduced
     mu = map.coupled
     found, wanted = determinant.outermost(threshold), outermost(mu[mu.imag > 1e-8], threshold)
     floor = abs(determinant.poles).max() / threshold - 1.0
@@ -77,7 +73,7 @@ def test_the_first_pair_to_leave_is_that_of_all_multipliers(name: str, threshold
 @pytest.mark.parametrize("name", MAPS)
 @pytest.mark.parametrize("place", [1.001, 1.1, -1.001, -1.1])
 def test_real_multipliers_beyond_a_place_are_counted(name: str, place: float) -> None:
-    assert reduced(MAPS[name]).beyond(place) == beyond(MAPS[name].coupled, place)
+    assert MAPS[name].reduced.beyond(place) == beyond(MAPS[name].coupled, place)
 
 
 # rings with two real multipliers on one side, 0.04, 0.02 and 0.00001 apart: b is tuned so that the
@@ -109,7 +105,7 @@ def test_two_real_multipliers_close_to_each_other_are_two(name: str) -> None:
     sites, gamma, k, kicks = TWINS[name]
     turns = 1 + (kicks[-1].time > 2.0 * math.pi)
     map = ring_map(Ring(sites), gamma, k, kicks, 2.0 * math.pi * turns)
-    count = [reduced(map).beyond(place) for place in (1.000001, -1.000001)]
+    count = [map.reduced.beyond(place) for place in (1.000001, -1.000001)]
     assert count == [beyond(map.coupled, 1.0), beyond(map.coupled, -1.0)]
     assert max(count) >= 2
 
