@@ -124,11 +124,6 @@ class AsymmetricEquations:
             ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
         return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
 
-    def along(self, x: FloatArray, params: Params, rates: Params) -> FloatArray:
-        """Derivatives along a direction of the parameters: how fast each of some changes."""
-        slopes = [rate * self.sensitivity(x, params, name) for name, rate in rates.items()]
-        return np.sum(slopes, axis=0)
-
     def _at(self, x: FloatArray, params: Params) -> Any:
         return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 

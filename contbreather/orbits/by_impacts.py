@@ -260,7 +260,7 @@ class ByImpacts:
         if self.resonant:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
-            slopes[name] = self.equations.moved(at, {name: 1.0})[2]
+            slopes[name] = self.equations.moved(at, name)[2]
         slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
         if "k" in names:
             slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
@@ -292,7 +292,8 @@ class ByImpacts:
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:
-        return of.locus(_circle_slopes, nu, **more)
+        extra = {} if nu is None else {"nu": nu}
+        return DefiningSystem(extra, of.conditions, partial(_circle_slopes, of), **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
         return _grazing_site(Orbit(self), site)

@@ -313,15 +313,10 @@ def _reach(orbit: SiteMotion, worst: Clearance) -> str:
     margin, site, time, flight = worst
     if site is None:
         return f"the far field follows the forcing and reaches |u| = {1.0 - margin:.6g}"
-    if flight >= 0:
-        return _reach_between(orbit, worst, site)
-    if orbit.walls(site) == USUAL:
-        return f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
-    return f"site {site} reaches u = {orbit.at(site, time)[0]:.6g} at t = {time:.6g}"
-
-
-def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
-    margin, _, time, flight = worst
+    if flight < 0:
+        usual = orbit.walls(site) == USUAL
+        reached = f"|u| = {1.0 - margin:.6g}" if usual else f"u = {orbit.at(site, time)[0]:.6g}"
+        return f"site {site} reaches {reached} at t = {time:.6g}"
     # J = -(1 + k) u'(t-) by (2): the velocity is -J/(1 + k) before an impact, and k of that after;
     # where k = 0 leaves none the acceleration decides which way the site goes
     at_start = time == orbit.impacts[flight].time

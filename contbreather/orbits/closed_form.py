@@ -35,7 +35,6 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.response import UniformResponse
 from contbreather.orbits.clearance import LIMIT
 from contbreather.orbits.closure import (
-    ClosureTerms,
     closure_equations,
     fold_scalar,
     forcing_at,
@@ -166,8 +165,7 @@ class ClosedForm:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.mean(self.gamma, "eta")
-        return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
+        return float(saltation_of(terms_at(self, "eta")))
 
     @property
     def response(self) -> UniformResponse:

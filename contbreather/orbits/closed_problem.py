@@ -8,7 +8,7 @@ two and the unknown time for a site that grazes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -211,13 +211,8 @@ class SymmetricProblem(OrbitProblem):
         form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
-    def along(
-        self, x: Array, params: Mapping[str, float], rates: Sequence[Mapping[str, float]]
-    ) -> Array:
-        names = tuple({name: None for way in rates for name in way})
-        whole = self.closure.derivatives(x, params, names)
-        chain = [[way.get(name, 0.0) for way in rates] for name in names]
-        return np.hstack([whole[:, :2], whole[:, 2:] @ np.reshape(chain, (len(names), len(rates)))])
+    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
+        return self.closure.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)

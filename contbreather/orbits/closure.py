@@ -265,7 +265,12 @@ def crests(series: TrigonometricSeries) -> list[float]:
     orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
     # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
     if max(orders) > 64:
-        start = _bends(slope, 32 * max(slope))
+        # times next to which the slope is or comes near to zero
+        size, terms = 32 * max(slope), tuple((m, c, s) for m, (c, s) in slope.items())
+        values = TrigonometricSeries(terms).on_grid(size)
+        small = np.abs(values)
+        low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
+        start = 2.0 * math.pi * np.flatnonzero(low | (values * np.roll(values, -1) <= 0.0)) / size
     else:
         # odd harmonics only: with Z = z^2 the matrix has half the size
         top = max(orders)
@@ -283,14 +288,6 @@ def crests(series: TrigonometricSeries) -> list[float]:
         if not distinct or phi - distinct[-1] > 1e-9:
             distinct.append(phi)
     return distinct
-
-
-def _bends(slope: Mapping[int, tuple[float, float]], size: int) -> FloatArray:
-    """Times on a grid next to which a series is or comes near to zero."""
-    values = TrigonometricSeries(tuple((m, c, s) for m, (c, s) in slope.items())).on_grid(size)
-    after, small = np.roll(values, -1), np.abs(values)
-    low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
-    return np.asarray(2.0 * math.pi * np.flatnonzero(low | (values * after <= 0.0)) / size)
 
 
 def _settled(phi: float, series: TrigonometricSeries) -> float:

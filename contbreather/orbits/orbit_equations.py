@@ -162,31 +162,22 @@ class OrbitEquations:
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``."""
-        return self.along(x, params, {name: 1.0})
-
-    def along(self, x: FloatArray, params: Params, rates: Params) -> FloatArray:
-        """Derivatives along a direction of the parameters: how fast each of some changes."""
-        at, response = self.terms(x, params), None
-        moved = self.moved(at, rates)
-        parts = [moved[0], moved[1]]
-        if "k" in rates:
+        at = self.terms(x, params)
+        beyond, resets, _ = self.moved(at, name)
+        if name == "k":
             share = self.shares  # d(q/2)/dk
-            parts[1] = moved[1] - (
-                rates["k"] * share * at.impulses / (1.0 + float(params["k"]) * share) ** 2
-            )
-        if self.offsets:
-            balance = np.zeros(self.offsets)
-            for name, rate in rates.items():
-                if name in ("k", "damping"):
-                    continue
-                response = at.response.varied(name)
-                lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
-                links = response.links(name) @ at.offsets if name in HELD else 0.0
-                balance += self.section.period * rate * (lift - links)
-            parts.append(balance)
+            resets = -share * at.impulses / (1.0 + float(params["k"]) * share) ** 2
+        parts = [beyond, resets]
+        if self.offsets and name in ("k", "damping"):
+            parts.append(np.zeros(self.offsets))
+        elif self.offsets:
+            response = at.response.varied(name)
+            lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
+            links = response.links(name) @ at.offsets if name in HELD else 0.0
+            parts.append(self.section.period * (lift - links))
         if self.resonant:
-            gaps = sum(rates[name] * at.response.gaps(name) for name in HELD if name in rates)
-            parts.append(-gaps @ at.amplitudes if np.ndim(gaps) else np.zeros(at.amplitudes.size))
+            gaps = at.response.gaps(name) if name in HELD else np.zeros((at.amplitudes.size,) * 2)
+            parts.append(-gaps @ at.amplitudes)
         return np.concatenate(parts)
 
     def terms(self, x: FloatArray, params: Params) -> Any:
@@ -194,15 +185,12 @@ class OrbitEquations:
         x = np.asarray(x, dtype=float)
         return _place(self, x.tobytes(), tuple(params.items()))
 
-    def moved(self, at: Any, rates: Params) -> FloatArray:
-        """Derivatives of the motion at each impact along a direction of the parameters."""
-        out = np.zeros((3, self.section.count))
-        if "a" in rates:
-            out += rates["a"] * at.forced[:3]
-        if others := {name: rate for name, rate in rates.items() if name not in ("a", "k")}:
-            h, f = at.response.varied(*others).slopes_at_impacts(at.times, others)
-            out += at.a * f + h @ at.impulses
-        return out
+    def moved(self, at: Any, name: str) -> FloatArray:
+        """Derivatives of displacement, velocity, acceleration at each impact in a parameter."""
+        if name in ("a", "k"):
+            return np.asarray(at.forced[:3] if name == "a" else 0.0 * at.forced[:3])
+        h, f = at.response.varied(name).slopes_at_impacts(at.times, {name: 1.0})
+        return np.asarray(at.a * f + h @ at.impulses)
 
     @cached_property
     def shares(self) -> FloatArray:

@@ -112,10 +112,6 @@ def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
     return along.map.crosses(mu) * 2.0 * along.p, along.map.beyond(mu) if counted else None
 
 
-def _by_modes_alone(map: Any) -> bool:
-    return isinstance(map, ModalMap) and not isinstance(map, RingHalfMap)
-
-
 def _beyond(mu: float, point: Point) -> float:
     """Number of multipliers beyond mu: two that pass within one step are seen by it."""
     orbit = point.solution
@@ -127,7 +123,7 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     # idle sites held by their neighbours alone have this multiplier without coupling, wherever
-    modal = mu > 0.0 and _by_modes_alone(orbit.map)
+    modal = mu > 0.0 and type(orbit.map) is ModalMap
     drifts = modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
     return replace(locus, domain={"gamma": (WEAK, math.inf)}) if drifts else locus
 
@@ -298,7 +294,7 @@ def _pair_leaves(threshold: float, every: bool, form: Mapping[str, Any], problem
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold is for orbits; got {orbit!r}.")
     map, lattice = orbit.map, orbit.lattice
-    if every and not _by_modes_alone(map):
+    if every and type(map) is not ModalMap:
         raise BadInput(
             "every=True counts the multipliers of exact modes, on the orbit's own lattice: "
             "leave it out, or give the breather of a ring spring=0.0"

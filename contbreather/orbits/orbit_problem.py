@@ -16,7 +16,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.branches.switching import SwitchingProblem
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
-from contbreather.continuation.curve.point import DefiningSystem, Implied, Point, UnstableDimension
+from contbreather.continuation.curve.point import Implied, Point, UnstableDimension
 from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.continuation.curve.ties import Ties
 from contbreather.errors import BadInput
@@ -79,10 +79,15 @@ class OrbitProblem(Problem):
 
     def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
         """Derivatives in the unknowns, and along directions of the parameters: rates by name."""
-        raise NotImplementedError
+        names = tuple({name: None for way in rates for name in way})
+        whole = self.derivatives(x, params, names)
+        chain = [[way.get(name, 0.0) for way in rates] for name in names]
+        slopes = whole[:, x.size :] @ np.reshape(chain, (len(names), len(rates)))
+        return np.hstack([whole[:, : x.size], slopes])
 
     def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
-        return self.along(x, params, [{name: 1.0} for name in free])
+        """Derivatives in the unknowns and in parameters, side by side."""
+        raise NotImplementedError
 
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
@@ -144,9 +149,9 @@ class OrbitProblemByEquations(OrbitProblem):
 
     equations: Any = field(kw_only=True)
 
-    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
         of = self.equations
-        columns = [of.along(x, params, way) for way in rates]
+        columns = [of.sensitivity(x, params, name) for name in free]
         return np.column_stack([of.jacobian(x, params), *columns])
 
 
@@ -413,8 +418,6 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
 # The defining system of PF, PD and NS. The map of an orbit says where it has a multiplier
 # (`contbreather.stability.modal_map.Map`), its representation how that changes along its unknowns.
 
-Slopes = Callable[[Any, Curve, FloatArray, FloatArray], FloatArray]
-
 
 @dataclass(frozen=True)
 class OnCircle:
@@ -422,11 +425,6 @@ class OnCircle:
 
     radius: float = 1.0
     nu: float | None = None  # 0 or 1, for a real multiplier; else one more unknown
-
-    def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
-        """Its locus, by ``slopes(of, curve, z, extra)``, the derivative along a curve."""
-        extra = {} if nu is None else {"nu": nu}
-        return DefiningSystem(extra, self.conditions, partial(slopes, self), **more)
 
     def conditions(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         map = Point(curve, z).solution.map

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import brief, real
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
-from contbreather.errors import BadInput
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
 from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.one_impact import RingHalfMap
+from contbreather.stability.verdict import check_threshold
 from contbreather.stability.zeros import REAL, nearest_pair, passing, upper
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
@@ -43,10 +42,8 @@ def pair_leaves(lattice: Any, threshold: float, *, every: bool = False) -> Event
     band is on that circle, the first to pass a threshold over the whole period; with `every` any
     pair, after the first one, too."""
     endless = lattice.sites is None
-    if not (endless or 1.0 <= real(threshold) < math.inf):
-        raise BadInput(
-            f"threshold = {brief(threshold)}: a finite modulus of at least 1 is expected."
-        )
+    if not endless:
+        check_threshold(threshold, neutral=False)
     pair = _Pair(threshold, every)
     count = pair.passed if endless or every else None
     many = pair.many if endless and not every else None
@@ -64,13 +61,12 @@ class _Pair:
     threshold: float  # their modulus over the whole period on a finite lattice
     every: bool = False  # whether each one that passes it counts, not the first; of those by modes
 
-    def circle(self, map: Any) -> OnCircle:
-        """Over a section, which may be half the period."""
+    def radius(self, map: Any) -> float:
+        """Radius of the circle over a section, which may be half the period."""
         if map.lattice.sites is None:
-            return OnCircle()
+            return 1.0
         # multipliers over the period are the squares of those over half of it
-        radius = math.sqrt(self.threshold) if map.sign < 0 else self.threshold
-        return OnCircle(radius)
+        return math.sqrt(self.threshold) if map.sign < 0 else self.threshold
 
     def test(self, point: Point) -> float:
         if point.solution.vanishing is not None:
@@ -79,8 +75,8 @@ class _Pair:
         if map.lattice.sites is None:
             return self._on_chain(map, point)[0]
         if self.every and not is_blurred(point.solution):
-            return passing(map.coupled, self.circle(map).radius)[0]
-        return float(map.pairs(self.circle(map).radius)[0])
+            return passing(map.coupled, self.radius(map))[0]
+        return float(map.pairs(self.radius(map))[0])
 
     def many(self, points: Points) -> Many | None:
         along = breathers_along(points)
@@ -91,7 +87,7 @@ class _Pair:
             return math.nan
         map = point.solution.map
         if self.every:
-            return passing(map.coupled, self.circle(map).radius)[1]
+            return passing(map.coupled, self.radius(map))[1]
         return self._on_chain(map, point)[1]
 
     def _on_chain(self, map: Any, point: Point) -> tuple[float, int]:
@@ -112,14 +108,14 @@ class _Pair:
         if _is_elastic(map):
             # two neutral multipliers meet on the circle, beyond the band, and leave it together
             raise Undefined("elastic impacts: no angle in the band, bisection has to do")
-        angle = nearest_pair(map.coupled, self.circle(map).radius) if self.every else map.nearest()
+        angle = nearest_pair(map.coupled, self.radius(map)) if self.every else map.nearest()
         if math.isnan(angle):
             raise Undefined("no complex multipliers on this ring")
         return self.following(point, angle)
 
     def following(self, point: Point, angle: float) -> DefiningSystem:
         map, representation = point.solution.map, point.solution.representation
-        circle = self.circle(map)
+        circle = OnCircle(self.radius(map))
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
         if not isinstance(map, RingHalfMap):

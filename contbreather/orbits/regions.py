@@ -73,7 +73,13 @@ class Region:
             return f"{'stable' if self.verdict == 'S' else 'unstable'} breathers"
         if any(count is not None for count in self.counts):
             return "no verdict, the places that were asked disagree"
-        return "; ".join([self._lower(), *map("beyond GR {}".format, self.instead())])
+        there, none = [p for p in self.lower if p is not None], "no breather"
+        if there:
+            share = f" at {len(there)} of {len(self.lower)} places" if None in self.lower else ""
+            none = f"no upper breather; a lower one, p = {there[0]:.6g}, is admissible{share}"
+        elif self.lower:
+            none = f"no upper breather, nor a lower one at any of {len(self.lower)} places"
+        return "; ".join([none, *map("beyond GR {}".format, self.instead())])
 
     def instead(self) -> list[str]:
         """Sentences of `beyond`, each with the share of places it is about."""
@@ -82,15 +88,6 @@ class Region:
             words + f" at {count} of {size} places" * (count < size)
             for words, count in found.most_common()
         ]
-
-    def _lower(self) -> str:
-        if not self.lower:
-            return "no breather"
-        there = [p for p in self.lower if p is not None]
-        if not there:
-            return f"no upper breather, nor a lower one at any of {len(self.lower)} places"
-        share = f" at {len(there)} of {len(self.lower)} places" if None in self.lower else ""
-        return f"no upper breather; a lower one, p = {there[0]:.6g}, is admissible{share}"
 
     def __repr__(self) -> str:
         words = f"{self.verdict or 'no verdict'} around ({self.x:.6g}, {self.y:.6g})"

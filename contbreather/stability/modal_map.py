@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice.modal_flow import (
-    ModalPropagator,
     check_modes,
     free_multipliers,
     propagator,
@@ -31,7 +30,7 @@ from contbreather.stability.zeros import (
     REAL,
     beyond,
     distinct,
-    farthest,
+    nearest_pair,
     newton_from_all,
     outermost,
     refined_samples,
@@ -208,7 +207,7 @@ class ModalMap:
 
     def nearest(self) -> float:
         """Angle, over pi, of the pair with the largest modulus; NaN where there is none."""
-        return farthest(self.coupled)
+        return nearest_pair(self.coupled)
 
     def beyond(self, place: float) -> int:
         """Count the real multipliers farther out than 1 or -1, on its side."""
@@ -229,7 +228,7 @@ class ModalMap:
 
     @cached_property
     def reduced(self) -> ReducedDeterminant:
-        return ReducedDeterminant(self.z, self.damping, self.length, self.turns, self.blows)
+        return ReducedDeterminant(self)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """The least singular value of ``M - mu``, smooth by the phase of the determinant."""
@@ -323,8 +322,7 @@ class NearestMultipliers(NamedTuple):
 
 
 class ReducedDeterminant:
-    """D of a section, from its flights (one more than impacts) and its impacts: the multipliers of
-    a large lattice next to a circle, without an eigenproblem.
+    """D of a map: the multipliers of a large lattice next to a circle, without an eigenproblem.
 
     A perturbation that grows by mu over a section is known from what it is at the impacts,
     ``x_i = sum over j of G_ij(mu) (S_j - 1) x_j``, where G sums over all modes what a kick at
@@ -343,20 +341,14 @@ class ReducedDeterminant:
     multipliers take.
     """
 
-    def __init__(
-        self,
-        z: Array,
-        damping: float,
-        length: float,
-        turns: tuple[ModalPropagator, ...],
-        blows: Any,
-    ) -> None:
-        self.loss = math.exp(-damping * length)
-        self.poles = free_multipliers(z, damping, length)[0]
-        m, flights = len(blows), [_matrix(turn) for turn in turns]
+    def __init__(self, map: ModalMap) -> None:
+        self.loss = math.exp(-map.damping * map.length)
+        self.poles = free_multipliers(map.z, map.damping, map.length)[0]
+        blows, m = map.blows, len(map.blows)
+        flights = [np.array([[t.cosine, t.reach], [-t.pull, t.swing]]) for t in map.turns]
         whole = _after(flights)
         back = np.array([[whole[1, 1], -whole[0, 1]], [-whole[1, 0], whole[0, 0]]])
-        weights = np.empty((2, m, 2, m, 2, z.size))
+        weights = np.empty((2, m, 2, m, 2, map.z.size))
         for i in range(m):
             for j in range(m):
                 passed = flights[j + 1 : i + 1] if i > j else flights[j + 1 :] + flights[: i + 1]
@@ -368,7 +360,7 @@ class ReducedDeterminant:
         later[:] = np.tri(m, k=-1, dtype=bool)[:, None, :, None]
         self.later, self.one = np.flatnonzero(later), np.eye(2 * m)
         self.trace = whole[0, 0] + whole[1, 1]
-        self.weights = weights.reshape(-1, z.size).T
+        self.weights = weights.reshape(-1, map.z.size).T
 
     def D(self, mu: Array) -> Array:
         """At some mu, shape (n,)."""
@@ -467,10 +459,6 @@ class ReducedDeterminant:
         # six steps at most, the last one of 1e-10: closer than 1e-8 two zeros are one
         zeros = newton_from_all(step, mu, 6, 1e-10)
         return distinct(zeros[zeros.imag > REAL], 1e-8)
-
-
-def _matrix(turn: ModalPropagator) -> Array:
-    return np.array([[turn.cosine, turn.reach], [-turn.pull, turn.swing]])
 
 
 def _after(flights: list[Array]) -> Array:

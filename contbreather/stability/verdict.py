@@ -177,13 +177,16 @@ def threshold_on(lattice: Any, threshold: float | None) -> float:
     return THRESHOLD if threshold is None else threshold
 
 
-def check_threshold(threshold: float) -> None:
-    """Refuse what is no threshold for a lattice without losses."""
-    if not 1.0 < real(threshold) < math.inf:
-        raise BadInput(
-            f"threshold = {brief(threshold)}: on a ring multipliers sit on the unit circle; a "
-            "modulus above 1 is expected, 1.005 in the paper"
-        )
+def check_threshold(threshold: float, neutral: bool = True) -> None:
+    """Refuse what is no threshold for a lattice, with modes that are neutral or without."""
+    if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
+        wanted = "a finite modulus of at least 1 is expected"
+        if neutral:
+            wanted = (
+                "a lattice without damping always has multipliers on the unit circle, so a finite "
+                "threshold above 1 is expected"
+            )
+        raise BadInput(f"threshold = {brief(threshold)}: {wanted} (the paper takes 1.005).")
 
 
 def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
@@ -201,15 +204,8 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     if map.lattice.sites is None:
         count = map.count()
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
-    neutral = map.idle == 1.0  # modes without impacts, on the circle where nothing damps them
-    if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
-        wanted = "a finite modulus of at least 1 is expected"
-        if neutral:
-            wanted = (
-                "a lattice without damping always has multipliers on the unit circle, so a finite "
-                "threshold above 1 is expected"
-            )
-        raise BadInput(f"threshold = {brief(threshold)}: {wanted} (the paper takes 1.005).")
+    # modes without impacts are on the circle where nothing damps them
+    check_threshold(threshold, neutral=map.idle == 1.0)
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)
 

@@ -198,16 +198,9 @@ def upper(mu: Array) -> Array:
     return np.asarray(mu[mu.imag > REAL])
 
 
-def farthest(mu: Array) -> float:
-    """Angle, over pi, of the complex pair with the largest modulus; NaN if there is none."""
-    return _angle(mu, abs)
-
-
-def nearest_pair(mu: Array, radius: float) -> float:
-    """Angle, over pi, of the pair nearest to a circle."""
-    return _angle(mu, lambda pairs: -abs(abs(pairs) - radius))
-
-
-def _angle(mu: Array, by: Callable[[Array], Array]) -> float:
+def nearest_pair(mu: Array, radius: float = math.inf) -> float:
+    """Angle, over pi, of the pair nearest to a circle, the farthest out unless given; or NaN."""
     pairs = upper(mu)
-    return float(np.angle(pairs[by(pairs).argmax()])) / math.pi if pairs.size else math.nan
+    size = abs(pairs)
+    first = (abs(size - radius) if radius < math.inf else -size).argmin() if pairs.size else None
+    return math.nan if first is None else float(np.angle(pairs[first])) / math.pi
