@@ -174,7 +174,7 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
 
 
 class _TiesOfDrive(Ties):
-    """Of the functions only the names count: values go by their powers of omega."""
+    """Ties by powers of omega: of the functions only the names count."""
 
     def __call__(self, params: Params) -> dict[str, Any]:
         omega = params["omega"]
@@ -189,7 +189,7 @@ class _TiesOfDrive(Ties):
         return {name: np.array([way.get(name, 0.0) for way in ways]) for name in names}
 
     def rates(self, params: Params, name: str) -> dict[str, float]:
-        """How fast those of the base change with one."""
+        """Rates at which parameters of the base change with one."""
         omega = params["omega"]
         if name != "omega":
             return {name: omega ** -POWERS.get(name, 0)}

@@ -67,7 +67,7 @@ class Waves(NamedTuple):
 
 
 def waves(map: HalfMap, alpha: Array) -> Waves:
-    """What comes back at ``nu^2 = spring + 4 gamma sin(alpha)^2``, ``alpha = theta/2``."""
+    """Evaluate what comes back at ``nu^2 = spring + 4 gamma sin(alpha)^2``, ``alpha = theta/2``."""
     gamma, k, b, spring = map.gamma, map.k, map.b, map.lattice.spring
     sine, cosine = np.sin(alpha), np.cos(alpha)
     nu = 2.0 * math.sqrt(gamma) * sine
