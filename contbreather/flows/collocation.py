@@ -22,7 +22,8 @@ from ..errors import BadInput
 from .flow import Flow
 from .functions import Params, calling, quiet, slopes, values
 
-_MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
+_MOST_POINTS = 12
+_MANY = 40  # states, of which an interval of so many points costs more than its order gains
 AT_REST = 1e-6  # what moves less than this, relative to all there is, is at rest
 ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
 
@@ -176,13 +177,12 @@ class TrajectorySegment:
         return replace(self, scheme=scheme, knots=knots, states=states, slopes=slopes)
 
     def halved(self) -> TrajectorySegment:
-        """Interpolate on twice as many intervals; where these are many, of the highest order: the
-        tail after a jump is in one of them, however many they are."""
+        """Interpolate on twice as many intervals, of few states of the highest order: the tail
+        after a jump is in one of them, however many they are."""
         between = 0.5 * (self.knots[1:] + self.knots[:-1])
         knots = np.insert(self.knots, range(1, self.knots.size), between)
-        many = 2 * self.scheme.intervals
-        points = _MOST_POINTS if many > _MANY else self.scheme.points
-        return self.on(knots, Collocation(many, points))
+        points = _MOST_POINTS if self.dimension < _MANY else self.scheme.points
+        return self.on(knots, Collocation(2 * self.scheme.intervals, points))
 
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there, shape (n, times)."""
