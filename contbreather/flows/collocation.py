@@ -119,17 +119,14 @@ class TrajectorySegment:
     steps: Array = field(init=False)  # lengths of its intervals in units of the duration
     lengths: Array = field(init=False)
     begins: Array = field(init=False)  # times
+    inner: Array = field(init=False)  # times of all Gauss points
     velocities: Any = field(default=None, init=False)  # of its flow there, once known
 
     def __post_init__(self) -> None:
         steps = self.knots[1:] - self.knots[:-1]
-        begins = self.start + self.duration * self.knots[:-1]
-        vars(self).update(steps=steps, lengths=self.duration * steps, begins=begins)
-
-    @property
-    def inner(self) -> Array:
-        """Times of all Gauss points."""
-        return (self.begins[:, None] + self.lengths[:, None] * self.scheme.nodes).ravel()
+        begins, lengths = self.start + self.duration * self.knots[:-1], self.duration * steps
+        inner = (begins[:, None] + lengths[:, None] * self.scheme.nodes).ravel()
+        vars(self).update(steps=steps, lengths=lengths, begins=begins, inner=inner)
 
     @cached_property
     def ends(self) -> Array:
@@ -188,7 +185,7 @@ class TrajectorySegment:
         """Times from 0 to 1, `per` in each interval, and the states there, shape (n, times)."""
         inside = self.knots[:-1, None] + self.steps[:, None] * (np.arange(per) / per)
         states = self.states[:, None] + self.scheme.looks(per) @ self.slopes
-        states = states.reshape(-1, self.dimension)
+        states = states.reshape(-1, states.shape[-1])
         return np.concatenate([inside.ravel(), [1.0]]), np.concatenate([states, self.end[None]]).T
 
     # --- the mesh ---------------------------------------------------------------------------------
@@ -294,14 +291,18 @@ class Slopes:
     inverse: Array  # (intervals, points n, points n), of the equations for the slopes inside
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
 
-    def beside(self, flight: TrajectorySegment, other: TrajectorySegment, moved: Array) -> Array:
-        """Estimate the slopes inside of another flight than one near by, to first order, for
-        parameters that moved."""
+    def beside(
+        self, flight: TrajectorySegment, p: Params, other: TrajectorySegment, q: Params,
+        names: tuple[str, ...],
+    ) -> Array:  # fmt: skip
+        """Estimate the slopes inside of another flight, at parameters q, than one near by, at p, to
+        first order."""
         n, change = flight.states.shape[1], np.empty((len(self.inside), self.inside.shape[-1], 1))
         change[:, :n, 0] = other.states - flight.states
         change[:, n, 0] = other.begins - flight.begins
         change[:, n + 1, 0] = other.lengths - flight.lengths
-        change[:, n + 2 :, 0] = moved
+        for j, name in enumerate(names, n + 2):
+            change[:, j] = q[name] - p[name]
         return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
 
 
@@ -310,7 +311,7 @@ def as_one_flight(
 ) -> tuple[TrajectorySegment, Any]:
     """Flights of one flow, and estimates as `flown` takes them, as of one: each interval is solved
     for by itself."""
-    whole, parts = object.__new__(TrajectorySegment), ("states", "begins", "lengths")
+    whole, parts = object.__new__(TrajectorySegment), ("states", "begins", "lengths", "inner")
     of = {name: np.concatenate([getattr(flight, name) for flight in flights]) for name in parts}
     vars(whole).update(of, scheme=flights[0].scheme)
     k, inverses, second = zip(*guesses, strict=True)
@@ -403,7 +404,7 @@ def derivatives(
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inside = inverse @ right.reshape(count, points * n, -1)
     ends = (scheme.weights @ inside.reshape(count, points, -1)).reshape(count, n, -1)
-    ends[:, :, :n] += np.eye(n)
+    ends[:, range(n), range(n)] += 1.0
     return Slopes(ends, inside, inverse, f * lengths)
 
 

@@ -25,7 +25,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, crossing_event
-from ..continuation.systems.defining_systems import Singular, signed_smallest
+from ..continuation.systems.defining_systems import Singular, factorised, signed_smallest
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import SHORTEST
@@ -94,11 +94,10 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 
 def _branches(point: Point) -> float:
     """About the least singular value with the row of the tangent below, by one factorisation."""
-    matrix = bordered_matrix(point)
-    if not isinstance(matrix, np.ndarray):
-        return signed_smallest(matrix)
-    factors = Dense(matrix)
-    return by_inverses(factors, len(matrix))[0] if factors.exact else 0.0
+    factors = factorised(bordered_matrix, point)
+    if not isinstance(factors, Dense):
+        return signed_smallest(factors)
+    return by_inverses(factors, len(factors.whole))[0] if factors.exact else 0.0
 
 
 def _examine_crossing(point: Point) -> Examined:

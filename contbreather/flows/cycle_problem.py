@@ -291,8 +291,9 @@ class CycleProblem(Problem):
         back = equations.taken_back(x, params)
         return {} if back is None else {"orbit": back}
 
-    def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
-        return self.residual(x, params, math.inf)  # the next step is more exact
+    @cached_property
+    def roughly(self) -> Callable[[Array, Params], Array]:  # type: ignore[override]
+        return partial(self.residual, error=math.inf)  # the next step is more exact
 
     def prepare(self, places: Any, names: tuple[str, ...]) -> None:
         if not isinstance(self.residual, SparseFlowEquations):  # of which nothing is solved for
@@ -305,9 +306,10 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        mu, count = point.solution.others, self.residual.start[0].dimension - 1
+        mu = point.solution.others
         # those that are not known are next to 0: of these four at once change no sign of a test
         if isinstance(self.residual, SparseFlowEquations):
+            count = self.residual.start[0].dimension - 1
             mu = np.append(mu, np.zeros((count - mu.size) % 4))
         return mu, 0.0  # small ones are as exact as large ones
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,6 +139,9 @@ class SolvedPlace:
     linear: tuple[Linear, ...] = ()
 
 
+_UNKNOWNS = attrgetter("x")
+
+
 @dataclass(frozen=True, eq=False)
 class FlowEquations:
     """A cycle of flows, discretised."""
@@ -163,6 +167,10 @@ class FlowEquations:
     def phased(self) -> bool:
         """Tell whether the time at which the first flow begins is unknown."""
         return self.period is not None and all(flow.until for flow in self.flows)
+
+    @cached_property
+    def _lambdas(self) -> tuple[str, ...]:
+        return self.conservation.lambdas if self.conservation else ()
 
     @cached_property
     def autonomous(self) -> bool:
@@ -254,7 +262,7 @@ class FlowEquations:
     def prepare(self, places: Sequence[tuple[Array, Params]], names: tuple[str, ...]) -> None:
         """Solve and linearise at several places as for one with the intervals of all, where these
         have the same parameters and are next to one that is linearised."""
-        p, wanted = self._unfolded(*places[0]), self._wanted(names)
+        p, wanted = self._unfolded(*places[0]), (*self._lambdas, *names)
         begun = [self._begun(x, p) for x, _ in places]
         known = all(guess and guess[1] is not None for *_, of in begun for guess in of)
         if not known or any(self._unfolded(*place) != p for place in places):
@@ -289,7 +297,7 @@ class FlowEquations:
     def _near(places: Sequence[SolvedPlace], x: Array) -> list[SolvedPlace]:
         """The place next to which slopes are estimated, of those near; the nearest that is
         linearised, which is the same unless one is at half its distance; and one beyond that."""
-        apart = np.array([place.x for place in places]) - x
+        apart = np.array([*map(_UNKNOWNS, places)]) - x
         off, most = np.vecdot(apart, apart), 0.01 * x.dot(x)  # squares: a tenth of its size
         near: list[SolvedPlace] = []
         for j in off.argsort().tolist():
@@ -313,17 +321,16 @@ class FlowEquations:
         before, if that is on the same way."""
         if place is None:
             return nearest.flights[i].slopes, None, 0.0
-        moved = np.array([p[name] - nearest.params[name] for name in place.names])
-        slopes = place.linear[i].slopes
-        k = slopes.beside(nearest.flights[i], flight, moved)
+        slopes, names = place.linear[i].slopes, place.names
+        k = slopes.beside(nearest.flights[i], nearest.params, flight, p, names)
         if nearest is not place or second is None:
             return k, slopes.inverse, 0.0
         way, ahead, before = second.x - place.x, x - place.x, second.flights[i]
         share = way.dot(ahead) / way.dot(way)
         if share * way.dot(ahead) < 0.9 * ahead.dot(ahead):  # that is the square of a cosine
             return k, slopes.inverse, 0.0
-        moved = np.array([second.params[name] - place.params[name] for name in place.names])
-        off = share**2 * (before.slopes - slopes.beside(place.flights[i], before, moved))
+        first_order = slopes.beside(place.flights[i], place.params, before, second.params, names)
+        off = share**2 * (before.slopes - first_order)
         return k + off, slopes.inverse, float(abs(off).max())
 
     @cached_property
@@ -333,7 +340,8 @@ class FlowEquations:
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         layout, start = self.layout, self.start[i]
-        knots = np.concatenate([[0.0], x[layout.knots[i][:-1]], [1.0]])
+        knots = np.zeros(len(start.knots))
+        knots[1:-1], knots[-1] = x[layout.knots[i][:-1]], 1.0
         duration = float(x[layout.lengths[i]])
         if not duration > 0.0:
             # sliding that begins at its edge has none: a little beyond it goes backwards
@@ -353,7 +361,9 @@ class FlowEquations:
             # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             nodes, knots, states = layout.nodes[i], layout.knots[i], flight.states
             begin = states[0] if i else self._own[: states.shape[1]] * states[0]
-            left[nodes[0]] = begin - self._after(i - 1, flights[i - 1], p)
+            smooth = self.flows[i - 1].reset is None
+            arrived = flights[i - 1].ends[-1] if smooth else self._after(i - 1, flights[i - 1], p)
+            left[nodes[0]] = begin - arrived
             left[nodes[1:]] = states[1:] - flight.ends[:-1]
             # m equal shares for the m - 1 inner knots and the unit of the path
             left[knots] = flight.shares(self.sizes[i], math.exp(x[knots[-1]])) - 1.0
@@ -393,8 +403,6 @@ class FlowEquations:
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
         reset = self.flows[i].reset
-        if reset is None:
-            return flight.ends[-1]
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
         i %= len(self.flows)
         n = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
@@ -468,7 +476,7 @@ class FlowEquations:
 
     def velocities(self, x: Array, p: Params) -> list[Array]:
         """Evaluate the field of each flow where its intervals begin, shape (intervals, n)."""
-        flights = self.flights(x, p)
+        flights = self._solved(x, p).flights
         for flow, flight in zip(self.flows, flights, strict=True):
             if flight.velocities is None:
                 way = values(flow.f, flight.begins, flight.states.T, p).T
@@ -478,7 +486,7 @@ class FlowEquations:
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Take all derivatives of flows, resets and conditions; None for any parameters, those of
         the last columns, that are known already."""
-        place, wanted = self._solved(x, p), self._wanted(names or ())
+        place, wanted = self._solved(x, p), (*self._lambdas, *(names or ()))
         if not place.linear or (names is not None and wanted != place.names):
             place.names, linear = wanted, []
             for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
@@ -486,9 +494,6 @@ class FlowEquations:
                 linear.append(self._linearised(i, x, flight, place, derivative))
             place.linear = tuple(linear)
         return place
-
-    def _wanted(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        return names if self.conservation is None else (*self.conservation.lambdas, *names)
 
     def _linearised(
         self, i: int, x: Array, flight: TrajectorySegment, place: SolvedPlace, derivative: Slopes

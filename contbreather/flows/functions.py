@@ -7,9 +7,8 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +89,8 @@ class _Calling:
         """Evaluate at all states. Callers ignore warnings: they see NaN and infinity."""
         if self.at_once:
             try:
-                return self.together(t, x, p)
+                returned = self.function(t, x, p)
+                return rows_of([returned] if self.scalar else returned, x, self.rows)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", self.name, t.size)
         columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
@@ -102,7 +102,10 @@ class _Calling:
         return rows_of([returned] if self.scalar else returned, x, self.rows)
 
 
-_CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states there are
+@lru_cache
+def _callings(function: Function) -> dict[int, _Calling]:
+    """Hold what is known of a function, by how many states there are."""
+    return {}
 
 
 @quiet
@@ -153,11 +156,11 @@ def undecorated(function: Any) -> Any:
 def calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
     """Say how a function is evaluated at many states, decided at the first of them."""
     try:
-        return _CALLING[function][len(x)]
+        return _callings(function)[len(x)]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
         how = _decide_calling(function, t.real, x.real, p)
     with suppress(TypeError):
-        _CALLING.setdefault(function, {})[len(x)] = how
+        _callings(function)[len(x)] = how
     return how
 
 
@@ -202,9 +205,12 @@ def slopes(
     """
     given = getattr(function, "jacobian", None)
     if given is None:
-        return slopes_along(function, t, x, p, names, np.eye(len(x)))
+        return slopes_along(function, t, x, p, names, _every_way(len(x)))
     value, inner, other = given.slopes(function, t, x, p, names)
     return value, np.concatenate([inner, other], axis=1)
+
+
+_every_way = lru_cache(np.eye)
 
 
 def slopes_along(
@@ -283,9 +289,9 @@ def _complex_steps(
     at, times = x[:, None] + aside[:n, :, None], t + aside[n, :, None]
     moved = dict(p)
     for j, name in enumerate(names[: last - first], first):
-        moved[name] = np.full(times.shape, p[name], complex)
-        moved[name][j] += 1j * IMAGINARY
-        moved[name] = moved[name].ravel()
+        one_aside = np.zeros(last + 2, complex)
+        one_aside[j] = 1j * IMAGINARY
+        moved[name] = (p[name] + one_aside).repeat(count)
     at = at.reshape(n, -1)
     value = (how.together if joined else how)(times.ravel(), at, moved)
     value = value.reshape(how.rows, -1, count)

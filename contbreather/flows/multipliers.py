@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from .equations import FlowEquations, SolvedPlace
-from .functions import Params, values
+from .functions import Params, quiet, values
 from .sparse_equations import SparseFlowEquations
 
 
@@ -29,10 +29,21 @@ def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """
     if not factors[0].shape[-1]:
         return np.empty(0, dtype=complex)
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not merged
-        merged = _merged(factors)
-    mu = np.linalg.eigvals(merged[0]) if len(merged) == 1 else _separated(merged)
+    merged = _merged(factors)
+    mu = _eigenvalues(merged[0]) if len(merged) == 1 else _separated(merged)
     return np.asarray(mu[(-abs(mu)).argsort(kind="stable")], dtype=complex)
+
+
+def _eigenvalues(matrix: Array) -> NDArray[np.complex128]:
+    """As of `numpy.linalg.eigvals`, which takes longer to look at a small matrix than to solve."""
+    from scipy.linalg import lapack
+
+    if not np.isfinite(matrix).all():
+        raise Undefined("multipliers overflow")
+    real, imaginary, *_, info = lapack.dgeev(matrix, compute_vl=0, compute_vr=0)
+    if info:
+        raise Undefined("no eigenvalues were found")
+    return np.asarray(real + 1j * imaginary)
 
 
 def without_direction(
@@ -98,8 +109,9 @@ def _mirrors(ways: Array) -> Array:
     return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
 
 
+@quiet
 def _merged(stacks: Sequence[Array]) -> list[Array]:
-    """Fewer factors with the same product, each of them well conditioned."""
+    """Fewer factors with the same product, each of them well conditioned: none overflows."""
     factors = [factor for stack in stacks for factor in _halved(stack)]
     merged = factors[:1]
     for factor in factors[1:]:
@@ -186,7 +198,7 @@ def of_cycle(
         return equations.leading(x, p)
     factors, directions = around(equations, x, p)
     none = np.empty(0)
-    if any(np.isnan(stack).any() for stack in factors):
+    if not equations.smooth and any(np.isnan(stack).any() for stack in factors):
         lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
         lost[:1] = np.inf
         return lost, none
@@ -209,7 +221,9 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
     directions: list[Array] = []
     for i, (piece, way) in enumerate(zip(place.linear, ways, strict=True)):
         ends = piece.slopes.ends[:, :, : way.shape[1]]
-        last = _saltation(equations, place, i, ways) @ ends[-1:]
+        last, flow = ends[-1:], equations.flows[i]
+        if flow.reset or flow.until:
+            last = _saltation(equations, place, i, ways) @ last
         alike = last.shape[1] == last.shape[2]
         factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
         directions += [way] if alike else [way[:-1], way[-1:]]

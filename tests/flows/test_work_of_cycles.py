@@ -49,7 +49,7 @@ def test_a_point_of_a_branch_takes_few_calls(field, ring) -> None:
     walk = lambda: cb.trace(ring, "r", within={"r": (200.0, 281.0)}, towards="down")  # noqa: E731
     assert [point.kind for point in walk().special] == ["EP", "PD", "EP"]
     functions, asked = a_point(field, walk)
-    assert functions < 740
+    assert functions < 600
     assert asked < 8
 
 
@@ -61,7 +61,7 @@ def test_short_steps_take_fewer(field, ring) -> None:
         field,
         lambda: cb.trace(ring, "r", within={"r": (270.0, 281.0)}, towards="down", steps=short),
     )
-    assert functions < 560
+    assert functions < 450
     assert asked < 4.1
 
 
@@ -70,7 +70,7 @@ def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> 
     functions, asked = a_point(
         field, lambda: cb.boundary(doubling, ("r", "s"), within={"s": (9.0, 11.0)})
     )
-    assert functions < 2800
+    assert functions < 2500
     assert asked < 32
 
 

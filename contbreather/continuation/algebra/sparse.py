@@ -56,7 +56,8 @@ class Dense:
         if not self.exact:
             return None
         if self.row is not None:
-            right = np.concatenate([right, [last]])
+            above, right = right, np.empty(self.row.size)
+            right[:-1], right[-1] = above, last
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right)[0])
 
     def correction(self, right: Array, row: Array | None = None) -> tuple[Array, bool]:
@@ -81,8 +82,8 @@ class Dense:
         if not self.exact:
             return 0
         # P A = L U, L with ones on its diagonal: det A = det U / det P
-        turns = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
-        return -1 if (np.count_nonzero(self._factors.diagonal() < 0) + turns) % 2 else 1
+        turned = self._pivots != np.arange(self._pivots.size)
+        return -1 if np.logical_xor.reduce(turned ^ (self._factors.diagonal() < 0)) else 1
 
 
 def shortest(matrix: Array, right: Array) -> Array:

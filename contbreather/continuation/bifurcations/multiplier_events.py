@@ -35,7 +35,8 @@ _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 
 def multipliers_at(point: Point) -> Multipliers:
     """Multipliers but a trivial one."""
-    base, ask = point.base_point, point.base_point.curve.problem.multipliers
+    base = point.base_point
+    ask = base.curve.problem.multipliers
     return base.curve.cached("multipliers", base.z, lambda _: Multipliers(*ask(base)))
 
 

@@ -52,10 +52,10 @@ class Points(Sequence[Point]):
         if isinstance(points, Points):
             return points
         points = tuple(points)
-        curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
+        curve, marked = points[0].curve, dict[int, Point]()
         z, tangents, arclength, residual = zip(*map(_ROW, points), strict=True)
-        tangent = np.array([none if row is None else row for row in tangents])
-        marked = {}
+        tangent = np.array([np.full(z[0].size, np.nan) if row is None else row for row in tangents])
+
         for i, p in enumerate(points):
             more = p.kind or p.label or p.detail or p.event or p.parent or p.bracket
             if more or not p.located or p.tangent is None or p.curve is not curve:
@@ -134,6 +134,9 @@ class Points(Sequence[Point]):
 
     def __len__(self) -> int:
         return len(self.arclength)
+
+    def __iter__(self) -> Iterator[Point]:
+        return map(self.__getitem__, range(len(self.arclength)))
 
     @overload
     def __getitem__(self, key: int) -> Point: ...

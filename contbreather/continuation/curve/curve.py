@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import count
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ..algebra import derivatives
 from ..algebra.linear_algebra import least_singular, sense
-from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord
+from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord, newton
 from ..algebra.sparse import (
     Dense,
     Factors,
@@ -74,7 +74,7 @@ class Curve:
         self._places: dict[float, Pieces | None] = {}
         # events looked for on it, None for those of its problem: arms that set out look for them
         self.asked: tuple[Any, ...] | None = None
-        self._known = defaultdict[str, dict[bytes, Any]](dict)
+        self._known = defaultdict[Hashable, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
@@ -155,7 +155,7 @@ class Curve:
         """The residual, or `Undefined` where it has none."""
         value = self.call(self.residual, z, function)
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
-            total = value.sum()
+            total = np.add.reduce(value, axis=None)
             finite = isinstance(total, complex) or math.isfinite(total)
         except (TypeError, OverflowError) as error:
             raise BadInput(
@@ -186,9 +186,16 @@ class Curve:
                 ) from error
             raise
 
-    def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The solution next to a guess by the derivative at a place near by and by
-        `Problem.roughly`, where that derivative is known and the solution is close."""
+    def solved_near(
+        self, near: Array | None, guess: Array, row: Array, tolerance: float, **how: int
+    ) -> Solution:
+        """The solution next to a guess: by the derivative at a place near by and by
+        `Problem.roughly`, where both are known and the solution is close; or by Newton's method."""
+        rough = near is not None and self.problem.roughly is not None
+        solution = self._chord(near, guess, row, tolerance) if rough else None
+        return solution or newton(self, guess, row, tolerance=tolerance, **how)
+
+    def _chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         known = self._known["jacobian"]
         if near.tobytes() not in known:
             return None
@@ -221,7 +228,9 @@ class Curve:
         pieces = self._places[tolerance]
         return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
-    def cached(self, what: str, z: Array, make: Callable[[Array], T], *, keep: bool = False) -> T:
+    def cached(
+        self, what: Hashable, z: Array, make: Callable[[Array], T], *, keep: bool = False
+    ) -> T:
         """Make something of z once for the latest places: all events ask in turn. Or for any place,
         where it is to be kept."""
         recent, key = self._known[what], z.tobytes()
@@ -250,14 +259,17 @@ class Curve:
         large = is_large(matrix)
         return self.cached("factors", z, lambda z: Factors(matrix)) if large else Dense(matrix, row)
 
-    def tangent_at(self, z: Array, along: Array) -> tuple[Array, int]:
-        """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
+    def tangent_at(
+        self, z: Array, along: Array, factors: Dense | Factors | None = None
+    ) -> tuple[Array, int]:
+        """Unit tangent at z on the side of `along`, and the sign of the bordered determinant;
+        by `factors` of the derivative with that direction below, where these are known.
 
         That sign is the same all along a curve and changes at branch points. Where the bordered
         matrix is singular it is 0, and the tangent is the null vector closest to `along`.
         """
         row = self.metric * along
-        tangent, side = self.factors(z, row).tangent(row)
+        tangent, side = (factors or self.factors(z, row)).tangent(row)
         if tangent is not None and math.isfinite(tangent.sum()):
             return self.normalised(tangent), side
         matrix = self.jacobian(z)

@@ -397,13 +397,13 @@ class Event:
         return value if type(value) is float else self._number(value)
 
     def values(self, points: Sequence[Point]) -> tuple[list[Value], Any]:
-        """Values at several points of a walk, and the array of counts where it comes with them."""
+        """Values at several points of a walk, and counts where they come with them, else NaN."""
         answer = None
         if self.many and len(points) >= MANY:
             with suppress(*OUT_OF_DOMAIN):
                 answer = self.many(points)
         if not answer:
-            return [*map(self.value_or_nan, points)], None
+            return [*map(self.value_or_nan, points)], math.nan
         tests, counts = answer
         shapes = [np.shape(tests)] + ([] if counts is None else [np.shape(counts)])
         wanted = [(len(points),)] * (2 if self.count else 1)
@@ -412,7 +412,7 @@ class Event:
                 f"many of {self.kind} gave arrays of shapes {shapes}; {wanted} were expected, a "
                 f"test {'and a count ' if self.count else ''}for each point"
             )
-        return tests.tolist(), counts
+        return tests.tolist(), math.nan if counts is None else counts
 
     def __repr__(self) -> str:
         return f"<Event {self.kind}{', terminal' if self.ends else ''}>"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
+from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
 from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
-from ..systems.defining_systems import regular_between
+from ..systems.defining_systems import factorised, regular_between, regular_step
 from .event_location import (
     BESIDE,
     at_end,
@@ -135,14 +136,10 @@ def quiet_steps(
     return quiet
 
 
-def regular_step(events: Sequence[Event], first: Point, last: Point) -> bool:
-    """Tell whether no matrix of an event, unless it is large, comes to be singular."""
-    for event in events:
-        if matrix := event.matrix:
-            begin, end = matrix(first), matrix(last)
-            if not (isinstance(begin, np.ndarray) and regular_between(begin, end[None])[0]):
-                return False
-    return True
+def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
+    """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
+    begin, end = factorised(matrix, first), factorised(matrix, last)
+    return isinstance(begin, Dense) and regular_step(begin, end.whole)
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

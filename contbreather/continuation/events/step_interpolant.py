@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined
 from ..curve.curve import LEVEL, Curve
 from ..curve.point import Event, Point, Value
 from ..systems.defining_systems import singular_between
@@ -64,7 +64,8 @@ class StepInterpolant:
         row = self._cubic[0]
         solved = self.curve.corrected(guess, row, self.tolerance)
         if solved is None:
-            solution = newton(self.curve, guess, row, tolerance=self.tolerance)
+            near = self.first.z if u < 0.5 else self.last.z
+            solution = self.curve.solved_near(near, guess, row, self.tolerance)
             if not solution.converged:
                 raise Undefined("Newton's iteration failed between two points of the curve")
             tangent, _ = self.curve.tangent_at(solution.z, slope)

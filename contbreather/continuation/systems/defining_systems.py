@@ -56,11 +56,25 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
+def factorised(matrix: Callable[[Point], Matrix], point: Point) -> Any:
+    """A matrix of an event factorised, once for the test at a point of a walk and for both steps
+    that meet there; a large one as it is."""
+
+    def make(_: Array) -> Any:
+        whole = matrix(point)
+        return Dense(whole) if isinstance(whole, np.ndarray) else whole
+
+    return point.curve.cached(matrix, np.concatenate([point.z, point.direction]), make)
+
+
+def regular_step(first: Dense, last: Array) -> bool:
+    """Tell whether no interpolation between two small matrices is singular."""
+    change = first.solve(first.whole - last)
+    return change is not None and bool(_reaches_nothing(change[None])[0])
+
+
 def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
     """Tell on which steps between small matrices no interpolation is singular."""
-    if len(stack) == 1:
-        change = Dense(first).solve(first - stack[0])
-        return np.array([False]) if change is None else _reaches_nothing(change[None])
     stack = np.concatenate([[first], stack])
     try:
         return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))

@@ -57,6 +57,8 @@ def least_with_sign(factors: Values, rounding: Array | float) -> Any:
     """
     sizes = abs(factors)
     clear = sizes > rounding
+    if clear.all():
+        return np.copysign(sizes.min(axis=-1), (factors / sizes).prod(axis=-1).real)
     zeros = (~clear).sum(axis=-1)
     least = np.where(zeros == 0, sizes.min(axis=-1), np.where(zeros == 1, 0.0, 1e-100))
     signs = np.where(clear, factors, 1.0) / np.where(clear, sizes, 1.0)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..algebra.newton import FEW, Array, Solution, Undefined, newton
+from ..algebra.sparse import Dense, Factors
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 from ..curve.branch import Points, Stop
 from ..curve.curve import LEVEL, Curve
@@ -55,14 +56,12 @@ class BranchPiece:
 
     def tested(self, events: Sequence[Event]) -> BranchPiece:
         # of few each is made once, not once for each event
-        points = self.points if len(self.points) >= MANY else [*self.points]
-        shape = len(events), len(points)
-        tests, counts = np.empty(shape, dtype=object), np.full(shape, math.nan)
+        many = len(self.points)
+        points = self.points if many >= MANY else [*self.points]
+        tests, counts = np.empty((len(events), many), dtype=object), np.empty((len(events), many))
         for i, event in enumerate(events):
-            tests[i], known = event.values(points)
-            if known is not None:
-                counts[i] = known
-        return replace(self, tests=tests, counts=counts)
+            tests[i], counts[i] = event.values(points)
+        return BranchPiece(self.points, self.crossing, self.stop, tests, counts)
 
     def beyond(self, n: int) -> BranchPiece | None:
         """Cut off so many steps; None where that is all."""
@@ -208,12 +207,10 @@ class Stepper:
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * way + (0.5 * size * size) * curvature
         guess, landing = self._within(point.z, predicted, LEVEL * size)
+        row = curve.metric * way
         # correct
         if landing is None:
-            row = curve.metric * way
-            rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
-            near = curve.chord(point.z, guess, row, tolerance) if rough else None
-            solution = near or self.correct(guess, row)
+            solution = self.correct(guess, row, point.z)
             along = EXACT * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
@@ -223,9 +220,10 @@ class Stepper:
         # the corrector moves across the step: this far it has left for another piece of curve
         if not 0.0 < length <= 2.0 * size:
             raise StepFailed("the corrector left the neighbourhood of the step")
-        tangent, side = curve.tangent_at(z, way)
+        factors = curve.factors(z, row)
+        tangent, side = curve.tangent_at(z, way, factors)
         turn = _angle(curve, way, tangent)
-        self._examine(point, z, tangent, length, turn)
+        self._examine(point, z, tangent, length, turn, factors)
         arclength = point.arclength + length
         last = Point(curve, z, tangent, arclength, solution.residual)
         branch_point = None
@@ -251,9 +249,9 @@ class Stepper:
         self.curvature = (tangent - way) / (arclength - point.arclength)
         return last, branch_point, None if landing is None else Stop.BOUND
 
-    def correct(self, predicted: Array, row: Array) -> Solution:
+    def correct(self, predicted: Array, row: Array, near: Array | None = None) -> Solution:
         tolerance = self.steps.tolerance
-        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
+        solution = self.curve.solved_near(near, predicted, row, tolerance, most=ITERATIONS)
         if not solution.converged:
             raise StepFailed(f"residual {solution.residual:.2g}")
         return solution
@@ -319,7 +317,7 @@ class Stepper:
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Tell whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
-            first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
+            first, then = bound.row(point.z) @ point.direction, bound.row(last.z) @ last.direction
             if not first * then < 0:
                 continue
             start, size = bound.value(point.z), float(np.max(self.curve.metric[bound.slot])) ** -0.5
@@ -339,7 +337,10 @@ class Stepper:
 
     # --- examine ---
 
-    def _examine(self, point: Point, z: Array, tangent: Array, length: float, turn: float) -> None:
+    def _examine(
+        self, point: Point, z: Array, tangent: Array, length: float, turn: float,
+        factors: Dense | Factors,
+    ) -> None:  # fmt: skip
         """Refuse a step that is no smooth piece of curve, short against its features."""
         curve, way = self.curve, point.direction
         # the chord as well: between tangents that are parallel a curve may turn and turn back
@@ -351,10 +352,10 @@ class Stepper:
         bow = (4 * way - 2 * tangent) * length
         between = (20 * point.z + 7 * z + bow) / 27
         row = curve.metric * way
-        # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems the
-        # factors at hand: no more than the size of the answer is asked for
+        # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems by
+        # the factors at the end: no more than the size of the answer is asked for
         value = curve.equations(between, curve.problem.roughly)
-        factors = curve.factors(z if z.size > FEW else between, row)
+        factors = factors if z.size > FEW else curve.factors(between, row)
         change, singular = factors.correction(value, row)
         # beside a branch point the residual says nothing
         if not singular and curve.length(change) > CUBIC_ERROR * length:

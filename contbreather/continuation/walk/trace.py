@@ -26,7 +26,7 @@ from ..curve.derivative_checks import advice, unlike_scales
 from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, find, quiet_steps, regular_step
+from ..events.event_detection import Ends, find, quiet_steps, stays_regular
 from ..events.step_interpolant import StepInterpolant
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
@@ -317,6 +317,7 @@ class ContinuationIterator:
                     "positive values are admissible; start elsewhere, or lift this rule by "
                     f"inadmissible=True, with no {event.kind} among events"
                 )
+        self.matrices = [event.matrix for event in events if event.matrix]
         self.growth = Growth(self.curve, way.bounds, start.z)
 
     def follow(
@@ -380,9 +381,9 @@ class ContinuationIterator:
                     reason = "; ".join(filter(None, (reason, near, advice)))
                 break
             # record
-            limit = self.growth.end(passed) if stop is None else None
-            self.point, self.count = (line if stop else passed)[-1], self.count + len(passed)
-            piece = piece.beyond(len(passed))
+            limit, taken = self.growth.end(passed) if stop is None else None, len(passed)
+            self.point, self.count = (line if stop else passed)[-1], self.count + taken
+            piece = piece.beyond(taken)
             if limit:
                 stop, reason = Stop.INFINITY, limit[1]
                 line = line[: limit[0] + 1] if line is passed else line
@@ -412,7 +413,8 @@ class ContinuationIterator:
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not more
         if len(points) == 1:
-            clear[0] = clear[0] and regular_step(self.events, self.point, points[0])
+            regular = partial(stays_regular, first=self.point, last=points[0])
+            clear[0] = clear[0] and all(map(regular, self.matrices))
         n = len(clear) if clear.all() else int(clear.argmin())
         if n:
             self.places, self.tests = places[n : n + 2], tests[:, n : n + 2]
