@@ -11,7 +11,8 @@ import numpy as np
 from .measure import Row, best_of, span
 from .peers import auto07p_cycles as auto
 
-INTERVALS, POINTS = 40, 4  # what AUTO is usually given; 20 x 6, our own default, is as exact
+INTERVALS, POINTS = 40, 4  # what AUTO is usually given
+AS_EXACT = (10, 8)  # of Lorenz's cycles: PD is off by 2e-9, with 40 x 4 by 3e-8
 REPEAT = 3
 SITES = 10  # of a chain of van der Pol oscillators, two states each
 
@@ -51,17 +52,23 @@ CHAIN = auto.System(
 def rows() -> list[Row]:
     x = {"x": 0.0, "y": 10.0, "z": 280.0}
     names = [f"{what}{i}" for what in "uv" for i in range(SITES)]
-    found = _rows("Lorenz, 3 states", lorenz, x, 60.0, LORENZ)
     start = {name: 2.0 * (name[0] == "u") for name in names}
-    return found + _rows("chain, 20 states", chain, start, 200.0, CHAIN)
+    same = INTERVALS, POINTS
+    return [
+        *_rows("Lorenz, 3 states", lorenz, x, 60.0, LORENZ, AS_EXACT),
+        *_rows("Lorenz, 3 states", lorenz, x, 60.0, LORENZ, same),
+        *_rows("chain, 20 states", chain, start, 200.0, CHAIN, same),
+    ]
 
 
-def _rows(what: str, f: Any, start: Any, settle: float, system: auto.System) -> list[Row]:
+def _rows(
+    what: str, f: Any, start: Any, settle: float, system: auto.System, mesh: tuple[int, int]
+) -> list[Row]:
     import contbreather as cb
     from contbreather.flows import Collocation, cycle_of
 
-    mesh = Collocation(intervals=INTERVALS, points=POINTS)
-    ring = cb.cycle(f, start, system.params, settle=settle, collocation=mesh)
+    own_mesh = Collocation(*mesh)
+    ring = cb.cycle(f, start, system.params, settle=settle, collocation=own_mesh)
     orbit = cycle_of(ring)
     t = np.linspace(orbit.times[0], orbit.times[-1], 401)
     x = orbit.states(np.append(t[:-1], t[0]))
@@ -70,16 +77,17 @@ def _rows(what: str, f: Any, start: Any, settle: float, system: auto.System) -> 
     towards = "down" if system.step < 0 else "up"
     walk = partial(cb.trace, ring, free, within={free: window}, towards=towards)
     branch = walk()
-    walks = [("branch with all events", "branch", walk, len(branch), 3.0)]
+    few = system.curve is not None  # states
+    walks = [("branch with all events", "branch", walk, len(branch), 3.5 if few else 1.6)]
     last = [(at.kind, at[free], at["period"]) for at in branch.special][1:]
     notes = [f"here {last}, there {theirs['special'][1:]}"]
-    if system.curve is not None:
+    if few:
         second, *ends = system.curve
         line = partial(
             cb.boundary, branch.first("PD"), (free, second), within={second: tuple(ends)}
         )
         curve = line()
-        walks.append(("curve of PD", "curve", line, len(curve), 5.0))
+        walks.append(("curve of PD", "curve", line, len(curve), 6.0))
         notes.append(f"ends here {[curve[i][free] for i in (0, -1)]}, there {theirs['ends']}")
     table = []
     for (kind, key, run, many, most), note in zip(walks, notes, strict=True):
@@ -87,9 +95,9 @@ def _rows(what: str, f: Any, start: Any, settle: float, system: auto.System) -> 
         other = min(one[key] for one in sessions)
         table.append(
             Row(
-                f"{what}, {INTERVALS} x {POINTS}, {kind}: a point", span(own),
-                f"{theirs['name']}: {span(other)}", own / other, f"≤ {most:g}",
-                own <= most * other, note,
+                f"{what}, {mesh[0]} x {mesh[1]}, {kind}: a point", span(own),
+                f"{theirs['name']}, {INTERVALS} x {POINTS}: {span(other)}", own / other,
+                f"≤ {most:g}", own <= most * other, note,
             )
         )  # fmt: skip
     return table
