@@ -403,6 +403,7 @@ class FlowEquations:
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
         reset = self.flows[i].reset
+        assert reset is not None
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
         i %= len(self.flows)
         n = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]

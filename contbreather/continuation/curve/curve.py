@@ -191,8 +191,9 @@ class Curve:
     ) -> Solution:
         """The solution next to a guess: by the derivative at a place near by and by
         `Problem.roughly`, where both are known and the solution is close; or by Newton's method."""
-        rough = near is not None and self.problem.roughly is not None
-        solution = self._chord(near, guess, row, tolerance) if rough else None
+        solution = None
+        if near is not None and self.problem.roughly is not None:
+            solution = self._chord(near, guess, row, tolerance)
         return solution or newton(self, guess, row, tolerance=tolerance, **how)
 
     def _chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
