@@ -25,7 +25,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, crossing_event
-from ..continuation.systems.defining_systems import Singular, factorised, signed_smallest
+from ..continuation.systems.defining_systems import Singular, factors_at, signed_smallest
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import SHORTEST
@@ -94,7 +94,7 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 
 def _branches(point: Point) -> float:
     """About the least singular value with the row of the tangent below, by one factorisation."""
-    factors = factorised(bordered_matrix, point)
+    factors = factors_at(bordered_matrix, point)
     if not isinstance(factors, Dense):
         return signed_smallest(factors)
     return by_inverses(factors, len(factors.whole))[0] if factors.exact else 0.0

@@ -21,7 +21,7 @@ from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
 from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
-from ..systems.defining_systems import factorised, regular_between, regular_step
+from ..systems.defining_systems import factors_at, regular_between, regular_step
 from .event_location import (
     BESIDE,
     at_end,
@@ -138,7 +138,7 @@ def quiet_steps(
 
 def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
     """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
-    begin, end = factorised(matrix, first), factorised(matrix, last)
+    begin, end = factors_at(matrix, first), factors_at(matrix, last)
     return isinstance(begin, Dense) and regular_step(begin, end.whole)
 
 

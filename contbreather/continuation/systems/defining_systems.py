@@ -56,7 +56,7 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
-def factorised(matrix: Callable[[Point], Matrix], point: Point) -> Any:
+def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
     """A matrix of an event factorised, once for the test at a point of a walk and for both steps
     that meet there; a large one as it is."""
 
