@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.newton import FEW, Array, Solution, Undefined, newton
+from ..algebra.newton import FEW, Array, Solution, Undefined
 from ..algebra.sparse import Dense, Factors
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 from ..curve.branch import Points, Stop
