@@ -159,7 +159,8 @@ def _pace(point: Point) -> float:
     passages = _passages(point.base_point.solution)
     # how far off the parameter is, but for a factor, where it has come to rest, and a second time
     off = min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
-    return max(off, _still_moves(point))
+    # of most orbits none is close: the sign is known
+    return off if off > 0 else max(off, _still_moves(point))
 
 
 def _still_moves(point: Point) -> float:
