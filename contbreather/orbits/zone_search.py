@@ -313,15 +313,16 @@ class RowPiece:
 
     middle: Point  # on the curve with free amplitude
     z: Array  # p, phi, a of each
-    values: Sequence[tuple[Event, Array, Any]]  # tests and counts, None of events without one
+    values: Sequence[tuple[Event, Array, Array]]  # tests and counts, NaN of events without one
 
     def is_known(self, least: float, known: Known) -> bool:
         """Test whether all events on it, from an amplitude on, lie on known curves."""
         for event, test, count in self.values:
             changes = np.diff(test > 0.0)
             # at a zero a count changes by one: where it says more two are in one step
-            passed = changes if count is None else np.rint(abs(np.diff(count)))
-            if (_may_touch_zero(test, changes) | (passed != changes)).any():
+            counted = np.rint(abs(np.diff(count)))
+            differs = (counted != changes) & ~np.isnan(counted)
+            if (_may_touch_zero(test, changes) | differs).any():
                 return False
             steps = np.flatnonzero(changes).tolist()
             if not all(self._is_on(event, test, step, least, known) for step in steps):
@@ -357,14 +358,14 @@ def row_pieces(
         points = Points(curve, z, np.zeros_like(z), *np.zeros((2, len(z))))
         answers = [event.values(points) for event in events]
         tests = np.array([test for test, _ in answers])
+        counts = np.array([np.broadcast_to(count, len(z)) for _, count in answers])
         # of upper breathers the test of the fold is positive, too
         ends = [bool(event.ends) for event in events]
         inside = (tests[ends] > 0.0).all(axis=0) & (z[:, 2] >= least)
         changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
         for first, end in changes.reshape(-1, 2).tolist():
             part = slice(max(first - 1, 0), end + 1)
-            counts = [None if count is None else count[part] for _, count in answers]
-            values = [*zip(events, tests[:, part], counts, strict=True)]
+            values = [*zip(events, tests[:, part], counts[:, part], strict=True)]
             yield RowPiece(Point(curve, z[(first + end) // 2]), z[part], values)
 
 
