@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -381,15 +381,26 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
     class."""
     alike = nx.Graph()
     alike.add_nodes_from(itertools.combinations(range(lattice.sites), count))
-    for places in exchanges_of_sites(_coloured(lattice, walls)):
+    own = [getattr(lattice, name) for name in ROWS]
+    own += zip(*map(walls.at, range(lattice.sites)), strict=True)
+    for places in exchanges_of_sites(stiffness_of(lattice).toarray(), own):
         images = [(sites, tuple(sorted(places[n] for n in sites))) for sites in alike]
         alike.add_edges_from(images)
     return [(min(images), len(images)) for images in nx.connected_components(alike)]
 
 
-def exchanges_of_sites(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
+def exchanges_of_sites(bonds: FloatArray, own: Iterable[Any]) -> Iterator[Mapping[int, int]]:
     """Exchanges of sites that together generate all symmetries: with the first n sites held, those
-    that take the next one to all places it can be taken to."""
+    that take the next one to all places it can be taken to.
+
+    To nine digits what sets sites apart is the diagonal of a symmetric matrix and rows of their
+    own, and what sets bonds apart are its other entries.
+    """
+    graph = nx.Graph()
+    for n, traits in enumerate(zip(bonds.diagonal(), *own, strict=True)):
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))
+    for i, j in np.argwhere(np.triu(bonds, 1) != 0.0).tolist():
+        graph.add_edge(i, j, weight=f"{bonds[i, j]:.9g}")
     far = nx.floyd_warshall_numpy(graph, weight=None)
     same = [
         nx.isomorphism.categorical_node_match(["colour", "held"], ["", -1]),
@@ -407,17 +418,3 @@ def exchanges_of_sites(graph: nx.Graph) -> Iterator[Mapping[int, int]]:
             if matcher.is_isomorphic():
                 reached.add_edges_from(matcher.mapping.items())
                 yield matcher.mapping
-
-
-def _coloured(lattice: Finite, walls: Walls) -> nx.Graph:
-    """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
-    matrix = stiffness_of(lattice).toarray()
-    graph = nx.Graph()
-    for n in range(lattice.sites):
-        rows = [getattr(lattice, name)[n] for name in ROWS]
-        traits = (matrix[n, n], *rows, *walls.at(n))
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))
-    # the stiffness is symmetric: each bond once
-    for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
-        graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
-    return graph

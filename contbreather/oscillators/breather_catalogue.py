@@ -146,12 +146,7 @@ def _exchanges(chain: Oscillators, params: Params) -> list[Mapping[int, int]]:
     pull, push = chain.W.slope(r, params), chain.W.slope(-r, params)
     if abs(pull + push).max() > 1e-12 * abs(pull).max():
         return []
-    lattice, graph, ends = chain.lattice, nx.Graph(), abs(chain.bonds.ends)
-    ground = ends.T @ ((np.diff(ends.indptr) == 1) * chain.couplings)
-    own = chain.masses, chain.onsite, lattice.dampings, lattice.drive, ground
-    for n, values in enumerate(zip(*own, strict=True)):
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in values))
-    joined = sparse.triu(ends.T @ sparse.diags_array(chain.couplings) @ ends, 1).tocoo()
-    for i, j, weight in zip(*joined.coords, joined.data, strict=True):
-        graph.add_edge(int(i), int(j), weight=f"{weight:.9g}")
-    return list(exchanges_of_sites(graph))
+    ends, lattice = abs(chain.bonds.ends), chain.lattice
+    joined = ends.T @ sparse.diags_array(chain.couplings) @ ends
+    own = chain.masses, chain.onsite, lattice.dampings, lattice.drive
+    return [*exchanges_of_sites(joined.toarray(), own)]
