@@ -434,17 +434,22 @@ def _doubled(point: Point) -> SwitchingProblem:
     """Make the cycle of twice the period. Both its phases set out in opposite directions: one arm.
 
     Its mesh follows a perturbation that changes sign from one round to the next, that of the
-    multipliers does not: curves cross off PD by as much as the mesh does not resolve.
+    multipliers does not.
     """
-    problem, (free,) = point.curve.problem, point.curve.free
+    problem = point.curve.problem
     both, params = twice(equations_of(point), np.array(point.x), point.params), point.params
     if both.conservation and "period" in params:
         params = {**params, "period": 2 * params["period"]}
-    arm: Problem = problem.of_flows(both, params)
+    return at_crossing(problem.of_flows(both, params), point, both=False)
+
+
+def at_crossing(arm: Problem, point: Point, both: bool) -> SwitchingProblem:
+    """Start where curves cross, which is off the point by as much as the mesh does not resolve."""
+    (free,) = point.curve.free
     curve = Curve(arm, (free,))
     with suppress(Undefined):
         arm = Point(curve, crossing(curve, curve.start).solution.z).problem
-    return SwitchingProblem(arm, free, both=False)
+    return SwitchingProblem(arm, free, both=both)
 
 
 def problem_of(

@@ -19,12 +19,13 @@ from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.cycle_constructors import named_state
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
+from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
 from .anticontinuum import coded, half_without_coupling, resonance
 from .attractors import driven_without_coupling, forcing_period, refuse_other_period
 from .breather_events import events_of_breather
 from .breather_problem import COLUMNS, Breather, BreatherProblem, breather_problem
-from .half_orbit import HalfOrbit
+from .half_orbit import HalfOrbit, SparseHalfOrbit, at_rest, half_period
 from .impacting import between_walls_without_coupling, in_another_order, refuse_impacts_apart
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
@@ -132,13 +133,10 @@ def _coarse(orbit: Breather) -> bool:
 
 def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
     """Check parameters, and what the lattice does with them at rest."""
-    omega = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
-    check_kind(params, Mapping, "a dict of parameters")
-    missing = [name for name in chain.names if name not in (*params, "omega")]
-    if missing:
-        raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
     _, values = named_state({"u": 0.0}, params, "half", *COLUMNS, "unstable")
-    values["omega"] = omega
+    values["omega"] = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
+    if missing := [name for name in chain.names if name not in values]:
+        raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
     force = abs(chain.gradient(np.zeros(chain.sites), values))
     if not force.max() <= 1e-12:
         n = int(force.argmax())
@@ -160,14 +158,13 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
-    flows: tuple[Flow, ...] = (Flow(chain),)
-    share, walls, sites = 0.0, chain.walls is not None, tuple(coded(chain, code))
+    walls, sites = chain.walls is not None, tuple(coded(chain, code))
     if walls:
         flows, flights, share = between_walls_without_coupling(chain, code, params, scheme)
-    elif chain.dissipative:
-        flights = (driven_without_coupling(chain, code, params, scheme),)
     else:
-        flights = (half_without_coupling(chain, code, params, scheme),)
+        alone = driven_without_coupling if chain.dissipative else half_without_coupling
+        flows = (Flow(chain, reset=None if chain.dissipative else at_rest),)
+        flights, share = (alone(chain, code, params, scheme),), 0.0
     while True:
         branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
         if branch[-1][SHARE] == 1.0:
@@ -188,14 +185,12 @@ def _with_more_coupling(
 ) -> Branch:  # fmt: skip
     """Walk from a share of the coupling, as far as this orbit goes."""
     sizes = sizes_of(flights)
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    more: dict[str, Any] = {"start": start, "states": names, "sizes": sizes}
-    equations: FlowEquations
-    if chain.dissipative:
-        equations = FlowEquations(flows=flows, period=forcing_period, turns=1, **more)
-    else:
-        equations = HalfOrbit.of(chain, **more)
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    kind, period = FlowEquations, forcing_period
+    if not chain.dissipative:
+        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
+    equations = kind(flows, start, period, 1, names, sizes)
     try:
         begin = breather_problem(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:

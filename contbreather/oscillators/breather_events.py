@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ..continuation.algebra.linear_algebra import least_singular, solved
+from ..continuation.algebra.linear_algebra import least_singular
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import Matrix, above, any_vector, beside
+from ..continuation.algebra.sparse import Matrix, canonical
 from ..continuation.bifurcations.equilibria import fold
+from ..continuation.bifurcations.multiplier_events import vanishing
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
 from ..continuation.systems.branch_points import bordered_matrix
@@ -60,17 +61,14 @@ def _locus(rest: str) -> DefiningSystem:
 
 
 def _turned_around(point: Point) -> float:
-    """Measure how near perturbations that are at rest in their positions at both ends are to a
-    solution, but for the orbit's own: 0 where the map from v to u has another null vector."""
+    """Measure how near the map from v to u is to another null vector than the orbit's own."""
     half = point.base_point.solution.half_map
-    start, end = half.forces
-    return signed_smallest(np.block([[half.B, end[:, None]], [start, np.zeros(1)]]))
+    return signed_smallest(np.block([[half.B, half.end[:, None]], [half.start, np.zeros(1)]]))
 
 
 def _longer(base: Point) -> tuple[int, Array] | None:
     """The equation of the period, and how the energy changes with unknowns, where that is held."""
-    half = equations_of(base)
-    assert isinstance(half, HalfOrbit)
+    half: Any = equations_of(base)
     if half.held == "energy":
         return None
     change, u = np.zeros(half.layout.size), half.layout.nodes[0][0][: half.chain.sites]
@@ -79,8 +77,7 @@ def _longer(base: Point) -> tuple[int, Array] | None:
 
 
 def _at_minus_one(point: Point) -> DefiningSystem:
-    """The perturbations that change their sign are at rest where it begins, or where its half
-    ends: those that do here."""
+    """Perturbations that change their sign are at rest at one end of the half or at the other."""
     curve, z = point.base_point.curve, point.base_point.z
     return _locus(min(("vu", "uv"), key=lambda rest: abs(_weak(rest, curve, z)[0])))
 
@@ -90,32 +87,22 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array
     derivative, as `multiplier_events.bordered` has them."""
 
     def make(place: Array) -> tuple[float, Array, Array]:
-        half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
-        rows, _, rest = half.pairs(math.cos(place[-1]))
-        ends = half.closed[""].derivatives(x, p)
-        both = rows @ sparse.block_diag([ends, ends]) + rest
-        a = any_vector(both.shape[0])
-        whole = above(beside(both.tocsc(), a[:, None]), np.append(a, 0.0)[None, :])
-        unit, why = np.eye(1, a.size + 1, a.size)[0], "a second pair is where one is followed"
-        right, left = solved(whole, unit, why), solved(whole.T.tocsc(), unit, why)
-        return float(right[-1]), right[:-1], left[:-1]
+        rows, rest = curve.problem.residual.pairs(math.cos(place[-1]))
+        ends = _closed("", curve, z)[:, : curve.size]
+        return vanishing(canonical(rows @ sparse.block_diag([ends, ends]) + rest))
 
     found: tuple[float, Array, Array] = curve.cached("pair", np.append(z, extra), make)
     return found
 
 
 def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
-    half, (_, right, left) = curve.problem.residual, _bordered(curve, z, extra)
-    rows, turned, _ = half.pairs(math.cos(extra[0]))
-
-    def ends(curve: Curve, z: Array) -> Matrix:
-        return half.closed[""].derivatives(z[: curve.size], curve.params(z), curve.free)
-
-    ways = zip(np.split(rows.T @ left, 2), np.split(right, 2), strict=True)
+    pairs, (_, right, left) = curve.problem.residual.pairs, _bordered(curve, z, extra)
+    parts, ends = np.split(right, 2), partial(_closed, "")
+    ways = zip(np.split(pairs(math.cos(extra[0]))[0].T @ left, 2), parts, strict=True)
     in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
-    open_ends = half.closed[""].derivatives(z[: curve.size], curve.params(z))
-    both = sparse.block_diag([open_ends, open_ends])
-    return -np.append(in_z, -math.sin(extra[0]) * (left @ (turned @ (both @ right))))
+    moved = np.concatenate([ends(curve, z)[:, : curve.size] @ part for part in parts])
+    in_index = left @ ((pairs(1.0)[0] - pairs(0.0)[0]) @ moved)
+    return -np.append(in_z, -math.sin(extra[0]) * in_index)
 
 
 def _crosses(point: Point) -> float:

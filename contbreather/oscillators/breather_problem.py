@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from operator import attrgetter
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.newton import Array, Undefined
+from ..continuation.algebra.newton import Array
 from ..continuation.branches.switching import SwitchingProblem
-from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
-from ..continuation.systems.branch_points import crossing
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Unfolded, on_axis
 from ..flows.cycle_events import events_of_cycle
-from ..flows.cycle_problem import Cycle, CycleProblem
+from ..flows.cycle_problem import Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
 from .anticontinuum import resonance
 from .attractors import refuse_other_period
-from .half_orbit import HalfBlocks, HalfOrbit, WholeOrbit, unfolded_half
+from .half_orbit import HalfOrbit, WholeOrbit
 from .oscillator_lattice import Oscillators
 
 
@@ -73,13 +70,6 @@ class Breather(Cycle):
         """How far each site moves, from end to end."""
         states = np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
         return np.asarray(np.ptp(states, axis=1))
-
-    @cached_property
-    def flights(self) -> tuple[TrajectorySegment, ...]:
-        flights = self.equations.flights(self.x, self.params)
-        if isinstance(self.equations, HalfOrbit):
-            return (unfolded_half(flights[0]),)
-        return flights
 
     @property
     def begin_of_orbit(self) -> Any:
@@ -141,46 +131,80 @@ class Breather(Cycle):
         n = self.chain.sites  # where it is at rest an interval begins
         return float(max(abs(f.sampled(4)[1][:n]).max() for f in self.flights))
 
-    # --- its stability ------------------------------------------------------------------------
-
-    @cached_property
-    @one_thread
-    def half_map(self) -> HalfBlocks:
-        """Small perturbations over the half of a time-reversible one."""
-        assert isinstance(self.equations, HalfOrbit)
-        return self.equations.half_map(self.x, self.params)
-
-    @property
-    def paired(self) -> bool:
-        return isinstance(self.equations, HalfOrbit) or super().paired
-
-    @cached_property
-    @one_thread
-    def indices(self) -> NDArray[np.complex128]:
-        if not isinstance(self.equations, HalfOrbit):
-            return super().indices
-        return on_axis(np.linalg.eigvals(self.half_map.indices))
-
-    @cached_property
-    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
-        if not isinstance(self.equations, HalfOrbit):
-            return super()._spectrum
-        root, one = np.sqrt(self.indices**2 - 1), self.half_map.trivial
-        return np.concatenate([self.indices + root, self.indices - root]), np.array([one, 1 / one])
-
-    @cached_property
-    def index_form(self) -> tuple[Array, Array | None]:
-        if not isinstance(self.equations, HalfOrbit):
-            return super().index_form
-        half, form = self.half_map, -self.half_map.A.T @ self.half_map.C
-        return np.eye(len(form)) + 2 * half.B.T @ half.C, (form + form.T) / 2
-
     @property
     def largest(self) -> float:
         return float(abs(self.others).max(initial=0.0))
 
     def __repr__(self) -> str:
         return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
+
+
+class HalfBlocks(NamedTuple):
+    """The four blocks of the map of small perturbations over the half, in positions and momenta;
+    and the forces on the orbit at its start and at its end."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    start: Array
+    end: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ReversibleBreather(Breather):
+    """A time-reversible one: its equations are those of half of it."""
+
+    @cached_property
+    def flights(self) -> tuple[TrajectorySegment, ...]:
+        """The half, and the way back."""
+        (half,) = self.equations.flights(self.x, self.params)
+        reversor = np.repeat([1.0, -1.0], self.chain.sites)
+        ends = np.vstack([half.states[1:], half.end])
+        knots = np.concatenate([0.5 * half.knots, 1 - 0.5 * half.knots[-2::-1]])
+        states = np.vstack([half.states, reversor * ends[::-1]])
+        slopes = np.concatenate([half.slopes, -reversor * half.slopes[::-1, ::-1]])
+        twice = 2 * half.duration
+        return (replace(half, duration=twice, knots=knots, states=states, slopes=slopes),)
+
+    @property
+    def paired(self) -> bool:
+        return True
+
+    @cached_property
+    @one_thread
+    def half_map(self) -> HalfBlocks:
+        (half,), chain = self.equations.flights(self.x, self.params), self.chain
+        (piece,) = self.equations.linearised(self.x, self.params).linear
+        m = np.append(np.ones(chain.sites), chain.masses)  # to momenta
+        factors = piece.slopes.ends[:, :, : half.dimension]
+        whole = m[:, None] * reduce(np.matmul, factors[::-1]) / m
+        blocks = (block for rows in np.vsplit(whole, 2) for block in np.hsplit(rows, 2))
+        ends = (x[: chain.sites] for x in (half.states[0], half.end))
+        return HalfBlocks(*blocks, *(chain.gradient(u, self.params) for u in ends))
+
+    @cached_property
+    @one_thread
+    def indices(self) -> NDArray[np.complex128]:
+        # 1 + 2 B^T C without the pair that is trivial: that of the orbit's own velocity, which ends
+        # as such, so that forces at the start are at right angles to all of B^T
+        half = self.half_map
+        across = np.linalg.qr(half.start[:, None], mode="complete")[0][:, 1:]
+        others = np.eye(self.chain.sites - 1) + 2 * across.T @ half.B.T @ (half.C @ across)
+        return on_axis(np.linalg.eigvals(others))
+
+    @cached_property
+    def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
+        root, half = np.sqrt(self.indices**2 - 1), self.half_map
+        # by how much the orbit's own velocity grows, 1 but for what the mesh does not resolve
+        one = half.end @ (half.D @ half.start) / (half.end @ half.end)
+        return np.concatenate([self.indices + root, self.indices - root]), np.array([one, 1 / one])
+
+    @cached_property
+    def index_form(self) -> tuple[Array, Array | None]:
+        A, B, C, *_ = self.half_map
+        form = -A.T @ C
+        return np.eye(len(form)) + 2 * B.T @ C, (form + form.T) / 2
 
 
 COLUMNS = {
@@ -201,10 +225,14 @@ class BreatherProblem(CycleProblem):
 
     @property
     def solution(self) -> Breather:
-        return Breather(self.residual, self.x, self.params)
+        return self._orbit(self.x, self.params)
 
     def interpret(self, point: Point) -> Breather:  # type: ignore[override]
-        return Breather(self.residual, np.array(point.x), point.params)
+        return self._orbit(np.array(point.x), point.params)
+
+    def _orbit(self, x: Array, params: Params) -> Breather:
+        kind = ReversibleBreather if isinstance(self.residual, HalfOrbit) else Breather
+        return kind(self.residual, x, params)
 
     def modulo(self, x: Array, params: Params) -> dict[str, Any]:
         return {}
@@ -265,8 +293,8 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     params = dict(point.params)
     if half.held == "omega":
         params["omega"] /= 2
-    twice = breather_problem(replace(half, start=(whole,)), params, problem.events, problem.label)
-    return _crossed(twice, point, both=False)
+    twice = problem.of_flows(replace(half, start=(whole,)), params)
+    return at_crossing(twice, point, both=False)
 
 
 def _whole(point: Point) -> SwitchingProblem:
@@ -275,16 +303,7 @@ def _whole(point: Point) -> SwitchingProblem:
     equations = WholeOrbit.of(problem.residual, point.solution.flights)
     events = events_of_cycle(equations)
     family = breather_problem(equations, point.params, events, problem.label)
-    return _crossed(family, point, both=True)
-
-
-def _crossed(arm: Problem, point: Point, both: bool) -> SwitchingProblem:
-    """Start where curves cross, which is off the point by as much as the mesh does not resolve."""
-    (free,) = point.curve.free
-    curve = Curve(arm, (free,))
-    with suppress(Undefined):
-        arm = Point(curve, crossing(curve, curve.start).solution.z).problem
-    return SwitchingProblem(arm, free, both=both)
+    return at_crossing(family, point, both=True)
 
 
 def breather_problem(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import by_inverses, least_singular, solved
 from ..algebra.newton import Array, Undefined
-from ..algebra.sparse import Factors, above, any_vector, beside, is_large
+from ..algebra.sparse import Factors, Matrix, above, any_vector, beside, is_large
 from ..curve.curve import Curve
 from ..curve.point import CodimensionTwo, DefiningSystem, Event, Examined, Point
 from ..systems import normal_forms
@@ -155,21 +155,26 @@ def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], N
     v and w with ``g' = -w* B' v``."""
 
     def make(place: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-        B = closed(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
-        # ( B   a ) (v)   (0)  g = det B / det of all, for any a that is not at right angles to both
-        # ( a*  0 ) (g) = (1)  parts of a null vector
-        a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
-        whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
-        turned = whole.conj().T
-        if is_large(whole):  # of a cycle, where most entries are 0
-            from scipy.sparse import csc_array
-
-            whole, turned = csc_array(whole), csc_array(turned)
-        why = "a second pair is where one is followed"
-        right, left = solved(whole, unit, why), solved(turned, unit, why)
-        return right[-1], right[:-1], left[:-1]
+        return vanishing(closed(curve, curve.jacobian(z), cmath.exp(1j * place[-1])))
 
     return curve.cached("pair", np.append(z, extra), make)
+
+
+def vanishing(B: Matrix) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+    """The number g that vanishes where B is singular, with the vectors v and w."""
+    # ( B   a ) (v)   (0)  g = det B / det of all, for any a that is not at right angles to both
+    # ( a*  0 ) (g) = (1)  parts of a null vector
+    n = B.shape[0]
+    a, unit = any_vector(n), np.eye(1, n + 1, n, dtype=B.dtype)[0]
+    whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
+    turned = whole.conj().T
+    if is_large(whole):  # of a cycle, where most entries are 0
+        from scipy.sparse import csc_array
+
+        whole, turned = csc_array(whole), csc_array(turned)
+    why = "a second pair is where one is followed"
+    right, left = solved(whole, unit, why), solved(turned, unit, why)
+    return right[-1], right[:-1], left[:-1]
 
 
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
