@@ -61,16 +61,14 @@ class Unfolded:
         return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        field = rows_of(self.f(t, x, p), x)
-        aside = self.steps.reshape(-1, *(1,) * (x.ndim - 1))
+        field, n = rows_of(self.f(t, x, p), x), len(x)
+        one = (1,) * (x.ndim - 1)
+        ways = np.diag(self.steps).reshape(n, n, *one)
         for name, quantity in self.quantities.items():
             if p.get(name):
-                ways = np.eye(len(x)).reshape(len(x), *aside.shape) * aside
-                rise = [
-                    values(quantity, 0.0, at.reshape(len(x), -1), p).reshape(x.shape)
-                    for at in (x[:, None] + ways, x[:, None] - ways)
-                ]
-                field = field + p[name] * (rise[0] - rise[1]) / (2 * aside)
+                both = np.stack([x[:, None] + ways, x[:, None] - ways], axis=1)
+                ahead, behind = values(quantity, 0.0, both.reshape(n, -1), p).reshape(2, *x.shape)
+                field = field + p[name] * (ahead - behind) / (2 * self.steps.reshape(n, *one))
         return field
 
     # --- its derivative, where one was given of the field: as that, for lambda adds rounding ------

@@ -31,24 +31,21 @@ class SingleOscillator:
 
     def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
         self.chain, self.site, self.params = chain, site, {**p, SHARE: 0.0}
-        # the bonds that hold it even without coupling, by their signs and weights
-        columns = (
-            (ends[:, [site]].tocoo(), weights) for (ends, _), weights in chain.parts(self.params)
-        )
-        self.bonds = [
-            (sign, weights[bond])
-            for column, weights in columns
-            for bond, sign in zip(column.coords[0], column.data, strict=True)
-            if weights[bond]
-        ]
+        self.mass, held = chain.masses[site], {1: 0.0, -1: 0.0}
+        # the bonds that hold it even without coupling, by their sign
+        for (ends, _), weights in chain.parts(self.params):
+            column = ends[:, [site]].toarray().ravel()
+            held = {sign: held[sign] + weights[column == sign].sum() for sign in held}
+        self.kind = self.mass, chain.onsite[site], *held.values()
+        self._terms = [(chain.V, 1, chain.onsite[site])]
+        self._terms += [(chain.W, sign, weight) for sign, weight in held.items() if weight]
 
     def __call__(self, u: Any) -> NDArray[Any]:
         """The potential, over the mass, at positions of this site."""
-        chain, p = self.chain, self.params
-        total = chain.onsite[self.site] * (chain.V(u, p) - chain.V(0.0, p))
-        for sign, weight in self.bonds:
-            total = total + weight * (chain.W(sign * u, p) - chain.W(0.0, p))
-        return np.asarray(total / chain.masses[self.site])
+        p, total = self.params, 0.0 * u
+        for potential, sign, weight in self._terms:
+            total = total + weight * (potential(sign * u, p) - potential(0.0, p))
+        return np.asarray(total / self.mass)
 
     def pull(self, u: Any) -> NDArray[Any]:
         """Its slope."""
@@ -137,7 +134,7 @@ def half_without_coupling(
             raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
         x[site] = SingleOscillator(chain, site, p).amplitude(real(value), p["omega"])
     half = math.pi / p["omega"]
-    return fitted(scheme, 0.0, half, chain.motion(x, half, {**p, SHARE: 0.0}))
+    return fitted(scheme, 0.0, half, chain.run((0.0, half), x, {**p, SHARE: 0.0}).sol)
 
 
 def resonance(chain: Oscillators, omega: float, p: Params) -> str:

@@ -53,10 +53,6 @@ class UncoupledSites:
     chain: Oscillators
     params: Params
 
-    @classmethod
-    def of(cls, chain: Oscillators, p: Params) -> UncoupledSites:
-        return cls(chain, {**p, SHARE: 0.0})
-
     @property
     def period(self) -> float:
         return float(forcing_period(0.0, None, self.params))
@@ -72,10 +68,9 @@ class UncoupledSites:
             inside = abs(y.reshape(x.shape)[0]) < far
             return np.ravel(np.where(inside, field.reshape(x.shape), 0.0))
 
-        ends: Array = solve_ivp(
-            rates, (0.0, times[-1]), x.ravel(), t_eval=times, method="DOP853", rtol=tolerance,
-            atol=tolerance * (abs(x).max() or 1.0),
-        ).y  # fmt: skip
+        how: dict[str, Any] = {"method": "DOP853", "t_eval": times, "rtol": tolerance}
+        how["atol"] = tolerance * (abs(x).max() or 1.0)
+        ends: Array = solve_ivp(rates, (0.0, times[-1]), x.ravel(), **how).y
         return ends.reshape(*x.shape, -1)
 
     @cached_property
@@ -84,15 +79,12 @@ class UncoupledSites:
         there is none, that of a free mass."""
         chain, omega, known = self.chain, self.params["omega"], dict[Any, float]()
         drive = abs(chain.drive(np.linspace(0, self.period, 64), self.params)).max()
-        sizes = []
-        for n in range(chain.sites):
-            alone = SingleOscillator(chain, n, self.params)
-            alike = chain.onsite[n], chain.masses[n], *alone.bonds
-            if alike not in known:
+        every = [SingleOscillator(chain, n, self.params) for n in range(chain.sites)]
+        for alone in every:
+            if alone.kind not in known:
                 both = alone.amplitudes(omega, 1.0) + alone.amplitudes(omega, -1.0)
-                known[alike] = max(both, default=drive / chain.masses[n] / omega**2)
-            sizes.append(known[alike])
-        return np.array(sizes)[:, None]
+                known[alone.kind] = max(both, default=drive / alone.mass / omega**2)
+        return np.array([[known[alone.kind]] for alone in every])
 
     def attractors(self) -> list[list[Attractor]]:
         """Those of each site that are found from phases and sizes up to beyond where it resonates,
@@ -141,19 +133,21 @@ class UncoupledSites:
     def beside_rest(self) -> Callable[[Array], Array]:
         """The motion of all sites beside rest, whether it attracts or not."""
         n, (x, largest) = self.chain.sites, self.closed(np.zeros((2, self.chain.sites, 1)))
-        if np.isnan(largest).any():
-            site = int(np.isnan(largest[:, 0]).argmax())
-            raise NoSolution(f"site {site}: alone it has no periodic motion about rest")
+        if (none := np.isnan(largest[:, 0])).any():
+            raise NoSolution(f"site {none.argmax()}: alone it has no periodic motion about rest")
         times = self.period * np.arange(64) / 64
-        mean = self.chain.motion(x.ravel(), self.period, self.params)(times)[:n].mean(axis=1)
+        mean = self.motion(x)(times)[:n].mean(axis=1)
         held = self.chain.gradient(np.ones(n), self.params) != 0
         x[0, :, 0] -= np.where(held, 0.0, mean)  # where nothing holds it: about rest
-        return self.chain.motion(x.ravel(), self.period, self.params)
+        return self.motion(x)
+
+    def motion(self, x: Array) -> Callable[[Array], Array]:
+        motion: Any = self.chain.run((0.0, self.period), x.ravel(), self.params).sol
+        return motion
 
 
 def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
-    """The attractor that a code stands for: "low" swings least, "high" most, and a number that
-    which swings about so far."""
+    """The attractor that a code stands for; a number: that which swings about so far."""
     if not found:
         raise NoSolution(f"site {site}: alone it has no attractor of the period of the drive.")
     if code == "high" and len(found) == 1:
@@ -176,13 +170,12 @@ def driven_without_coupling(
     chain: Oscillators, code: Any, p: Params, scheme: Collocation
 ) -> TrajectorySegment:
     """The orbit that a code stands for, without coupling; sites without a code are low."""
-    if chain.drive is None or chain.damping is None or not real(float(chain.damping(0.0, p))) > 0:
+    if chain.drive is None or chain.damping is None or not chain.damping(0.0, p) > 0:
         raise BadInput(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    given, alone = coded(chain, code), UncoupledSites.of(chain, p)
+    given, alone = coded(chain, code), UncoupledSites(chain, {**p, SHARE: 0.0})
     found = enumerate(alone.attractors())
     states = [_chosen(site, given.get(site, "low"), of) for site, of in found]
-    motion = chain.motion(np.transpose(states).ravel(), alone.period, alone.params)
-    return fitted(scheme, 0.0, alone.period, motion)
+    return fitted(scheme, 0.0, alone.period, alone.motion(np.transpose(states)))

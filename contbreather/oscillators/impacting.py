@@ -7,10 +7,10 @@ may come there at once. In which order they do is that of a simulation with a li
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -69,20 +69,10 @@ class Bounce:
         return after
 
 
-class Flight(NamedTuple):
-    """A motion from one impact to the next, and the walls that are met there."""
-
-    motion: Callable[[Any], Array]
-    start: float
-    end: float
-    met: tuple[WallDistance, ...]
-    bounce: Bounce
-
-
 def between_walls_without_coupling(
     chain: Oscillators, code: Any, given: Params, scheme: Collocation
 ) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]:
-    """The flows, and an orbit of them at a share of the coupling, of impacting sites."""
+    """Flows, and an orbit of them at a share of the coupling, of impacting sites."""
     values = coded(chain, code)
     if chain.drive is None:
         raise BadInput(
@@ -94,7 +84,7 @@ def between_walls_without_coupling(
             f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
             "drive: what moves half a period later has -1 in the row drive= of its Lattice."
         )
-    alone = UncoupledSites.of(chain, given)
+    alone = UncoupledSites(chain, {**given, SHARE: 0.0})
     orbits = {n: _single(alone, n) for n in values}
     first = orbits[next(iter(values))].flights[0]
     begin = first.start + 0.5 * first.duration
@@ -131,39 +121,38 @@ def _from_impact_to_impact(
     walls, period = [end for (n, _), end in ends.items() if n in sites], 2 * math.pi / p["omega"]
     if len(sites) > 1:
         x = _returning(chain, walls, p, begin, x, period)
-    (before, *_) = _flown(chain, walls, p, begin, x, period)
-    start = before.end, before.bounce(0.0, before.motion(before.end), p)
+    (motion, _, bounce), *_ = _flown(chain, walls, p, begin, x, period)
+    end = motion.t_max
+    start = end, bounce(0.0, motion(end), p)
     flights = [*_flown(chain, walls, p, *start, period * (1 + _AT_ONCE))]
-    flows = []
-    for flight, previous in zip(flights, [flights[-1], *flights], strict=False):
-        near = (*flight.met, *previous.met[1:])  # met with another: it is there to begin with
+    flows, fits, (_, before, _) = [], [], flights[-1]
+    for motion, met, bounce in flights:
+        near = (*met, *before[1:])  # met with another: it is there to begin with
         others = [end for end in ends.values() if end not in near]
         walled = (Flow(chain, until=end, reset=Bounce(chain, (end.site,))) for end in others)
-        flow = Flow(chain, until=flight.met[0], reset=flight.bounce, walls=tuple(walled))
-        flows.append(flow)
-    fits = (fitted(scheme, f.start, f.end - f.start, f.motion) for f in flights)
+        flows.append(Flow(chain, until=met[0], reset=bounce, walls=tuple(walled)))
+        fits.append(fitted(scheme, motion.t_min, motion.t_max - motion.t_min, motion))
+        before = met
     return tuple(flows), tuple(fits)
 
 
 def _flown(
     chain: Oscillators, walls: list[WallDistance], p: Params, t: float, x: Array, time: float
-) -> Iterator[Flight]:
-    """Simulate from impact to impact; the last flight may meet none."""
-    from scipy.integrate import solve_ivp
-
+) -> Iterator[tuple[Any, tuple[WallDistance, ...], Bounce]]:
+    """Simulate from impact to impact: each motion, the walls that it meets, and how it goes on. The
+    last may meet none."""
     n, near = chain.sites, _AT_ONCE * float(chain.walls(0.0, p))
     end = t + time
     events: Any = [lambda t, x, p, wall=wall: wall(t, x, p) for wall in walls]
     for event in events:
         event.terminal, event.direction = True, -1.0
-    how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, "dense_output": True}
     while t < end:
-        run: Any = solve_ivp(chain, (t, end), x, events=events, args=(p,), **how)
-        begins, t, x = t, float(run.t[-1]), run.y[:, -1]
+        run = chain.run((t, end), x, p, events=events)
+        t, x = float(run.t[-1]), run.y[:, -1]
         outwards = (w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0)
         met = tuple(outwards) if run.status == 1 else ()
         bounce = Bounce(chain, tuple(wall.site for wall in met))
-        yield Flight(run.sol, begins, t, met, bounce)
+        yield run.sol, met, bounce
         x = bounce(t, x, p)
         end = t if run.status == 1 and end - t < 2 * _AT_ONCE * time else end
 
@@ -174,8 +163,8 @@ def _returning(
     """Improve a state that all but comes back after a period, by Newton's iteration."""
 
     def off(x: Array) -> Array:
-        (*_, last) = _flown(chain, walls, p, t, x, period)
-        return last.motion(last.end) - x
+        *_, (motion, _, _) = _flown(chain, walls, p, t, x, period)
+        return np.asarray(motion(motion.t_max) - x)
 
     for _ in range(6):
         step, gap = 1e-6 * abs(x).max(), off(x)
@@ -212,14 +201,11 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
             found = cycle(
                 flows, start, {"k": min(k, _SETTLED)}, collocation=Collocation(6, 6), **how
             )
-            if len(cycle_of(found).flights) != 2:
-                continue
-            if k <= _SETTLED:
+            twice = len(cycle_of(found).flights) == 2
+            if twice and k > _SETTLED:
+                found = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1].problem
+            if twice and found.params["k"] == k:
                 return cycle_of(found)
-            end = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1]
-            if end["k"] == k:
-                orbit: Cycle = end.solution
-                return orbit
     raise NoSolution(
         f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
         f"attracts where impacts keep at most {_SETTLED:g} of their velocity"
@@ -228,8 +214,8 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
 
 def refuse_impacts_apart(orbit: Cycle) -> None:
     """Refuse an orbit in which sites that impacted at once with a little coupling no longer do."""
-    for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
-        bounce: Any = flow.reset
+    resets: list[Any] = [flow.reset for flow in orbit.equations.flows]
+    for bounce, flight in zip(resets, orbit.flights, strict=True):
         (first, *others), far = bounce.sites, abs(flight.end)
         for site in others:
             if abs(far[site] - far[first]) > 1e-9 * far[first]:

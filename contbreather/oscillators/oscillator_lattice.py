@@ -9,7 +9,6 @@ to the higher one. Ends that are fixed have bonds to the ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -123,8 +122,7 @@ class Oscillators:
 
     @property
     def sites(self) -> int:
-        sites: int = self.lattice.sites
-        return sites
+        return int(self.lattice.sites)
 
     @property
     def dissipative(self) -> bool:
@@ -141,15 +139,12 @@ class Oscillators:
     def bonds(self) -> Bonds:
         """Its bonds in order, those to the ground last."""
         first, second, weights, ground = _oriented(self.lattice)
-        sites, count = np.flatnonzero(ground), first.size
-        signs = np.ones(sites.size)
+        sites, one = np.flatnonzero(ground), sparse.eye_array(ground.size, format="csr")
+        ties = one[sites]
         if sites.size > 1 and (abs(first - second) == 1).all():  # a chain: to its other end
-            signs[-1] = -1.0
-        every, shape = np.arange(count), (count + sites.size, ground.size)
-        rows = np.concatenate([every, every, count + np.arange(sites.size)])
-        ends = np.repeat([1.0, -1.0], count), np.concatenate([second, first, sites])
-        cells = np.append(ends[0], signs), (rows, ends[1])
-        return Bonds(sparse.csr_array(cells, shape), np.append(weights, ground[sites]))
+            ties.data[-1] = -1.0
+        ends = sparse.vstack([one[second] - one[first], ties], format="csr")
+        return Bonds(ends, np.append(weights, ground[sites]))
 
     # --- forces -------------------------------------------------------------------------------
 
@@ -208,14 +203,12 @@ class Oscillators:
         """Tell whether it has no potential at the sites: bonds alone hold them."""
         return not callable(self.V.given) and self.V.given == "0"
 
-    def motion(self, x: Array, time: float, p: Params) -> Callable[[Array], Array]:
-        """States at times, from a state at t = 0 on."""
+    def run(self, times: tuple[float, float], x: Array, p: Params, **how: Any) -> Any:
+        """Simulate from a state: what `scipy.integrate.solve_ivp` returns."""
         from scipy.integrate import solve_ivp
 
-        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "dense_output": True}
-        how |= {"atol": 1e-13 * (abs(x).max() or 1.0), "args": (p,)}
-        motion: Any = solve_ivp(self, (0.0, time), x, **how).sol
-        return motion
+        how = {"method": "DOP853", "rtol": 1e-12, "dense_output": True, "args": (p,), **how}
+        return solve_ivp(self, times, x, **how, atol=1e-13 * (abs(x).max() or 1.0))
 
     # --- energies -----------------------------------------------------------------------------
 
@@ -224,9 +217,8 @@ class Oscillators:
         u, v = x[: self.sites], x[self.sites :]
         total = 0.5 * _beside(self.masses, v) * v * v + _beside(self.onsite, u) * self.V(u, p)
         for (ends, _), weights in self.parts(p):
-            r, count = ends @ u, np.maximum(np.diff(ends.indptr), 1)
-            halves = sparse.diags_array(1 / count) @ abs(ends)
-            total = total + halves.T @ (_beside(weights, r) * self.W(r, p))
+            r, halves = ends @ u, weights / np.maximum(np.diff(ends.indptr), 1)
+            total = total + abs(ends).T @ (_beside(halves, r) * self.W(r, p))
         return np.asarray(total)
 
     def energy(self, x: Array, p: Params) -> Any:
