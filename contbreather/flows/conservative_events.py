@@ -183,10 +183,6 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
         "PD", nearest_to_minus_one, examine=partial(examine_place, -1.0, ""),
         locus=Always(rank_locus(partial(singular_with, -1.0))),
     )  # fmt: skip
-    kc = Event(
-        "KC",
-        _apart,
-        locus=partial(meeting, bordered, slope_of_bordered),
-        examine=_examine_collision,
-    )
+    locus = partial(meeting, bordered, slope_of_bordered)
+    kc = Event("KC", _apart, locus=locus, examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

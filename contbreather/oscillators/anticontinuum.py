@@ -104,9 +104,8 @@ class SingleOscillator:
                 f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
                 "one that softens smaller ones."
             )
-        if abs(code) == 1.0:
-            return sign * found[0]
-        return sign * min(found, key=lambda a: abs(a - abs(code)))
+        wanted = 0.0 if abs(code) == 1.0 else abs(code)
+        return sign * min(found, key=lambda a: abs(a - wanted))
 
 
 def coded(chain: Oscillators, code: Any) -> dict[int, Any]:

@@ -160,20 +160,18 @@ def _flown(
 def _returning(
     chain: Oscillators, walls: list[WallDistance], p: Params, t: float, x: Array, period: float
 ) -> Array:
-    """Improve a state that all but comes back after a period, by Newton's iteration."""
+    """Improve a state that all but comes back after a period."""
+    from scipy.optimize import root
 
-    def off(x: Array) -> Array:
-        *_, (motion, _, _) = _flown(chain, walls, p, t, x, period)
-        return np.asarray(motion(motion.t_max) - x)
+    size: float = abs(x).max()
 
-    for _ in range(6):
-        step, gap = 1e-6 * abs(x).max(), off(x)
-        columns = [(off(x + step * way) - gap) / step for way in np.eye(x.size)]
-        move = np.linalg.solve(np.transpose(columns), gap)
-        x = x - move
-        if abs(move).max() < 1e-2 * _AT_ONCE * abs(x).max():
-            break
-    return x
+    def off(move: Array) -> Array:
+        *_, (motion, _, _) = _flown(chain, walls, p, t, x + size * move, period)
+        return np.asarray(motion(motion.t_max) - x - size * move)
+
+    # moves begin at 0, where steps of differences are the root of `eps`
+    moved = root(off, np.zeros(x.size), options={"eps": 1e-12, "xtol": 1e-2 * _AT_ONCE}).x
+    return np.asarray(x + size * moved)
 
 
 def _single(alone: UncoupledSites, site: int) -> Cycle:

@@ -57,13 +57,17 @@ class SmoothFunction:
         """The parameters of a formula; of a callable they are not known."""
         return () if callable(self.given) else _compiled(self.given, self.variable)[0]
 
-    def __call__(self, u: Any, p: Params) -> NDArray[Any]:
-        return self.given(u, p) if callable(self.given) else self._formula(0, u, p)
+    def __call__(self, u: Any, p: Params, order: int = 0) -> NDArray[Any]:
+        if callable(self.given):
+            return self.given(u, p)
+        names, derivatives = _compiled(self.given, self.variable)
+        value: NDArray[Any] = derivatives[order](u, *(p[name] for name in names))
+        return value + 0.0 * u  # as many, if constant
 
     def slope(self, u: Any, p: Params) -> NDArray[Any]:
         """The derivative in the variable."""
         if not callable(self.given):
-            return self._formula(1, u, p)
+            return self(u, p, order=1)
         V, at = self.given, {name: np.real(value) for name, value in p.items()}
         exact = np.imag(V(np.real(u) + 1j * IMAGINARY, at)) / IMAGINARY
         if not np.iscomplexobj(sum(p.values(), u)):
@@ -71,11 +75,6 @@ class SmoothFunction:
         h = _STEP * (1 + abs(np.real(u)))
         once_more = sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in _STENCIL) / h
         return np.asarray(exact + 1j * np.imag(once_more))
-
-    def _formula(self, order: int, u: Any, p: Params) -> NDArray[Any]:
-        names, derivatives = _compiled(self.given, self.variable)
-        value: NDArray[Any] = derivatives[order](u, *(p[name] for name in names))
-        return value + 0.0 * u  # as many, if constant
 
     def __str__(self) -> str:
         return str(getattr(self.given, "__name__", self.given))
