@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, partialmethod
 from typing import Any
 
 import numpy as np
@@ -80,19 +80,16 @@ class Unfolded:
     def is_sparse(self, *at: Any) -> bool:
         return bool(self.f.jacobian.is_sparse(*at))
 
-    def slopes(self, _: Any, *at: Any) -> tuple[Array, Any, Array]:
-        return self._beside(self.f.jacobian.slopes, *at)
-
-    def entries(self, _: Any, *at: Any) -> tuple[Array, Any, Array]:
-        return self._beside(self.f.jacobian.entries, *at)
-
     def _beside(
-        self, given: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
+        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...], how: str
     ) -> tuple[Array, Any, Array]:
         # what is linear in lambda is differentiated where that is 0, not rounding
         p = {**p, **dict.fromkeys(self.quantities, 0.0)}
         value, other = slopes_along(self, t, x, p, names, np.empty((len(x), 0)))
-        return value, given(self.f, t, x, p, ())[1], other
+        return value, getattr(self.f.jacobian, how)(self.f, t, x, p, ())[1], other
+
+    slopes = partialmethod(_beside, how="slopes")
+    entries = partialmethod(_beside, how="entries")
 
 
 @dataclass(frozen=True, eq=False)

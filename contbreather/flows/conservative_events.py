@@ -131,22 +131,17 @@ def _examine_collision(point: Point) -> Examined:
     distance, middle = _nearest(point)
     if distance > math.sqrt(_NEAR) or abs(middle) == 1:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
-    signs = _signatures_at(point.base_point.solution, middle)
-    return unresolved(point) or {"angle": math.acos(middle), "signatures": signs}
-
-
-def _signatures_at(orbit: Cycle, index: float) -> str:
-    """The signatures of two pairs that meet: those of the form on the space of both."""
+    orbit, signatures = point.base_point.solution, _UNKNOWN
     matrix, form = orbit.index_form
-    if form is None:
-        return _UNKNOWN
-    values = np.linalg.eigvals(matrix)
-    each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
-    met = values[abs(values - index).argsort()[: 2 * each]]
-    off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
-    space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
-    signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]
-    return " ".join("+" if sign > 0 else "-" for sign in signs)
+    if form is not None:  # on the space of both
+        values = np.linalg.eigvals(matrix)
+        each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
+        met = values[abs(values - middle).argsort()[: 2 * each]]
+        off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
+        space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
+        signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]
+        signatures = " ".join("+" if sign > 0 else "-" for sign in signs)
+    return unresolved(point) or {"angle": math.acos(middle), "signatures": signatures}
 
 
 def meeting(number: Callable[..., Any], slope: Callable[..., Any], point: Point) -> DefiningSystem:

@@ -32,7 +32,7 @@ from .jacobian import FieldWithJacobian, over_mass
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
-_STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 _PLUS, _MINUS, _TO_PLUS, _TO_MINUS = range(4)
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
 
@@ -332,7 +332,7 @@ class Filippov:
         # x moves by 0.01 of its size at most: 1e-16 of truncation, 1e-14 of rounding
         step = 0.01 * size / np.maximum(speed, size)
         total = 0.0
-        for k, weight in _STENCIL:
+        for k, weight in STENCIL:
             ahead = self.h(t + k * step, x + k * step * field, p)
             total = total + weight * (ahead - self.h(t - k * step, x - k * step * field, p))
         return total / step

@@ -30,7 +30,7 @@ class SingleOscillator:
     """One site without coupling: its potential, by its slope and value, over its mass."""
 
     def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
-        self.chain, self.site, self.params = chain, site, {**p, SHARE: 0.0}
+        self.site, self.params = site, {**p, SHARE: 0.0}
         self.mass, held = chain.masses[site], {1: 0.0, -1: 0.0}
         # the bonds that hold it even without coupling, by their sign
         for (ends, _), weights in chain.parts(self.params):
@@ -51,28 +51,22 @@ class SingleOscillator:
         """Its slope."""
         return np.asarray(self(u + 1j * IMAGINARY).imag / IMAGINARY)
 
-    def turning(self, a: Array, sign: float) -> tuple[Array, Array]:
-        """The energies of amplitudes on one side, and their turning points on the other side of
-        rest; NaN where there are none or forces do not lead back."""
-        with np.errstate(all="ignore"):
-            inward, grid = sign * self.pull(sign * a) > 0, -sign * np.geomspace(1e-4, 1e3, 4000)
-            level = np.where(np.minimum.accumulate(inward), self(sign * a), np.nan)
-            back = np.append(-sign * self.pull(grid) > 0, False)
-            grid = np.append(0.0, grid[: int(back.argmin())])
-            other = np.interp(level, self(grid), grid, right=np.nan)
-            for _ in range(4):  # Newton's steps, from a third of a percent off
-                other = other - (self(other) - level) / self.pull(other)
-        return level, other
-
+    @np.errstate(all="ignore")
     def half_periods(self, a: Array, sign: float) -> Array:
-        """How long it takes from turning point to turning point: with ``u = m + h cos s`` the
-        integral of ``ds / sqrt(2 (V(a) - V(u)) / (h sin s)^2)``, of a smooth function."""
-        level, b = self.turning(a, sign)
+        """Integrate from amplitudes on one side to the turning points on the other side of rest:
+        with ``u = m + h cos s`` what is smooth, ``ds / sqrt(2 (V(a) - V(u)) / (h sin s)^2)``. NaN
+        where there are none or forces do not lead back."""
+        inward, grid = sign * self.pull(sign * a) > 0, -sign * np.geomspace(1e-4, 1e3, 4000)
+        level = np.where(np.minimum.accumulate(inward), self(sign * a), np.nan)
+        back = np.append(-sign * self.pull(grid) > 0, False)
+        grid = np.append(0.0, grid[: int(back.argmin())])
+        b = np.interp(level, self(grid), grid, right=np.nan)
+        for _ in range(4):  # Newton's steps, from a third of a percent off
+            b = b - (self(b) - level) / self.pull(b)
         middle, half = 0.5 * (sign * a + b), 0.5 * abs(sign * a - b)
         u = middle[:, None] + half[:, None] * np.cos(_NODES)
-        with np.errstate(all="ignore"):
-            squares = 2 * (level[:, None] - self(u)) / (half[:, None] * np.sin(_NODES)) ** 2
-            return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
+        squares = 2 * (level[:, None] - self(u)) / (half[:, None] * np.sin(_NODES)) ** 2
+        return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
 
     def amplitudes(self, omega: float, sign: float) -> list[float]:
         """All amplitudes on one side at which it has a frequency, the smallest first."""

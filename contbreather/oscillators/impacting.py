@@ -117,19 +117,18 @@ def _from_impact_to_impact(
     scheme: Collocation,
 ) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:  # fmt: skip
     """Simulate for a period: the flows of what returns from a state, or next to it."""
-    ends = {(n, side): WallDistance(chain, n, side) for n in range(chain.sites) for side in (1, -1)}
-    walls, period = [end for (n, _), end in ends.items() if n in sites], 2 * math.pi / p["omega"]
+    ends = [WallDistance(chain, n, side) for n in range(chain.sites) for side in (1, -1)]
+    walls, period = [wall for wall in ends if wall.site in sites], 2 * math.pi / p["omega"]
     if len(sites) > 1:
         x = _returning(chain, walls, p, begin, x, period)
     (motion, _, bounce), *_ = _flown(chain, walls, p, begin, x, period)
-    end = motion.t_max
-    start = end, bounce(0.0, motion(end), p)
+    start = motion.t_max, bounce(0.0, motion(motion.t_max), p)
     flights = [*_flown(chain, walls, p, *start, period * (1 + _AT_ONCE))]
     flows, fits, (_, before, _) = [], [], flights[-1]
     for motion, met, bounce in flights:
         near = (*met, *before[1:])  # met with another: it is there to begin with
-        others = [end for end in ends.values() if end not in near]
-        walled = (Flow(chain, until=end, reset=Bounce(chain, (end.site,))) for end in others)
+        others = [wall for wall in ends if wall not in near]
+        walled = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
         flows.append(Flow(chain, until=met[0], reset=bounce, walls=tuple(walled)))
         fits.append(fitted(scheme, motion.t_min, motion.t_max - motion.t_min, motion))
         before = met

@@ -113,8 +113,6 @@ class Oscillators:
                 given = repr(real(given)) if real(given) or name == "k" else None
             if given is None and name in ("V", "W"):
                 given = "0"
-            if not (given is None or isinstance(given, str) or callable(given)):
-                given = str(given)  # an expression of SymPy
             value = None if given is None else SmoothFunction(given, variable)
             object.__setattr__(self, name, value)
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from ..checks import brief
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..errors import BadInput
+from ..flows.flow import STENCIL
 from ..lattice.formula import FUNCTIONS, read_formula
 
 Params = Mapping[str, Any]
 Function = Callable[..., Any]
 
 _STEP = 2e-3  # of differences of order 8, relative to 1 + |u|: rounding 1e-13, truncation 1e-15
-_STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class SmoothFunction:
         if not np.iscomplexobj(sum(p.values(), u)):
             return np.asarray(exact)
         h = _STEP * (1 + abs(np.real(u)))
-        once_more = sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in _STENCIL) / h
+        once_more = sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in STENCIL) / h
         return np.asarray(exact + 1j * np.imag(once_more))
 
     def __str__(self) -> str:
