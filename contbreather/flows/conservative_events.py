@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -120,11 +121,9 @@ def _apart(point: Point) -> float:
 
 def _nearest(point: Point) -> tuple[float, float]:
     """The distance of the nearest two indices, and where they are, on the circle."""
-    indices = point.base_point.solution.indices
-    i, j = np.triu_indices(indices.size, 1)
-    closest = int(abs(indices[i] - indices[j]).argmin())
-    middle = 0.5 * (indices[i] + indices[j])[closest].real
-    return float(abs(indices[i] - indices[j])[closest]), max(-1.0, min(middle, 1.0))
+    pairs = combinations(point.base_point.solution.indices.tolist(), 2)
+    one, other = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
+    return abs(one - other), max(-1.0, min(0.5 * (one + other).real, 1.0))
 
 
 def _examine_collision(point: Point) -> Examined:
