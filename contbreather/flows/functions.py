@@ -304,7 +304,9 @@ def _complex_steps(
     off = abs(value[:, -2].real - value[:, -1].real - along)
     value = np.ascontiguousarray(value[:, 0].real)
     unseen = 1e-5  # of the largest: what differs by less may be rounding
-    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * abs(value).max(axis=1))
+    rates = abs(value).max(axis=1)
+    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * rates)
+    size += 1e-14 * rates.max(initial=0.0)  # what is rounding of other states says nothing
     # beside a domain there is nothing to compare with
     doubtful = (off > size[:, None]).any(axis=0)
     return value, slope, doubtful.nonzero()[0][:_PROBED]

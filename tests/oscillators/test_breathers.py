@@ -126,6 +126,17 @@ def test_tails_that_are_next_to_nothing_are_differentiated_as_well() -> None:
     )
 
 
+def test_rounding_of_a_formula_in_the_tails_is_no_doubt_about_it(caplog) -> None:
+    """1 - exp(-u) is rounding where u is next to nothing: complex steps are exact there, too; by
+    differences this breather was not reached."""
+    caplog.set_level("DEBUG", "contbreather.flows.functions")
+    chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W=LINEAR, lattice=cb.Ring(11))
+    breather = cb.breather(chain, {5: 1}, omega=0.8, params={"c": 0.03})
+    assert breather.solution.unstable == 0
+    assert "by complex steps" in caplog.text
+    assert "by differences" not in caplog.text
+
+
 def test_an_own_integration_returns_and_has_the_same_multipliers() -> None:
     lattice = cb.OpenChain(5, ends="fixed")
     orbit = phi4(lattice, {1: 1, 2: -1}, 0.05).solution
