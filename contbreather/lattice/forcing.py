@@ -437,15 +437,8 @@ class Fourier(Periodic):
         odd = flag("symmetric", symmetric)
         some = slice(1, None, 2) if odd else slice(None)
         kept = waves.real[:, some] @ cos[some] + waves.imag[:, some] @ sin[some]
-        left, explained = math.sqrt(np.mean((F - kept) ** 2)), float(np.std(kept))
-        if not left < explained:
-            lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "
-            raise BadInput(
-                f"{'odd ' * odd}harmonics up to {highest} leave {left:.3g} of the force, "
-                f"explaining {explained:.3g} (rms; its mean is {cos[0]:.3g}): either it is not "
-                f"periodic with {2.0 * math.pi / rate:.6g}, then give `frequency=`, or "
-                f"{lopsided * odd}needs more harmonics."
-            )
+        other = f"is not periodic with {2.0 * math.pi / rate:.6g}, then give `frequency=`"
+        left = _left_by(kept, F, highest, float(cos[0]), odd, other)
         orders = range(highest + 1)[some]
         drive = cls({m: cos[m] for m in orders}, {m: sin[m] for m in orders if m})
         object.__setattr__(drive, "residual", left)
@@ -546,7 +539,8 @@ class Samples(Periodic):
     Raises
     ------
     BadInput
-        When not finite, zero, constant, or unresolved.
+        When not finite, zero, constant, or unresolved, or where the harmonics kept leave more than
+        they explain.
 
     Examples
     --------
@@ -571,8 +565,9 @@ class Samples(Periodic):
             )
         if harmonics is not None:
             highest = whole("harmonics", harmonics, 1)
-            kept = _reduced(samples, highest, flag("symmetric", symmetric))
-            left = math.sqrt(np.mean((samples - kept) ** 2))
+            kept = _reduced(samples, highest, odd := flag("symmetric", symmetric))
+            other, mean = "is not sampled over one whole period", float(samples.mean())
+            left = _left_by(kept, samples, highest, mean, odd, other)
             object.__setattr__(self, "residual", left)
             samples = kept
         object.__setattr__(self, "values", tuple(samples.tolist()))
@@ -605,6 +600,21 @@ class Samples(Periodic):
 
     def __repr__(self) -> str:
         return f"Samples(<{len(self.values)} values>){self._remark}"
+
+
+def _left_by(
+    kept: FloatArray, F: FloatArray, highest: int, mean: float, odd: bool, other: str
+) -> float:
+    """What harmonics leave of a force, rms; refused where that is more than they explain."""
+    left, explained = math.sqrt(np.mean((F - kept) ** 2)), float(np.std(kept))
+    if not left < explained:
+        lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "
+        raise BadInput(
+            f"{'odd ' * odd}harmonics up to {highest} leave {left:.3g} of the force, "
+            f"explaining {explained:.3g} (rms; its mean is {mean:.3g}): either it {other}, or "
+            f"{lopsided * odd}needs more harmonics."
+        )
+    return left
 
 
 def _reduced(samples: FloatArray, highest: int, symmetric: bool) -> FloatArray:

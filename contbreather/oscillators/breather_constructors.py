@@ -137,6 +137,9 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
     values["omega"] = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     if missing := [name for name in chain.names if name not in values]:
         raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
+    if chain.walls is not None:
+        number("walls", float(chain.walls(0.0, values)), 1e-300, 1e300, "where they are, above 0")
+        number("k", float(chain.k(0.0, values)), 0.0, 1.0, "a restitution from 0 to 1")
     force = abs(chain.gradient(np.zeros(chain.sites), values))
     if not force.max() <= 1e-12:
         n = int(force.argmax())

@@ -379,6 +379,13 @@ def test_noisy_samples_are_reduced_to_their_odd_harmonics():
         Samples(TRUE.d2f(GRID), harmonics=17)
 
 
+@pytest.mark.parametrize("values", [np.cos(2 * GRID), GRID, -np.cos(1.5 * GRID)])
+def test_samples_of_which_harmonics_leave_more_than_they_explain_are_refused(values):
+    """An even force, a ramp, a period and a half: what rounding leaves of odd harmonics is none."""
+    with pytest.raises(BadInput, match="odd harmonics up to 5 leave"):
+        Samples(values, harmonics=5)
+
+
 # ---------------------------------------------------------------------------- functions of t
 
 

@@ -66,6 +66,8 @@ def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
         ("a*cos(omega*t)", {"damping": 0.2}, {0: 1, 2: -1}, "site 2: -1 was given; 'low', 'high'"),
         ("a*cos(omega*t)", {"walls": 1.0, "k": 0.8}, {0: 1, 2: -1}, "1 is expected for each site"),
         (None, {"walls": 1.0, "k": 1.0}, {0: 1}, "a driven lattice is needed"),
+        ("a*cos(omega*t)", {"walls": 1.0, "k": 1.3}, {0: 1}, "a restitution from 0 to 1"),
+        ("a*cos(omega*t)", {"walls": -1.0, "k": 0.8}, {0: 1}, "above 0"),
     ],
 )
 def test_a_code_that_does_not_fit_the_drive_is_refused(drive, more, code, says) -> None:
