@@ -103,7 +103,7 @@ def test_where_no_pair_reaches_a_threshold_there_is_no_crossing() -> None:
 
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])
 def test_threshold_must_be_above_one(threshold: float) -> None:
-    with pytest.raises(BadInput, match="a modulus above 1 is expected"):
+    with pytest.raises(BadInput, match="a finite threshold above 1 is expected"):
         neimark_sacker_point(0.2, 0.8, threshold=threshold)
 
 
