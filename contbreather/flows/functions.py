@@ -24,6 +24,7 @@ Params = Mapping[str, Any]  # numbers; one may be complex or an array while it i
 _LOG = logging.getLogger(__name__)
 quiet = np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
+ROUNDING = 1e-14  # of the largest state or rate: what is less is rounding of the others
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 
@@ -245,7 +246,7 @@ def slopes_along(
     # states and the time are measured by their spread, parameters by their size, or by 1
     spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
     least = 1e-9 * size  # what varies by less is constant
-    least[:n] += 1e-14 * size[:n].max()  # what is rounding of other states says nothing
+    least[:n] += ROUNDING * size[:n].max()
     spread[n + 1 :] = size[n + 1 :]
     scales = np.where(spread > least, spread, 1.0)
     whole = np.eye(len(z), width + len(z) - n, width - n)
@@ -306,7 +307,7 @@ def _complex_steps(
     unseen = 1e-5  # of the largest: what differs by less may be rounding
     rates = abs(value).max(axis=1)
     size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * rates)
-    size += 1e-14 * rates.max(initial=0.0)  # what is rounding of other states says nothing
+    size += ROUNDING * rates.max(initial=0.0)
     # beside a domain there is nothing to compare with
     doubtful = (off > size[:, None]).any(axis=0)
     return value, slope, doubtful.nonzero()[0][:_PROBED]

@@ -14,6 +14,7 @@ from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.algebra.sparse import Matrix, Pattern, canonical, entry_columns, is_sparse
 from ..errors import BadInput
 from .functions import (
+    ROUNDING,
     Function,
     Params,
     offset,
@@ -115,9 +116,9 @@ class Coloured:
         """Evaluate a field and differentiate it, in states by the entries of the pattern, shape
         (entries, K)."""
         colours, columns = self.pattern.colours, self.pattern.columns
-        # states move in proportion to their sizes; what is rounding of others has none
+        # states move in proportion to their sizes, but what is only rounding
         sizes = abs(x).max(axis=1)
-        steps = np.where(sizes > 1e-14 * sizes.max(), sizes, 1.0)
+        steps = np.where(sizes > ROUNDING * sizes.max(), sizes, 1.0)
         ways = np.where(colours[:, None] == np.arange(colours.max() + 1), steps[:, None], 0.0)
         value, slope = slopes_along(f, t, x, p, names, ways)
         along, other = np.split(slope, [ways.shape[1]], axis=1)
