@@ -34,7 +34,7 @@ TEXTS = (  # the modules with kernels, those with most code first; each imports 
     "contbreather.lattice.modal_flow",
     "contbreather.lattice.forcing",
 )
-_KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|log|pow|floor|mem\w+")
+_KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|expm1|log|pow|floor|mem\w+")
 _NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([^"(\s]+)"?(?:\(| = external)', re.MULTILINE)
 _TWINS: dict[Any, Any] = {}
 

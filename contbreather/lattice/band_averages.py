@@ -12,7 +12,6 @@ and the moments of ``q``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -81,6 +80,7 @@ class BandAverage(NamedTuple):
     weights: Vector  # of the poles
     widths: Vector
     powers: Vector  # coefficients of the polynomial, the highest first
+    sites: int  # of the ring, 0 for the infinite chain
 
 
 @inlined
@@ -94,35 +94,75 @@ def polynomial(coefficients: Any, x: Any) -> tuple[Any, Any]:
 
 
 @inlined
-def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
-    """A mean at one x or many, by the mean of ``z q/(1 - z q)`` of the lattice."""
+def average(series: BandAverage, x: float) -> float:
+    """Evaluate a mean."""
     total = 0.0
     for c in series.powers:
         total = total * x + c
     for i in range(len(series.weights)):
         # the pole next to the band, exact
-        total = total + series.weights[i] * excess(x / series.widths[i])
+        total += series.weights[i] * excess(x / series.widths[i], series.sites)
     return total
 
 
 @inlined
-def average_slope(series: BandAverage, x: Any, excess_slope: Callable[[Any], Any]) -> Any:
+def average_slope(series: BandAverage, x: float) -> float:
+    """Evaluate the derivative of a mean in gamma."""
     _, total = polynomial(series.powers, x)
     for i in range(len(series.weights)):
         width = series.widths[i]
-        total = total + series.weights[i] / width * excess_slope(x / width)
+        total += series.weights[i] / width * excess_slope(x / width, series.sites)
     return 4.0 * total
 
 
-def excess(z: float) -> float:
-    """The mean of ``z q/(1 - z q)`` over the modes of the infinite chain."""
+def excess(z: float, sites: int) -> float:
+    """Mean of ``z q/(1 - z q)`` over the modes of a ring or, of 0 sites, of the infinite chain."""
     r = math.sqrt(1.0 - z)
-    return z / (r * (1.0 + r))  # 1/r - 1 without cancellation
+    if sites == 0:
+        return z / (r * (1.0 + r))  # 1/r - 1 without cancellation
+    odd = sites % 2
+    if z > 0.5:  # T/r with T = tanh or coth stays exact where 1/r and the correction cancel
+        t = math.tanh(sites * math.atanh(r))
+        return (t if odd else 1.0 / t) / r - 1.0
+    lap = math.pow(z / ((1.0 + r) * (1.0 + r)), float(sites))
+    if odd:
+        lap = -lap
+    return (z / (1.0 + r) + 2.0 * lap / (1.0 - lap)) / r
 
 
-def excess_slope(z: float) -> float:
+def excess_slope(z: float, sites: int) -> float:
+    """Derivative of `excess`."""
     rr = 1.0 - z
-    return 0.5 / (rr * math.sqrt(rr))
+    r = math.sqrt(rr)
+    if sites == 0:
+        return 0.5 / (rr * r)
+    if sites % 2 and sites * r < 1.0:  # cancels to order r^2 below; so few modes, sum them
+        total = 0.0
+        for j in range(sites // 2 + 1):
+            q, c = quarter_wave(j, sites)
+            total += (2.0 if j else 1.0) / sites * q / ((rr + z * c) * (rr + z * c))
+        return total
+    rho, sign, gap = laps(z, r, sites)
+    t = (2.0 - gap) / gap  # (1 + e)/(1 - e), e = sign rho^N: 1/r becomes t/r on a ring
+    room = (1.0 + r) * gap
+    slope = sign * 4.0 * sites * math.pow(rho, sites - 1.0) / (room * room)
+    return (t + r * slope) / (2.0 * rr * r)
+
+
+def quarter_wave(j: int, sites: int) -> tuple[float, float]:
+    """``sin^2 theta/2`` and ``cos^2 theta/2`` of mode j of a ring, neither as a difference."""
+    turn = 0.5 * math.pi / sites
+    s, c = math.sin(2 * j * turn), math.sin((sites - 2 * j) * turn)
+    return s * s, c * c
+
+
+def laps(z: float, r: float, sites: int) -> tuple[float, float, float]:
+    """Factor rho of (A3) from site to site, the sign of a lap, and 1 - sign * rho^N."""
+    rho = z / ((1.0 + r) * (1.0 + r))  # |xi| of (A3)
+    if sites % 2:
+        return rho, -1.0, 1.0 + math.pow(rho, float(sites))
+    # near the band's edge rho -> 1: the difference must not be formed
+    return rho, 1.0, -math.expm1(-2.0 * sites * math.atanh(r)) if r < 1.0 else 1.0
 
 
 @lru_cache(maxsize=256)
@@ -139,7 +179,7 @@ def _series(raw: _Raw, sites: int | None, spring: float, shifted: FloatArray) ->
     widths = [P - spring for P in raw.poles]
     powers[0] += sum(weight * spring / (P - spring) for P, weight in raw.poles.items())
     # lists of numbers: Python takes one from them sooner than from an array
-    rows: Any = weights, widths, powers[::-1].tolist()
+    rows: Any = weights, widths, powers[::-1].tolist(), sites or 0
     return BandAverage(*rows)
 
 
@@ -215,9 +255,8 @@ def q_moments(sites: int | None, n: int) -> FloatArray:
 class UniformLattice:
     """The seam: a lattice answers for its modes and knows nothing of impacts.
 
-    Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0, by
-    `_excess` and its slope: the mean of ``z q/(1 - z q)``. Every method refuses a gamma outside
-    [0, 1/4) with `BadInput`.
+    Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0.
+    Every method refuses a gamma outside [0, 1/4) with `BadInput`.
     """
 
     sites: Any
@@ -227,27 +266,26 @@ class UniformLattice:
     if TYPE_CHECKING:
 
         def __hash__(self) -> int: ...
-        def _excess(self, z: float) -> float: ...
-        def _dexcess(self, z: float) -> float: ...
         def distance(self, n: Any) -> Any: ...
         def nodes(self, gamma: float) -> tuple[FloatArray, ...]: ...
 
     def mean(self, gamma: float, name: str) -> float:
         """`chi`, `eta`, `sigma` or `psi` at one coupling."""
         x = 4.0 * check_gamma(gamma, self.spring)
-        return float(average(self._expansions[name], x, self._excess))
+        return average(self._expansions[name], x)
 
     def slope(self, gamma: float, name: str) -> float:
         """Derivative of `mean` with respect to gamma."""
         x = 4.0 * check_gamma(gamma, self.spring)
-        return float(average_slope(self._expansions[name], x, self._dexcess))
+        return average_slope(self._expansions[name], x)
 
     def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
         """A mean as kernels take it; the same at every coupling where one is given."""
         if gamma is not None:
             none = np.empty(0)
-            return BandAverage(none, none, np.array([self.mean(gamma, name)]))
-        return BandAverage(*map(np.array, self._expansions[name]))
+            return BandAverage(none, none, np.array([self.mean(gamma, name)]), 0)
+        weights, widths, powers, sites = self._expansions[name]
+        return BandAverage(np.array(weights), np.array(widths), np.array(powers), sites)
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:
         """``<q^j cos(n theta)>``, j = 0, 1, ..., with ``q = sin^2(theta/2)``; of several sites in
@@ -296,15 +334,8 @@ class UniformLattice:
         return np.asarray(4.0 * (-1.0) ** m * slope / (lap * rest**2))
 
     def _laps(self, z: float) -> tuple[float, float, float, float]:
-        """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
         r = math.sqrt(1.0 - z)
-        rho = z / (1.0 + r) ** 2  # |xi| of (A3)
-        if not self.sites:
-            return r, rho, 0.0, 1.0
-        if self.sites % 2:
-            return r, rho, -1.0, 1.0 + rho**self.sites
-        # near the band's edge rho -> 1: the difference must not be formed
-        return r, rho, 1.0, -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0
+        return r, *(laps(z, r, self.sites) if self.sites else (z / (1.0 + r) ** 2, 0.0, 1.0))
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
@@ -329,6 +360,6 @@ class UniformLattice:
         total = float((np.arange(1, TERMS + 1) * raw.powers[1:]) @ self.powers(gamma, 0)[:-1])
         for P, weight in raw.poles.items():
             z = x / (P - s)
-            more = 1.0 + self._excess(z) + z * self._dexcess(z)
+            more = 1.0 + excess(z, self.sites or 0) + z * excess_slope(z, self.sites or 0)
             total += weight * P / (P - s) ** 2 * more
         return total

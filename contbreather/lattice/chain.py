@@ -16,9 +16,8 @@ from contbreather.lattice.band_averages import (
     UniformLattice,
     band_averages,
     check_gamma,
-    excess,
-    excess_slope,
     means_of_chains,
+    quarter_wave,
 )
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
@@ -73,8 +72,6 @@ class InfiniteChain(UniformLattice):
         """Derivative of `tau` with respect to gamma, for a spring above 0."""
         s, edge = self.spring, self.spring + 4.0 * gamma
         return self.slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
-
-    _excess, _dexcess = staticmethod(excess), staticmethod(excess_slope)
 
     def distance(self, n: Any) -> Any:
         """Number of bonds from site n to the impacting site 0; of an array for each."""
@@ -134,28 +131,6 @@ class Ring(UniformLattice):
             )
         object.__setattr__(self, "_expansions", band_averages(self.sites))
 
-    def _excess(self, z: float) -> float:
-        r = math.sqrt(1.0 - z)
-        odd = self.sites % 2
-        if z > 0.5:  # T/r with T = tanh or coth stays exact where 1/r and the correction cancel
-            t = math.tanh(self.sites * math.atanh(r))
-            return (t if odd else 1.0 / t) / r - 1.0
-        e = (z / (1.0 + r) ** 2) ** self.sites
-        if odd:
-            e = -e
-        return (z / (1.0 + r) + 2.0 * e / (1.0 - e)) / r
-
-    def _dexcess(self, z: float) -> float:
-        r = math.sqrt(1.0 - z)
-        n = self.sites
-        if n % 2 and n * r < 1.0:  # the closed form cancels to order r^2; so few modes, sum them
-            q, c, weight = _quarter_waves(n)
-            return float(np.dot(weight, q / ((1.0 - z) + z * c) ** 2))
-        r, rho, sign, gap = self._laps(z)
-        t = (2.0 - gap) / gap  # (1 + e)/(1 - e), e = sign rho^N: 1/r becomes t/r on a ring
-        slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
-        return (t + r * slope) / (2.0 * r**3)
-
     # ----------------------------------------------------------------- as a finite lattice
 
     @property
@@ -199,7 +174,8 @@ class Ring(UniformLattice):
         m, size = self.distance(np.asarray(n)), self.sites
         if not (size % 2 and size * math.sqrt(1.0 - 4.0 * check_gamma(gamma)) < 1.0):
             return super().dfirst_harmonic(gamma, n)
-        q, c, weight = _quarter_waves(size)  # as in `_dexcess`
+        theta, weight, _ = self.nodes(0.0)  # as `excess_slope` does
+        q, c = np.transpose([quarter_wave(j, size) for j in range(theta.size)])
         wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))
         return np.asarray(4.0 * wave @ (weight * q / ((1.0 - 4.0 * gamma) + 4.0 * gamma * c) ** 2))
 
@@ -239,11 +215,3 @@ def lattice_of(given: object) -> UniformLattice:
             "give them by spring=..., on InfiniteChain()."
         )
     return cast(UniformLattice, given)
-
-
-@lru_cache(maxsize=32)
-def _quarter_waves(sites: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """sin^2 and cos^2 of theta/2 over the modes of a ring, with their weights."""
-    theta, weight, _ = Ring(sites).nodes(0.0)
-    rest = np.pi * (sites - 2.0 * np.arange(theta.size)) / (2 * sites)  # pi/2 - theta/2, exactly
-    return np.sin(0.5 * theta) ** 2, np.sin(rest) ** 2, weight

@@ -35,6 +35,7 @@ UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 # parameters of which each site may have its own value, and the rows of a lattice that say so
 PER_SITE = {"k": "restitutions", "damping": "dampings", "spring": "springs"}
 ROWS = ("masses", "drive", *PER_SITE.values())
+PACE = "pace"  # the direction in which gamma and spring grow by twice themselves, damping by itself
 NODES = ("mass", "drive", "restitution", "damping", "spring")  # the same of a node of a graph
 
 

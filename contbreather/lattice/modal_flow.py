@@ -123,18 +123,16 @@ def driven_spectrum(
     by: str = "",
 ) -> DrivenSpectrum:
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
-    in gamma, spring, damping or a parameter of the forcing; 0 in all others."""
+    in gamma, spring, damping, along their pace or in a parameter of the forcing."""
     own = by if by in forcing.params else ""
     if not lattice.even:
         m, F = _forces(forcing, own)
         medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)
-        answer = medium.answers(m, forces)
-        if by in ("gamma", "spring", "damping"):
+        if by and not own:
+            answer = driven_spectrum(lattice, forcing, gamma, spring, damping, "").table
             dK, dC = medium.slope(by)
-            answer = medium.answers(m, -(dK @ answer + 1j * m * dC[:, None] * answer))
-        elif by and not own:
-            answer = np.zeros_like(answer)
-        return DrivenSpectrum(m, answer)
+            forces = -(dK @ answer + 1j * m * dC[:, None] * answer)
+        return DrivenSpectrum(m, medium.answers(m, forces))
     m, shapes, lam, pushes, limits = driven_modes(lattice, forcing, own)
     gap = (gamma * lam + spring) - m * m + 1j * m * damping
     low = abs(gap) <= limits

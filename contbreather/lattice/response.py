@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.finite import Basis, NormalModes, stiffness_of
+from contbreather.lattice.finite import PACE, Basis, NormalModes, stiffness_of
 from contbreather.lattice.forcing import (
     Forcing,
     Harmonics,
@@ -63,9 +63,10 @@ from contbreather.lattice.periodic_green import (
 )
 
 if TYPE_CHECKING:
-    from contbreather.lattice.uneven import SiteWaves
+    from contbreather.lattice.uneven import Medium, SiteModes, SiteWaves
 
 FloatArray = NDArray[np.float64]
+FLOAT = np.finfo(float)
 HELD = "gamma", "spring", "damping"  # what a response depends on besides the drive
 Array = NDArray[Any]
 Sites = tuple[int, ...]
@@ -73,7 +74,6 @@ Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of
 
 BY = {"gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}  # first rows of derivatives
 RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
-PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
 class Resonance(BadInput):
@@ -136,7 +136,7 @@ class Response:
         h, f = np.zeros((3, times.size, times.size)), np.zeros((3, times.size))
         for name, rate in rates.items():
             f += rate * self.forced_slope(name, self.hits, times)
-            if name in HELD and name not in self.drive.params:
+            if name in (*HELD, PACE) and name not in self.drive.params:
                 h += rate * self.interactions(times, name)[:3]
         return h, f
 
@@ -449,8 +449,45 @@ class ModalResponse(Response):
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    interactions, at_impacts = Response.interactions, Response.at_impacts
-    slopes_at_impacts = Response.slopes_at_impacts
+    at_impacts = Response.at_impacts
+
+    @cached_property
+    def own(self) -> tuple[Medium, float]:
+        """The medium in its own time, and how many of its units of time are one of the drive's: the
+        same one, but for rounding, at every frequency of the drive."""
+        from contbreather.lattice.uneven import medium_of  # even lattices need none
+
+        pace = math.sqrt(self.gamma + self.spring) or 1.0
+        held = self.gamma / pace**2, self.spring / pace**2, self.damping / pace
+        own = (float(f"{value:.{FLOAT.precision}g}") for value in held)
+        return medium_of(self.lattice, *own), pace
+
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        if by != PACE:
+            return Response.interactions(self, times, by)
+        h, grown = np.empty((2, 4, times.size, times.size))
+        INTERACTIONS(self.table(self.hits), times, h)
+        INTERACTIONS(self.table(self.hits, PACE), times, grown)
+        # of h(e t)/e at e = 1; order by order
+        age = self._since(times[:, None] - times)[1]
+        for order in range(3):
+            grown[order] += (order - 1) * h[order] + age * h[order + 1]
+        # the acceleration is that just before the impact
+        grown[2].flat[:: times.size + 1] += self.damping * self.lattice.dampings[list(self.hits)]
+        return grown
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        state = np.array([2.0 * self.gamma, 2.0 * self.spring, self.damping])
+        ways = np.array([rates.get(name, 0.0) for name in HELD])
+        pace = float(ways @ state / (state @ state or 1.0))
+        if (
+            rates.keys().isdisjoint(self.drive.params)
+            and (abs(ways - pace * state) <= 4.0 * FLOAT.eps * abs(ways)).all()
+        ):
+            rates = {PACE: pace}
+        return Response.slopes_at_impacts(self, times, rates)
 
     @cached_property
     def basis(self) -> Basis:
@@ -460,7 +497,7 @@ class UnevenResponse(ModalResponse):
     def table(self, sites: Sites, by: str = "") -> Responses:
         waves = _site_waves(self, by)
         each, hit = list(sites), list(self.hit)
-        level = waves.level[np.ix_(each, hit)].ravel()
+        level = waves.level[each][:, hit].ravel()
         grown = (waves.left.T[each][:, None] * waves.right.T[hit]).reshape(level.size, -1)
         return _as_table(self, sites, level, waves.rates, grown)
 
@@ -477,13 +514,27 @@ class UnevenResponse(ModalResponse):
 
 @lru_cache(maxsize=64)
 def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
-    from contbreather.lattice.uneven import Medium  # even lattices need none
+    from contbreather.lattice.uneven import waves_of
 
-    medium = Medium(of.lattice, of.gamma, of.spring, of.damping)
-    room = medium.room(*harmonics(of.turns, of.sign), by)
-    if not room > RESONANT:
+    pace = of.own[1]
+    waves = waves_of(_modes(of, by if by != PACE else ""), of.length * pace, of.sign, by == PACE)
+    # a velocity in the medium's own time is less by the pace; and so are the parameters
+    unit = pace ** -{"": 1, PACE: 1, "damping": 2}.get(by, 3)
+    return waves._replace(
+        rates=pace * waves.rates, left=unit * waves.left, level=unit * waves.level
+    )
+
+
+@lru_cache(maxsize=64)
+def _modes(of: UnevenResponse, by: str) -> SiteModes:
+    from contbreather.lattice.uneven import modes_of
+
+    medium, pace = of.own
+    first, step = harmonics(of.turns, of.sign)
+    room = medium.room(first / pace, step / pace, by)
+    if not room * pace * pace > RESONANT:
         raise of._resonance()
-    return medium.waves(of.length, of.sign, RADIUS * room, PLACES, by)
+    return modes_of(medium, 2.0 ** math.floor(math.log2(RADIUS * room)), by)
 
 
 @lru_cache(maxsize=16)
@@ -586,7 +637,7 @@ def mean_displacement(
     force: Any = lattice.masses * lattice.drive
     still = moved(force)
     if by:  # K u = F: K du = -dK u
-        pulls = {"gamma": bonds @ still, "spring": held * still}
+        pulls = {"gamma": bonds @ still, "spring": held * still, PACE: 2.0 * (matrix @ still)}
         force = -pulls.get(by, 0.0 * force)
         still = moved(force)
     return still, (force - matrix @ still)[list(hit)] / lattice.masses[list(hit)]

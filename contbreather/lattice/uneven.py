@@ -5,24 +5,29 @@ With ``K = gamma L/m + spring s`` and ``C = damping d``, s and d the proportions
 complex in pairs, are what normal modes are elsewhere. They depend on every parameter, and some are
 defective. So answers are means over a circle around a parameter, and slopes in it, too: analytic
 wherever no harmonic of the orbit meets a mode, whatever the modes do among themselves.
+
+At another frequency of the drive the medium is the same, and runs at another pace: answers are made
+of modes in the medium's own time, which are found once, and so is their slope along that pace.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import Finite, stiffness_of
+from contbreather.lattice.finite import PACE, Finite, stiffness_of
 from contbreather.one_thread import one_thread
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
+
+PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
 class SiteWaves(NamedTuple):
@@ -32,6 +37,14 @@ class SiteWaves(NamedTuple):
     left: Array
     right: Array
     level: FloatArray
+
+
+class SiteModes(NamedTuple):
+    """Modes of a medium: values at sites, and shares in what follows a unit impulse at each."""
+
+    rates: Array
+    values: Array
+    kicks: Array
 
 
 @dataclass(frozen=True)
@@ -54,30 +67,35 @@ class Medium:
         return np.asarray(self.damping * self.lattice.dampings)
 
     def slope(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of K and of C's diagonal in a parameter; without one in a spring that is the
-        same everywhere."""
+        """Derivatives of K and of C's diagonal in a parameter or along the pace; without one in a
+        spring that is the same everywhere."""
         lattice, size = self.lattice, self.lattice.sites
+        if name == PACE:
+            return 2.0 * self.pull, self.loss
         if name == "gamma":
-            bonds = stiffness_of(lattice).toarray() / lattice.masses[:, None]
-            return np.asarray(bonds), np.zeros(size)
+            return _bonds_per_mass(lattice), np.zeros(size)
         if name == "damping":
             return np.zeros((size, size)), lattice.dampings
         return np.diag(lattice.springs if name else np.ones(size)), np.zeros(size)
 
-    def dynamic(self, w: float) -> Array:
-        """``K - w^2 + i w C``, what forces of that frequency act against."""
-        return self.pull + np.diag(1j * w * self.loss - w * w)
+    def dynamic(self, w: FloatArray) -> Array:
+        """``K - w^2 + i w C``, what forces of these frequencies act against."""
+        w = w[:, None, None]
+        return self.pull + np.eye(self.lattice.sites) * (1j * w * self.loss - w * w)
 
     def answers(self, m: FloatArray, forces: Array) -> Array:
         """Motions under forces of these frequencies, a column for each."""
         out = np.zeros_like(forces)
-        for i in np.flatnonzero(forces.any(axis=0)).tolist():
-            if np.linalg.cond(matrix := self.dynamic(m[i])) > 1e12:
-                raise BadInput(
-                    f"the drive is in resonance: a mode of the {self.lattice.describe()} has the "
-                    f"frequency {m[i]:g} of one of its harmonics; change gamma, spring or damping."
-                )
-            out[:, i] = np.linalg.solve(matrix, forces[:, i])
+        driven = np.flatnonzero(forces.any(axis=0))
+        matrices = self.dynamic(m[driven])
+        least, most = np.linalg.svd(matrices, compute_uv=False)[:, [-1, 0]].T
+        if (high := most > 1e12 * least).any():
+            raise BadInput(
+                f"the drive is in resonance: a mode of the {self.lattice.describe()} has the "
+                f"frequency {m[driven][high][0]:g} of one of its harmonics; change gamma, spring "
+                "or damping."
+            )
+        out[:, driven] = np.linalg.solve(matrices, forces.T[driven, :, None])[..., 0].T
         return out
 
     def generator(self, pull: Array, loss: Array) -> Array:
@@ -100,31 +118,59 @@ class Medium:
     def room(self, first: float, step: float, by: str = "") -> float:
         """Change of a parameter up to which all modes certainly are off all harmonics."""
         dK, dC = self.slope(by)
-        pull, loss = np.linalg.norm(dK, 2), np.linalg.norm(dC, math.inf)
+        pull, loss = _strength(dK), abs(dC).max()
         # no mode is faster than the root of K's norm
-        last = 2.0 * step + math.sqrt(float(np.linalg.norm(self.pull, 2)))
+        last = 2.0 * step + math.sqrt(_strength(self.pull))
         w = np.arange(first, last + step, step)
-        least = [np.linalg.svd(self.dynamic(x), compute_uv=False)[-1] for x in w.tolist()]
-        return float((np.array(least) / (pull + w * loss)).min())
+        least = np.linalg.svd(self.dynamic(w), compute_uv=False)[:, -1]
+        return float((least / (pull + w * loss)).min())
 
     @one_thread
-    def waves(self, length: float, sign: int, radius: float, places: Array, by: str) -> SiteWaves:
-        """Answers to impulses that recur after a section, or their slopes in a parameter: means
-        over the places of a circle of that radius, and their conjugates."""
-        moved = radius * places[:, None]
+    def modes(self, radius: float, by: str) -> SiteModes:
+        """Modes with a parameter at places of a circle, without their conjugates, weighted so that
+        sums over all are means, or slopes."""
+        moved = radius * PLACES[:, None]
         dK, dC = self.slope(by)
         generators = self.generator(
             self.pull + moved[..., None] * dK, np.broadcast_to(self.loss, dC.shape) + moved * dC
         )
         rates, vectors = np.linalg.eig(generators)
         n = self.lattice.sites
-        right = np.linalg.inv(vectors)[..., n:]  # impulses are velocities
-        recurring = 1.0 + np.exp(rates * length) if sign < 0 else -np.expm1(rates * length)
-        weight = (moved ** -(1 if by else 0) / len(places) / recurring)[..., None]
-        left = (vectors[:, :n, :].swapaxes(1, 2) * weight).reshape(-1, n)
-        right, rates = right.reshape(-1, n), rates.ravel()
-        level = np.zeros((n, n))
-        if sign > 0:  # the mean belongs to the offsets
-            means = recurring.ravel() / (rates * length)
-            level = ((left * means[:, None]).T @ right).real
-        return SiteWaves(rates, left, right, level)
+        kicks = np.linalg.inv(vectors)[..., n:]  # impulses are velocities
+        values = vectors[:, :n, :].swapaxes(1, 2) / (len(moved) * (moved[..., None] if by else 1.0))
+        return SiteModes(rates.ravel(), values.reshape(-1, n), kicks.reshape(-1, n))
+
+
+@lru_cache(maxsize=16)
+def _bonds_per_mass(lattice: Finite) -> FloatArray:
+    return np.asarray(stiffness_of(lattice).toarray() / lattice.masses[:, None])
+
+
+def _strength(matrix: FloatArray) -> float:
+    """Bound of a matrix's norm."""
+    sizes = abs(matrix)
+    return math.sqrt(float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
+
+
+# kept: along a branch in omega, or in what does not concern it, a medium stays as it is
+medium_of = lru_cache(maxsize=64)(Medium)
+
+
+@lru_cache(maxsize=64)
+def modes_of(medium: Medium, radius: float, by: str) -> SiteModes:
+    """Return `Medium.modes`, kept."""
+    return medium.modes(radius, by)
+
+
+def waves_of(modes: SiteModes, length: float, sign: int, pace: bool = False) -> SiteWaves:
+    """Answers of modes to impulses that recur after a section; or what a longer one changes in
+    them, in proportion: their slope along the pace but for that of the unit of time."""
+    turns = modes.rates * length
+    # of all laps before: 1/(1 - sign exp(turns))
+    laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
+    level = np.zeros((modes.values.shape[1],) * 2)
+    if sign > 0:  # the mean belongs to the offsets
+        level = ((modes.values / turns[:, None]).T @ modes.kicks).real
+    if pace:
+        laps, level = sign * turns * np.exp(turns) * laps * laps, -level
+    return SiteWaves(modes.rates, modes.values * laps[:, None], modes.kicks, level)

@@ -124,6 +124,10 @@ class AsymmetricEquations:
             ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
         return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
 
+    def along(self, x: FloatArray, params: Params, way: Params) -> FloatArray:
+        """Derivatives along a direction of the parameters, rates by name."""
+        return sum((r * self.sensitivity(x, params, name) for name, r in way.items()), np.zeros(4))
+
     def _at(self, x: FloatArray, params: Params) -> Any:
         return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 

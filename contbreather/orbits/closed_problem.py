@@ -221,7 +221,7 @@ class SymmetricProblem(OrbitProblem):
     def kernel_data(
         self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0, held: bool = False
     ) -> Any:
-        """None for the coupling of a ring and other lattices; `held`: springs, too."""
+        """None for other lattices than chain and ring; `held`: springs, too."""
         on, forcing = self.closure.lattice, self.closure.forcing
         sprung = isinstance(forcing, SpringResponse)
         if type(on) not in (InfiniteChain, Ring) or (sprung and not held):

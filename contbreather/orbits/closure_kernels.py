@@ -159,7 +159,7 @@ def by_spring(of: HeldMean, s: float, x: float) -> float:
     for i in range(of.poles.size):
         room = of.poles[i] - s
         z = x / room
-        grown = 1.0 + excess(z) + z * excess_slope(z)
+        grown = 1.0 + excess(z, 0) + z * excess_slope(z, 0)
         total += of.weights[i] * of.poles[i] / (room * room) * grown
     return total
 
@@ -202,7 +202,7 @@ def forcing_slope(on: ClosureData, i: int, t: float, f: Four) -> Four:
 def terms(z: Any, on: ClosureData, mean: BandAverage, f: Four) -> ClosureTerms:
     """Terms of the equations, with one of the means."""
     a, gamma, k = on.params[A], on.params[GAMMA], on.params[K]
-    return ClosureTerms(z[0], k, average(mean, 4.0 * gamma, excess), a * f[0], a * f[1], a * f[2])
+    return ClosureTerms(z[0], k, average(mean, 4.0 * gamma), a * f[0], a * f[1], a * f[2])
 
 
 @inlined
@@ -214,7 +214,7 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
     elif place >= 0:
         _, by_gamma, pull = moved(on, i)
         if by_gamma != 0.0:
-            by_mean = by_gamma * average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
+            by_mean = by_gamma * average_slope(mean, 4.0 * on.params[GAMMA])
         if pull != 0.0:
             by_mean += pull * by_spring(on.held, on.params[SPRING], 4.0 * on.params[GAMMA])
         u, v, w, _ = forcing_slope(on, i, z[1], f)
@@ -371,8 +371,6 @@ def closure_data(
     """Data of a breather with these parameters free; None of others than `places` has."""
     names = "a", "gamma", "spring", "k", "omega"
     places = {name: (place, 1.0) for place, name in enumerate(names)}
-    if lattice.sites is not None:
-        del places["gamma"], places["omega"]
     held = isinstance(forcing, SpringResponse)
     if not held:
         del places["spring"]

@@ -162,22 +162,27 @@ class OrbitEquations:
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``."""
+        return self.along(x, params, {name: 1.0})
+
+    def along(self, x: FloatArray, params: Params, way: Params) -> FloatArray:
+        """Derivatives along a direction of the parameters, rates by name."""
         at = self.terms(x, params)
-        beyond, resets, _ = self.moved(at, name)
-        if name == "k":
+        beyond, resets, _ = self.moved(at, way)
+        if "k" in way:
             share = self.shares  # d(q/2)/dk
-            resets = -share * at.impulses / (1.0 + float(params["k"]) * share) ** 2
+            lost = share * at.impulses / (1.0 + float(params["k"]) * share) ** 2
+            resets = resets - way["k"] * lost
         parts = [beyond, resets]
-        if self.offsets and name in ("k", "damping"):
-            parts.append(np.zeros(self.offsets))
-        elif self.offsets:
-            response = at.response.varied(name)
-            lift = response.still()[1] if name == "a" else at.a * response.still(name)[1]
-            links = response.links(name) @ at.offsets if name in HELD else 0.0
-            parts.append(self.section.period * (lift - links))
+        response = at.response.varied(*way)
+        if self.offsets:
+            pull = way.get("a", 0.0) * response.still()[1]
+            for name in way.keys() - {"a", "k", "damping"}:
+                links = response.links(name) @ at.offsets if name in HELD else 0.0
+                pull = pull + way[name] * (at.a * response.still(name)[1] - links)
+            parts.append(self.section.period * pull)
         if self.resonant:
-            gaps = at.response.gaps(name) if name in HELD else np.zeros((at.amplitudes.size,) * 2)
-            parts.append(-gaps @ at.amplitudes)
+            gaps = sum(rate * response.gaps(name) for name, rate in way.items() if name in HELD)
+            parts.append(np.dot(-gaps, at.amplitudes))
         return np.concatenate(parts)
 
     def terms(self, x: FloatArray, params: Params) -> Any:
@@ -185,12 +190,14 @@ class OrbitEquations:
         x = np.asarray(x, dtype=float)
         return _place(self, x.tobytes(), tuple(params.items()))
 
-    def moved(self, at: Any, name: str) -> FloatArray:
-        """Derivatives of displacement, velocity, acceleration at each impact in a parameter."""
-        if name in ("a", "k"):
-            return np.asarray(at.forced[:3] if name == "a" else 0.0 * at.forced[:3])
-        h, f = at.response.varied(name).slopes_at_impacts(at.times, {name: 1.0})
-        return np.asarray(at.a * f + h @ at.impulses)
+    def moved(self, at: Any, way: Params) -> FloatArray:
+        """Derivatives of displacement, velocity, acceleration at each impact along a direction of
+        the parameters."""
+        moved = np.asarray(way.get("a", 0.0) * at.forced[:3])
+        if own := {name: rate for name, rate in way.items() if name not in ("a", "k")}:
+            h, f = at.response.varied(*own).slopes_at_impacts(at.times, own)
+            moved += at.a * f + h @ at.impulses
+        return moved
 
     @cached_property
     def shares(self) -> FloatArray:

@@ -149,10 +149,13 @@ class OrbitProblemByEquations(OrbitProblem):
 
     equations: Any = field(kw_only=True)
 
-    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
         of = self.equations
-        columns = [of.sensitivity(x, params, name) for name in free]
+        columns = [of.along(x, params, way) for way in rates]
         return np.column_stack([of.jacobian(x, params), *columns])
+
+    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
+        return self.along(x, params, [{name: 1.0} for name in free])
 
 
 def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:

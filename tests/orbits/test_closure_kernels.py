@@ -41,6 +41,9 @@ def _alike(walked: Callable[[], cb.Branch], monkeypatch: pytest.MonkeyPatch) -> 
         ("omega", {"omega": (0.8, 1.5)}, {}, {"steps": Steps(tolerance=1e-12)}),
         ("a", {"a": (0.05, 0.8)}, {"omega": 1.2}, {"steps": Steps(tolerance=1e-12)}),
         ("a", {"a": (0.05, 0.8)}, {"lattice": cb.Ring(20)}, {}),
+        ("gamma", {"gamma": (0.0, 0.2495)}, {"lattice": cb.Ring(8)}, {}),
+        ("gamma", {"gamma": (0.0, 0.2495)}, {"lattice": cb.Ring(9)}, {}),
+        ("omega", {"omega": (0.8, 1.5)}, {"lattice": cb.Ring(9)}, {}),
         ("a", {"a": (0.05, 0.8)}, {"spring": 0.1}, {}),
         ("omega", {"omega": (0.8, 1.5)}, {"spring": 0.1}, {"steps": Steps(tolerance=1e-12)}),
         ("spring", {"spring": (0.0, 0.3)}, {"forcing": FOURIER}, {"steps": SHORT}),
@@ -63,6 +66,15 @@ def test_a_parameter_of_a_formula_is_none_of_a_series_whatever_it_is_called() ->
     assert [p.label for p in ours.special] == ["EP1", "LP1", "NS1", "NS2", "PF1", "EP2"]
     assert not ours.doubtful
     np.testing.assert_allclose(ours.points.z, theirs.points.z, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("pair", [("gamma", "a"), ("omega", "a")])
+@pytest.mark.parametrize(("kind", "sites"), [("LP", 8), ("PF", 9), ("GR", 9)])
+def test_boundaries_of_rings_are_those_of_single_steps(monkeypatch, kind, sites, pair) -> None:
+    at = cb.trace(cb.symmetric(0.5, 0.04, 0.8, lattice=cb.Ring(sites)), "a").first(kind)
+    window = {"a": (0.0, 1.0), "omega": (0.7, 1.4)}
+    _alike(lambda: cb.boundary(at, pair, within={n: window[n] for n in pair if n != "gamma"}),
+           monkeypatch)  # fmt: skip
 
 
 @pytest.mark.parametrize(
