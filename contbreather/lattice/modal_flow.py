@@ -123,16 +123,12 @@ def driven_spectrum(
     by: str = "",
 ) -> DrivenSpectrum:
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
-    in gamma, spring, damping, along their pace or in a parameter of the forcing."""
+    in a parameter of the forcing or, of even lattices, in gamma, spring or damping."""
     own = by if by in forcing.params else ""
     if not lattice.even:
-        m, F = _forces(forcing, own)
-        medium, forces = Medium(lattice, gamma, spring, damping), np.outer(lattice.drive, F)
-        if by and not own:
-            answer = driven_spectrum(lattice, forcing, gamma, spring, damping, "").table
-            dK, dC = medium.slope(by)
-            forces = -(dK @ answer + 1j * m * dC[:, None] * answer)
-        return DrivenSpectrum(m, medium.answers(m, forces))
+        m, F = forces_of(forcing, own)
+        medium = Medium(lattice, gamma, spring, damping)
+        return DrivenSpectrum(m, medium.answers(m, np.outer(lattice.drive, F)))
     m, shapes, lam, pushes, limits = driven_modes(lattice, forcing, own)
     gap = (gamma * lam + spring) - m * m + 1j * m * damping
     low = abs(gap) <= limits
@@ -159,13 +155,13 @@ def driven_modes(
     # where nothing stretches a bond all sites are one
     modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
     lam, shapes, share = modes
-    m, F = _forces(forcing, by)
+    m, F = forces_of(forcing, by)
     limits = np.where(F != 0.0, 1e-12 * m * m, -1.0)
     return m, shapes, lam[:, None], share[:, None] * F, limits
 
 
 @lru_cache(maxsize=256)
-def _forces(forcing: Forcing, by: str) -> tuple[FloatArray, Array]:
+def forces_of(forcing: Forcing, by: str) -> tuple[FloatArray, Array]:
     """Orders and amplitudes of a drive, or of its derivative in one of its parameters."""
     series = forcing.slope_harmonics(by) if by else forcing.harmonics
     waves = [row for row in series if row[0]]  # what a mean does depends on who is held

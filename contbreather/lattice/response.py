@@ -63,7 +63,8 @@ from contbreather.lattice.periodic_green import (
 )
 
 if TYPE_CHECKING:
-    from contbreather.lattice.uneven import Medium, SiteModes, SiteWaves
+    from contbreather.lattice.modal_flow import DrivenSpectrum
+    from contbreather.lattice.uneven import Medium, SiteModes
 
 FloatArray = NDArray[np.float64]
 FLOAT = np.finfo(float)
@@ -116,13 +117,18 @@ class Response:
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
         (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
-        out = np.empty((4, times.size, times.size))
-        INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
-        i, jump = np.arange(times.size), {"": self.damping, "damping": 1.0}.get(by, 0.0)
+        out, i = self._after(np.ascontiguousarray(times, dtype=float), by), np.arange(times.size)
+        jump = {"": self.damping, "damping": 1.0, PACE: self.damping}.get(by, 0.0)
         # u' jumps by 1 at an impulse, and the damping brakes it by that much
         out[1, i, i] -= 0.5 * (not by)
         if jump:
             out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
+        return out
+
+    def _after(self, times: FloatArray, by: str) -> FloatArray:
+        """`interactions`, but just after the impact itself."""
+        out = np.empty((4, times.size, times.size))
+        INTERACTIONS(self.table(self.hits, by), times, out)
         return out
 
     def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -223,6 +229,15 @@ def _bonds_between(ring: int | None, hit: Sites) -> FloatArray:
 
 
 # --- any finite lattice -----------------------------------------------------------------------
+
+
+class SiteWaves(NamedTuple):
+    """Sums of ``Re left_jn right_jp exp(l_j t)``, site n after an impulse at p, and a constant."""
+
+    rates: Array
+    left: Array
+    right: Array
+    level: FloatArray
 
 
 class AnswerWaves(NamedTuple):
@@ -391,15 +406,17 @@ class ModalResponse(Response):
     def driven(self, by: str = "") -> Any:
         """The forced motion of all sites at unit amplitude, or its derivative; by a mean that of
         sites which are not hit, the others held at 0."""
-        from contbreather.lattice.modal_flow import driven_spectrum  # a breather needs none
-
-        held = self.gamma, self.spring, self.damping
-        waves = driven_spectrum(self.lattice, self.drive, *held, by)
+        waves = self._spectrum(by)
         if not self.has_mean:
             return waves
         still = self.still(by)[0]
         table = np.broadcast_to(waves.table, (still.size, waves.m.size))
         return type(waves)(np.append(waves.m, 0.0), np.column_stack([table, still]))
+
+    def _spectrum(self, by: str) -> DrivenSpectrum:
+        from contbreather.lattice.modal_flow import driven_spectrum  # a breather needs none
+
+        return driven_spectrum(self.lattice, self.drive, self.gamma, self.spring, self.damping, by)
 
     def still(self, by: str = "") -> tuple[FloatArray, FloatArray]:
         if not self.has_mean:
@@ -449,7 +466,7 @@ class ModalResponse(Response):
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    at_impacts = Response.at_impacts
+    interactions, at_impacts = Response.interactions, Response.at_impacts
 
     @cached_property
     def own(self) -> tuple[Medium, float]:
@@ -462,19 +479,10 @@ class UnevenResponse(ModalResponse):
         own = (float(f"{value:.{FLOAT.precision}g}") for value in held)
         return medium_of(self.lattice, *own), pace
 
-    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
-        if by != PACE:
-            return Response.interactions(self, times, by)
-        h, grown = np.empty((2, 4, times.size, times.size))
-        INTERACTIONS(self.table(self.hits), times, h)
-        INTERACTIONS(self.table(self.hits, PACE), times, grown)
-        # of h(e t)/e at e = 1; order by order
-        age = self._since(times[:, None] - times)[1]
-        for order in range(3):
-            grown[order] += (order - 1) * h[order] + age * h[order + 1]
-        # the acceleration is that just before the impact
-        grown[2].flat[:: times.size + 1] += self.damping * self.lattice.dampings[list(self.hits)]
-        return grown
+    def _after(self, times: FloatArray, by: str) -> FloatArray:
+        if by not in ("", PACE):
+            return Response._after(self, times, by)
+        return _site_place(self, times.tobytes())[by == PACE].copy()
 
     def slopes_at_impacts(
         self, times: FloatArray, rates: Mapping[str, float]
@@ -489,17 +497,16 @@ class UnevenResponse(ModalResponse):
             rates = {PACE: pace}
         return Response.slopes_at_impacts(self, times, rates)
 
+    def _spectrum(self, by: str) -> DrivenSpectrum:
+        return _site_spectrum(self, by)
+
     @cached_property
     def basis(self) -> Basis:
         size = self.lattice.sites
         return NormalModes(np.zeros(size), np.empty(0), np.eye(size), np.ones(size))
 
     def table(self, sites: Sites, by: str = "") -> Responses:
-        waves = _site_waves(self, by)
-        each, hit = list(sites), list(self.hit)
-        level = waves.level[each][:, hit].ravel()
-        grown = (waves.left.T[each][:, None] * waves.right.T[hit]).reshape(level.size, -1)
-        return _as_table(self, sites, level, waves.rates, grown)
+        return _site_table(self, sites, by)
 
     def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
         """Displacement, velocity and acceleration of all sites, see `ModalResponse.modes`."""
@@ -513,16 +520,54 @@ class UnevenResponse(ModalResponse):
 
 
 @lru_cache(maxsize=64)
-def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
-    from contbreather.lattice.uneven import waves_of
+def _site_spectrum(of: UnevenResponse, by: str) -> DrivenSpectrum:
+    from contbreather.lattice.modal_flow import DrivenSpectrum, forces_of
 
-    pace = of.own[1]
-    waves = waves_of(_modes(of, by if by != PACE else ""), of.length * pace, of.sign, by == PACE)
-    # a velocity in the medium's own time is less by the pace; and so are the parameters
-    unit = pace ** -{"": 1, PACE: 1, "damping": 2}.get(by, 3)
-    return waves._replace(
-        rates=pace * waves.rates, left=unit * waves.left, level=unit * waves.level
-    )
+    own, pace = by in of.drive.params, of.own[1]
+    m, F = forces_of(of.drive, by if own else "")
+    modes = _modes(of, "" if own or by == PACE else by)
+    # the parameters, too, are less in the medium's own time
+    unit = pace ** -{"gamma": 4, "spring": 4, "damping": 3}.get(by, 2)
+    return DrivenSpectrum(m, unit * F * modes.driven(m / pace, of.lattice.drive, by == PACE))
+
+
+@lru_cache(maxsize=64)
+def _site_table(of: UnevenResponse, sites: Sites, by: str) -> Responses:
+    waves, each, hit = _site_waves(of, by), list(sites), list(of.hit)
+    level = waves.level[each][:, hit].ravel()
+    grown = (waves.left.T[each][:, None] * waves.right.T[hit]).reshape(level.size, -1)
+    return _as_table(of, sites, level, waves.rates, grown)
+
+
+@lru_cache(maxsize=16)
+def _site_place(of: UnevenResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
+    """Answers just after impacts, and their slopes along the pace, of ``h(e t)/e`` at e = 1."""
+    at, modes, hits, pace = np.frombuffer(times), _modes(of, ""), list(of.hits), of.own[1]
+    laps, age = of._since(at[:, None] - at)
+    recurring, longer = modes.recurring(pace * of.length, of.sign)
+    moved = recurring[:, None, None] * np.exp(np.multiply.outer(modes.rates, pace * age))
+    moved *= modes.values[:, hits, None] * modes.kicks[:, None, hits]
+    # a velocity in the medium's own time is less by the pace
+    units = pace ** np.arange(-1.0, 3.0)[:, None, None] * np.where(laps % 2, of.sign, 1.0)
+    K, shape = modes.rates.size, (4, *age.shape)
+    rows = modes.orders @ moved.reshape(K, -1), (modes.orders * longer) @ moved.reshape(K, -1)
+    h, grown = (units * part.real.reshape(shape) for part in rows)
+    if of.sign > 0:
+        level = modes.level[hits][:, hits] / (pace * pace * of.length)
+        h[0], grown[0] = h[0] + level, grown[0] - level
+    for order in range(3):
+        grown[order] += (order - 1) * h[order] + age * h[order + 1]
+    return h, grown
+
+
+@lru_cache(maxsize=64)
+def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
+    modes, pace = _modes(of, by), of.own[1]
+    length = pace * of.length
+    unit = pace ** -{"": 1, "damping": 2}.get(by, 3)
+    left = unit * modes.values * modes.recurring(length, of.sign)[0][:, None]
+    level = unit * modes.level / length * (of.sign > 0)
+    return SiteWaves(pace * modes.rates, left, modes.kicks, level)
 
 
 @lru_cache(maxsize=64)

@@ -15,13 +15,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import PACE, Finite, stiffness_of
+from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.one_thread import one_thread
 
 FloatArray = NDArray[np.float64]
@@ -30,21 +30,41 @@ Array = NDArray[Any]
 PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
-class SiteWaves(NamedTuple):
-    """Sums of ``Re left_jn right_jp exp(l_j t)``, site n after an impulse at p, and a constant."""
-
-    rates: Array
-    left: Array
-    right: Array
-    level: FloatArray
-
-
-class SiteModes(NamedTuple):
-    """Modes of a medium: values at sites, and shares in what follows a unit impulse at each."""
+@dataclass(frozen=True, eq=False)
+class SiteModes:
+    """Modes of a medium in its own time: rates, values at sites, and shares in what follows a unit
+    impulse at each site; answers are the real parts of sums over them."""
 
     rates: Array
     values: Array
     kicks: Array
+
+    @cached_property
+    def orders(self) -> Array:
+        """Powers of the rates, those of derivatives up to the third, in rows."""
+        return np.asarray(self.rates ** np.arange(4)[:, None])
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """Minus the mean of what follows an impulse, times the length of a section, of each site
+        after one at each: that mean belongs to the offsets."""
+        return np.asarray(((self.values / self.rates[:, None]).T @ self.kicks).real)
+
+    def recurring(self, length: float, sign: int) -> tuple[Array, Array]:
+        """Sums of all laps, and what each grows by with a longer section, in proportion."""
+        turns = self.rates * length
+        laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
+        return laps, sign * turns * np.exp(turns) * laps
+
+    def driven(self, w: FloatArray, push: FloatArray, pace: bool) -> Array:
+        """Complex amplitudes at sites of the answer to forces of frequencies w, a column for each,
+        or their slopes along the pace, times its square."""
+        s = np.multiply.outer((1j, -1j), w)[..., None]
+        shares = (self.kicks @ push) / (s - self.rates)
+        if pace:
+            shares = shares * (s / (s - self.rates) - 2.0)
+        there, conjugate = shares @ self.values
+        return np.asarray(0.5 * (there + conjugate.conj()).T)
 
 
 @dataclass(frozen=True)
@@ -66,12 +86,18 @@ class Medium:
         """The diagonal of C."""
         return np.asarray(self.damping * self.lattice.dampings)
 
+    @cached_property
+    def _fastest(self) -> float:
+        return math.sqrt(_norm(self.pull))
+
+    @cached_property
+    def _brake(self) -> float:
+        return float(abs(self.loss).max())
+
     def slope(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of K and of C's diagonal in a parameter or along the pace; without one in a
-        spring that is the same everywhere."""
+        """Derivatives of K and of C's diagonal in a parameter; without one in a spring that is the
+        same everywhere."""
         lattice, size = self.lattice, self.lattice.sites
-        if name == PACE:
-            return 2.0 * self.pull, self.loss
         if name == "gamma":
             return _bonds_per_mass(lattice), np.zeros(size)
         if name == "damping":
@@ -88,8 +114,7 @@ class Medium:
         out = np.zeros_like(forces)
         driven = np.flatnonzero(forces.any(axis=0))
         matrices = self.dynamic(m[driven])
-        least, most = np.linalg.svd(matrices, compute_uv=False)[:, [-1, 0]].T
-        if (high := most > 1e12 * least).any():
+        if (high := np.linalg.cond(matrices) > 1e12).any():
             raise BadInput(
                 f"the drive is in resonance: a mode of the {self.lattice.describe()} has the "
                 f"frequency {m[driven][high][0]:g} of one of its harmonics; change gamma, spring "
@@ -114,16 +139,22 @@ class Medium:
 
         return np.asarray(expm(time * self.generator(self.pull, self.loss)))
 
-    @one_thread
     def room(self, first: float, step: float, by: str = "") -> float:
         """Change of a parameter up to which all modes certainly are off all harmonics."""
-        dK, dC = self.slope(by)
-        pull, loss = _strength(dK), abs(dC).max()
+        pull, loss = _strengths(self, by)
         # no mode is faster than the root of K's norm
-        last = 2.0 * step + math.sqrt(_strength(self.pull))
-        w = np.arange(first, last + step, step)
-        least = np.linalg.svd(self.dynamic(w), compute_uv=False)[:, -1]
-        return float((least / (pull + w * loss)).min())
+        last = 2.0 * step + self._fastest
+        count = math.ceil((last - first) / step) + 1
+        harmonics = [first + i * step for i in range(count)]
+        return min(self._least(w) / (pull + w * loss) for w in harmonics)
+
+    def _least(self, w: float) -> float:
+        """Bound of the singular values of `dynamic`, which move no faster than the matrix does: by
+        those at a frequency near by, for many others."""
+        near = 2.0 ** (round(16.0 * math.log2(w)) / 16.0)
+        there = _least_singular(self, near)
+        bound = there - abs(w - near) * (w + near + self._brake)
+        return bound if 2.0 * bound > there else _least_singular(self, w)
 
     @one_thread
     def modes(self, radius: float, by: str) -> SiteModes:
@@ -146,10 +177,22 @@ def _bonds_per_mass(lattice: Finite) -> FloatArray:
     return np.asarray(stiffness_of(lattice).toarray() / lattice.masses[:, None])
 
 
-def _strength(matrix: FloatArray) -> float:
+def _norm(matrix: FloatArray) -> float:
     """Bound of a matrix's norm."""
     sizes = abs(matrix)
     return math.sqrt(float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
+
+
+@lru_cache(maxsize=256)
+@one_thread
+def _least_singular(medium: Medium, w: float) -> float:
+    return float(np.linalg.svd(medium.dynamic(np.array([w])), compute_uv=False)[0, -1])
+
+
+@lru_cache(maxsize=64)
+def _strengths(medium: Medium, by: str) -> tuple[float, float]:
+    dK, dC = medium.slope(by)
+    return _norm(dK), float(abs(dC).max())
 
 
 # kept: along a branch in omega, or in what does not concern it, a medium stays as it is
@@ -160,17 +203,3 @@ medium_of = lru_cache(maxsize=64)(Medium)
 def modes_of(medium: Medium, radius: float, by: str) -> SiteModes:
     """Return `Medium.modes`, kept."""
     return medium.modes(radius, by)
-
-
-def waves_of(modes: SiteModes, length: float, sign: int, pace: bool = False) -> SiteWaves:
-    """Answers of modes to impulses that recur after a section; or what a longer one changes in
-    them, in proportion: their slope along the pace but for that of the unit of time."""
-    turns = modes.rates * length
-    # of all laps before: 1/(1 - sign exp(turns))
-    laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
-    level = np.zeros((modes.values.shape[1],) * 2)
-    if sign > 0:  # the mean belongs to the offsets
-        level = ((modes.values / turns[:, None]).T @ modes.kicks).real
-    if pace:
-        laps, level = sign * turns * np.exp(turns) * laps * laps, -level
-    return SiteWaves(modes.rates, modes.values * laps[:, None], modes.kicks, level)
