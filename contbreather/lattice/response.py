@@ -566,7 +566,7 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
     length = pace * of.length
     unit = pace ** -{"": 1, "damping": 2}.get(by, 3)
     left = unit * modes.values * modes.recurring(length, of.sign)[0][:, None]
-    level = unit * modes.level / length * (of.sign > 0)
+    level = unit * modes.level / length if of.sign > 0 else np.zeros((of.lattice.sites,) * 2)
     return SiteWaves(pace * modes.rates, left, modes.kicks, level)
 
 
