@@ -138,8 +138,9 @@ _CHOICES = (
               "given."),
     Parameter("site", "site", "impacts at site", 0, "The site that impacts."),
     Parameter("walls", "walls", "walls", "-1,1",
-              "LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is not "
-              "there is none. -1,1 unless given."),
+              "LOW,HIGH of all sites, a number of each for both of its walls, 1,1.2,0.9, or "
+              "SITE:LOW,HIGH of one, once for each; a wall that is not there is none. -1,1 unless "
+              "given."),
 )  # fmt: skip
 NUMBERS = {entry.name: entry for entry in _MODEL}
 SMOOTH = {entry.name: entry for entry in _WALLS}

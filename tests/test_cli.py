@@ -20,7 +20,7 @@ import contbreather as cb
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.orbits import smallest_amplitude
-from contbreather.parameters import window_of
+from contbreather.parameters import NUMBERS, window_of
 
 from .typed import Run, strict, table
 
@@ -375,6 +375,13 @@ def test_help_shows_a_default_that_says_something(run: Run) -> None:
         words = re.sub(r"[│\s]+", " ", run(f"{command} --help")[1])
         shown.update(re.findall(r"\[default: ?(.*?)\]", words))
     assert shown == {"-cos(t)", "0", "0.0", "200.0", "both"}
+
+
+def test_help_names_every_parameter_that_may_vary(run: Run) -> None:
+    for command in ("branch", "switch", "diagram"):
+        words = re.sub(r"[│\s]+", " ", run(f"{command} --help")[1])
+        assert f"Parameter to vary: {', '.join(NUMBERS)}, or one of the forcing's." in words
+        assert "0.1 to 3 for omega unless given." in words
 
 
 # --- figure and the rest ------------------------------------------------------------------------

@@ -80,7 +80,9 @@ def test_point_on_each_lattice_is_the_library_s(run, typed: str) -> None:
     ("typed", "walls"),
     [
         ("-2,2", (-2, 2)),
+        ("2", (-2, 2)),
         ("0:-2,2", {0: (-2, 2)}),
+        ("2,1,1,1,1,1,1,1,1", {0: (-2, 2)}),
         ("-2,2 --walls 1:none,none", {0: (-2, 2), 1: None, **dict.fromkeys(range(2, 9), (-2, 2))}),
     ],
 )

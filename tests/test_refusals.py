@@ -21,7 +21,7 @@ from contbreather.checks import MOST, check_kind, kind_of, number, numbers, real
 from contbreather.continuation import Event
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
-from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits import find_symmetric, neighbour_peak
 from contbreather.orbits.constructors import asymmetric
@@ -313,9 +313,18 @@ CASES += [
         (lambda typed=typed: walls_by(typed, None), f"^--walls {' '.join(typed)}: one pair for all")
         for typed in (("-1,1", "0,2"), ("3:-1,1", "3:0,2"))
     ),
+    (lambda: walls_by(["1,2,1", "0:2"], 3), "^--walls 1,2,1 0:2: each site has its own already"),
+    (lambda: Walls.given([1.0] * 8).placed(cb.OpenChain(9)),
+     "^walls of 8 sites are given one by one: .* for all, or one for each of 9 sites"),
+    (lambda: Walls.given([1.0] * 8).placed(cb.lattice.InfiniteChain()),
+     "^walls of 8 sites are given one by one: .* for all is expected on the infinite"),
+    *(
+        (lambda walls=walls: Walls.given(walls), f"^{name} = .*, or a number above 0 for both")
+        for walls, name in ((-1, "walls"), ([1, 0, 1], r"walls\[1\]"), ("2", "walls"))
+    ),
     *(
         (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: LOW,HIGH is expected")
-        for typed in ("-1", "-1,0,1", "low,1", "3:", "3:1")
+        for typed in ("low", "1,,1", "low,1", "3:")
     ),
     *(
         (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: SITE:LOW,HIGH is exp")

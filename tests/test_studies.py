@@ -425,6 +425,21 @@ def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) ->
         assert read(path).chain.place.masses.tolist() == [1, 2 if rows else 1]
 
 
+def test_walls_of_each_site_are_typed_or_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "walls.toml"
+    for walls in ("['1,1.2,0.9']", "[1, 1.2, 0.9]", "[[-1, 1], 1.2, 0.9]"):
+        path.write_text(f"[chain]\nlattice = 'open:3'\nwalls = {walls}\n" + ONE)
+        own = {1: 1.2, 2: 0.9}
+        orbit, wanted = (
+            cb.symmetric(0.6, 0.04, 0.8, **{**read(path).chain.on, **more})
+            for more in ({}, {"walls": own})
+        )
+        assert orbit.walls == wanted.walls
+    path.write_text("[chain]\nlattice = 'open:3'\nwalls = [{}]\n" + ONE)
+    with pytest.raises(cb.BadInput, match=r"chain\.walls"):
+        read(path)
+
+
 def test_values_are_a_grid(tmp_path: Path) -> None:
     path = tmp_path / "grid.toml"
     path.write_text(

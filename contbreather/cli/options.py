@@ -61,7 +61,7 @@ def _usual(name: str) -> str:
     return "all" if high == math.inf else f"{low:g} to {high:g}"
 
 
-_WINDOWS = f"{_usual('gamma')} for gamma, {_usual('k')} for k"
+_WINDOWS = ", ".join(f"{_usual(name)} for {name}" for name in ("gamma", "k", "omega"))
 Window = Annotated[
     Span | None, Parameter(help=f"Lowest and highest value; {_WINDOWS} unless given.")
 ]
@@ -208,8 +208,9 @@ def _a_number(name: str, words: str) -> float | None:
 class BranchWindow:
     """Parameter that varies along a branch."""
 
-    free: str
-    """Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's."""
+    free: Annotated[
+        str, Parameter(help=f"Parameter to vary: {', '.join(NAMES)}, or one of the forcing's.")
+    ]
     window: Window = None
 
     @property

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
 
-from contbreather.checks import MOST, numbers, real, whole
+from contbreather.checks import MOST, real, whole
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
@@ -55,17 +55,24 @@ class Walls:
     --------
     >>> Walls.given({3: (None, 0.8)}).at(3)
     (-inf, 0.8)
+    >>> Walls.given([1.0, 1.2, 0.9]).at(1)
+    (-1.2, 1.2)
     """
 
     of_all: Pair = (-1.0, 1.0)
     own: tuple[tuple[int, Pair], ...] = ()
+    # of sites that they were given for one by one, until they are placed
+    count: int | None = field(default=None, repr=False)
 
     @classmethod
     def given(cls, walls: Any) -> Walls:
-        """Make them of a pair ``(low, high)`` for all sites or a dict of them by site, None for a
-        wall that is not there, for a site without walls too."""
+        """Make them of what there is for all sites, for each in turn or, a dict, for some: a pair
+        ``(low, high)``, None for a wall that is not there, a number for both as far from 0, or None
+        for a site without walls. Two numbers are a pair."""
         if walls is None or isinstance(walls, Walls):
             return walls or cls()
+        if _listed(walls) and (len(walls) != 2 or any(map(_listed, walls))):
+            return replace(cls.given(dict(enumerate(walls))), count=len(walls))
         if isinstance(walls, Mapping):
             pairs = (
                 (whole("walls of site", site, -MOST), _pair(pair, f"walls[{site!r}]"))
@@ -77,6 +84,12 @@ class Walls:
     def placed(self, lattice: Any) -> Walls:
         """Look their sites up on a lattice, negative ones counted from its end."""
         sites, own = lattice.sites, dict[int, Pair]()
+        if self.count not in (None, sites):
+            each = f", or one for each of {sites} sites," if sites else ""
+            raise BadInput(
+                f"walls of {self.count} sites are given one by one: a pair low, high for all{each} "
+                f"is expected on the {lattice.describe()}."
+            )
         for site, pair in self.own if sites is not None else ():
             if not -sites < site < sites:
                 raise BadInput(
@@ -86,7 +99,10 @@ class Walls:
             if site % sites in own:
                 raise BadInput(f"walls of site {site % sites} are given twice.")
             own[site % sites] = pair
-        return Walls(self.of_all, tuple(sorted(own.items()))) if own else self
+        if len(own) == sites and len(pairs := {*own.values()}) == 1:
+            return Walls(*pairs)  # the same walls are equal, however they were given
+        apart = tuple(sorted(item for item in own.items() if item[1] != self.of_all))
+        return Walls(self.of_all, apart) if own else self
 
     @cached_property
     def _by_site(self) -> dict[int, Pair]:
@@ -106,18 +122,22 @@ class Walls:
         return all(low == -high for low, high in (self.of_all, *self._by_site.values()))
 
 
+def _listed(values: Any) -> bool:
+    return isinstance(values, Sequence | np.ndarray) and not isinstance(values, str)
+
+
 def _pair(ends: Any, name: str) -> Pair:
     if ends is None:
         ends = (None, None)
     try:
-        low, high = ends
+        low, high = ends if _listed(ends) else (-ends, ends)
         pair = (-math.inf if low is None else float(low), math.inf if high is None else float(high))
     except (TypeError, ValueError):
         pair = (math.nan, math.nan)  # refused below: nan < nan is false
     if not pair[0] < pair[1]:
         raise BadInput(
             f"{name} = {ends!r}: two numbers low < high are expected, None for a wall that is not "
-            "there."
+            "there, or a number above 0 for both."
         )
     distances = [abs(wall) for wall in pair if math.isfinite(wall)]
     if distances and (max(distances) < NEAREST or min(distances) > FARTHEST):
@@ -171,9 +191,7 @@ class Conditions:
         """Say what is wrong with it, or return it. Derivatives by differences look beyond the edges
         of the domain, where everything is defined still: so this is asked where numbers come in."""
         for name in NAMES:
-            # how far gamma goes its lattice knows: no further than 1/4 on chain and ring
-            other = {"high": math.inf, "why": ""} if name == "gamma" else {}
-            parameter(name, getattr(self, name), **other)
+            _parameter(name, getattr(self, name))
         if self.omega != 1.0:
             check_drive(self.omega, self.gamma, self.spring, self.lattice)
         return self.at({})
@@ -191,8 +209,9 @@ class Conditions:
         """Conditions with the time in units of 1/omega, in which equations are written."""
         return self.at_frequency(1.0)
 
-    def at_frequency(self, omega: float) -> Conditions:
-        """Conditions with the time in units in which the drive has this frequency.
+    def at_frequency(self, omega: float, /, **given: float) -> Conditions:
+        """Conditions with the time in units in which the drive has this frequency, and parameters
+        that are known in these.
 
         Examples
         --------
@@ -203,7 +222,7 @@ class Conditions:
         if omega == self.omega:
             return self
         own = {n: getattr(self, n) * (omega / self.omega) ** power for n, power in POWERS.items()}
-        return self.at({**own, "omega": omega})
+        return self.at({**own, **given, "omega": omega})
 
     def at_sites(self, name: str, sites: Any) -> Any:
         """Values of k, damping or spring at sites, of which a lattice may give each its own."""
@@ -230,6 +249,12 @@ class Conditions:
         return _moved(self.forcing, self.walls, self.lattice, values, name, self.restitution)
 
 
+def _parameter(name: str, value: Any) -> float:
+    """A parameter in any unit of time; its lattice knows how far gamma goes."""
+    other = {"high": math.inf, "why": ""} if name == "gamma" else {}
+    return parameter(name, value, **other)
+
+
 @lru_cache(maxsize=256)
 def _moved(
     forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...], _: str,
@@ -247,14 +272,19 @@ def _moved(
 T = TypeVar("T")
 
 
-def in_time_of_drive(make: Callable[..., T], omega: float, **given: Any) -> T:
-    """Make something of parameters with the time in units of 1/omega; a refusal says so."""
-    check_drive(omega, given["gamma"], given.get("spring"), given.get("lattice"))
-    for name, power in POWERS.items():
-        if given.get(name) is not None:  # of each site, perhaps
-            given[name] = (numbers(name, given[name]) / omega**power).tolist()
+def in_time_of_drive(
+    make: Callable[..., T], omega: float, **given: Any
+) -> tuple[T, dict[str, float]]:
+    """Make something of parameters with the time in units of 1/omega, a refusal says so; and the
+    parameters as they were given, means of those of each site."""
+    known = {name for name in NAMES if given.get(name) is not None}
+    lattice, means = per_site(given["lattice"], {n: given[n] for n in PER_SITE if n in known})
+    given |= {**means, "lattice": lattice}
+    own = {name: _parameter(name, given[name]) for name in NAMES if name in known}
+    check_drive(omega, own["gamma"], own.get("spring"), lattice)
+    scaled = {name: value / omega ** POWERS.get(name, 0) for name, value in own.items()}
     try:
-        return make(**given)
+        return make(**{**given, **scaled}), own
     except ContbreatherError as error:
         if any(f"{name} = " in str(error) for name in NAMES):
             units = f"units of omega = {omega:g}: a, gamma, spring by its square, damping by itself"

@@ -389,7 +389,8 @@ class Fourier(Periodic):
         ------
         BadInput
             For samples that are too few, not over a whole period, not finite, or of which the
-            harmonics leave more than they explain, as of a force that is not periodic.
+            harmonics leave more than they explain, as of a force that is not periodic, or might
+            where a part of the period has none.
 
         Examples
         --------
@@ -424,15 +425,30 @@ class Fourier(Periodic):
                 "give more of them, or `frequency=` if the period is not 2 pi."
             )
         waves = np.exp(1j * rate * np.outer(t, np.arange(highest + 1)))
-        columns = np.hstack([waves.real, waves.imag[:, 1:]])
+        # of mean square 1 over a period
+        columns = np.hstack(
+            [waves.real[:, :1], 2**0.5 * waves.real[:, 1:], 2**0.5 * waves.imag[:, 1:]]
+        )
         # phases are rounded, and columns that are alike differ by as much
         rounding = np.finfo(float).eps * t.size * (1.0 + highest * rate * float(abs(t).max()))
-        found, _, rank, _ = np.linalg.lstsq(columns, F, rcond=rounding)
+        found, _, rank, sizes = np.linalg.lstsq(columns, F, rcond=rounding)
         if rank < columns.shape[1]:
             raise BadInput(
                 f"the samples do not tell harmonics up to {highest} apart: too many are at the "
                 "same place of the period; take fewer harmonics, or sample between."
             )
+        # what they leave may be as much larger, over the period, where no sample shows it
+        explained, rest = np.std(columns @ found), float(np.std(F - columns @ found))
+        unknown = rest * t.size**0.5 / sizes[-1]
+        if rest < explained < unknown:
+            phases = np.sort(rate * t % (2.0 * math.pi))
+            gap = np.diff(phases, append=phases[0] + 2.0 * math.pi).max() / (2.0 * math.pi)
+            raise BadInput(
+                f"no samples in {gap:.2g} of the period: harmonics up to {highest} leave "
+                f"{rest:.3g} elsewhere and may be off by {unknown:.3g} there, more than the "
+                f"{explained:.3g} that they explain; sample there, too, or take fewer harmonics."
+            )
+        found[1:] *= 2**0.5
         cos, sin = found[: highest + 1], np.append(0.0, found[highest + 1 :])
         odd = flag("symmetric", symmetric)
         some = slice(1, None, 2) if odd else slice(None)

@@ -117,13 +117,18 @@ def as_code(typed: str) -> str:
     return f"cb.{make.__name__}({', '.join(given)})"
 
 
-def walls_by(typed: Sequence[str], sites: int | None) -> Any:
-    """The walls of `--walls` as `symmetric` takes them; None where none were typed."""
-    of_all = [_pair(text, text) for text in typed if ":" not in text]
+def walls_by(typed: Sequence[Any], sites: int | None) -> Any:
+    """The walls of `--walls` as `symmetric` takes them, None where none were typed; numbers of a
+    file as they are."""
+    if not all(isinstance(text, str) for text in typed):
+        return typed
+    of_all = [_ends(text, text) for text in typed if ":" not in text]
     by_site = dict(_of_site(text) for text in typed if ":" in text)
     # fewer than were typed: a second pair for all sites, or one site twice
     if len(of_all[:1]) + len(by_site) < len(typed):
         raise BadInput(f"--walls {' '.join(typed)}: one pair for all sites, one for each of them")
+    if by_site and of_all and isinstance(of_all[0], list):
+        raise BadInput(f"--walls {' '.join(typed)}: each site has its own already; leave out SITE:")
     if not by_site or sites is None:
         return of_all[0] if of_all else by_site or None
     return {**dict.fromkeys(range(sites), *of_all), **by_site} if of_all else by_site
@@ -147,18 +152,19 @@ def as_typed(walls: Walls) -> str:
 
 
 def _of_site(text: str) -> tuple[int, Any]:
-    site, _, pair = text.partition(":")
+    site, _, ends = text.partition(":")
     if not site.isdecimal():
         raise BadInput(f"--walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")
-    return int(site), _pair(pair, text)
+    return int(site), _ends(ends, text)
 
 
-def _pair(words: str, text: str) -> tuple[float | None, ...]:
+def _ends(words: str, text: str) -> Any:
+    """A number, a pair or, of more, a list of them."""
     try:
-        low, high = (None if word == "none" else float(word) for word in words.split(","))
+        ends = [None if word == "none" else float(word) for word in words.split(",")]
     except ValueError as error:
         raise BadInput(
-            f"--walls {text}: LOW,HIGH is expected, for instance -1,1; none for a wall that is not "
-            "there"
+            f"--walls {text}: LOW,HIGH is expected, for instance -1,1, or a number for each site; "
+            "none for a wall that is not there"
         ) from error
-    return low, high
+    return (ends[0] if len(ends) == 1 else tuple(ends)) if len(ends) < 3 else ends

@@ -296,8 +296,8 @@ def symmetric(
     damping, spring : float, optional
         ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
         ``spring + 4 gamma < 1``.
-    walls : (low, high) or dict of site and (low, high), optional
-        -1 and 1 unless given, ``low = -high``; on finite lattices.
+    walls : (low, high), one of each site, or dict of site and (low, high), optional
+        -1 and 1 unless given, ``low = -high``, for which a number stands; on finite lattices.
     omega : float
         Frequency of the drive, ``F = a f(omega t)``. Times of the orbit are phases omega t, its
         velocities and p are in d omega; gamma goes up to omega^2/4.
@@ -365,8 +365,8 @@ def symmetric_roots(
     if (frequency := parameter("omega", omega)) != 1.0:
         given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "forcing": forcing, "site": site}
         given |= {"lattice": lattice, "damping": damping, "spring": spring, "walls": walls}
-        orbits = in_time_of_drive(symmetric_roots, frequency, **given)
-        return tuple(replace(orbit, omega=frequency) for orbit in orbits)
+        orbits, own = in_time_of_drive(symmetric_roots, frequency, **given)
+        return tuple(replace(orbit, omega=frequency, given=own) for orbit in orbits)
     held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
     lattice, held = per_site(lattice, held)
     k, damping, stiff = held["k"], held["damping"], real(held["spring"])

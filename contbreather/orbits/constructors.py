@@ -84,7 +84,8 @@ def asymmetric(
     if (frequency := parameter("omega", omega)) != 1.0:
         given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "arm": arm, "forcing": forcing}
         given |= {"lattice": lattice, "inadmissible": inadmissible}
-        return replace(in_time_of_drive(asymmetric, frequency, **given), omega=frequency)
+        orbit, own = in_time_of_drive(asymmetric, frequency, **given)
+        return replace(orbit, omega=frequency, given=own)
     drive, lattice = forcing_of(forcing), lattice_of(lattice)
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, root=1)
     a, gamma, k = start.a, start.gamma, start.k
@@ -186,7 +187,7 @@ def shooting(
         asymmetric.
     a, gamma, k, forcing, damping, spring, omega : optional
         The first three are needed for states and times; all overrule those of other seeds.
-    walls : (low, high) or dict of site and (low, high), optional
+    walls : (low, high), one of each site, or dict of site and (low, high), optional
         -1 and 1 unless given; None in place of a wall that is not there.
     t : float
         Time of a state.
@@ -291,14 +292,14 @@ def _guess(
         if lattice is None and seed.lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
         on = _conditions(overrides, lattice or seed.lattice, seed)
-        return Orbit(from_orbit(seed, on.scaled, sequence, sign), on.omega)
+        return Orbit(from_orbit(seed, on.scaled, sequence, sign), on.omega, on.params)
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
         on = _conditions(overrides, lattice)
-        return Orbit(from_times(on.scaled, section, seed), on.omega)
+        return Orbit(from_times(on.scaled, section, seed), on.omega, on.params)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
     if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
@@ -310,7 +311,7 @@ def _guess(
         raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
     on = _conditions(overrides, lattice or Ring(size))
     flight = from_state(on.scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
-    return Orbit(flight, on.omega)
+    return Orbit(flight, on.omega, on.params)
 
 
 def _conditions(

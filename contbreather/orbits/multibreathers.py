@@ -97,8 +97,8 @@ def multibreather(
     if (frequency := parameter("omega", omega)) != 1.0:
         given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
         given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
-        scaled = in_time_of_drive(multibreather, frequency, choice=choice, **given)
-        return replace(scaled, omega=frequency)
+        scaled, own = in_time_of_drive(multibreather, frequency, choice=choice, **given)
+        return replace(scaled, omega=frequency, given=own)
     at, drive = Walls.given(walls), forcing_of(forcing)
     on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
     branch = _from_the_limit(_singles(choice, on), on)
@@ -304,6 +304,13 @@ class Multibreather(HtmlRepr):
         """True where it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
 
+    def at_frequency(self, omega: float, given: Mapping[str, float]) -> Multibreather:
+        """The entry in the time in which the drive has this frequency."""
+        gamma = given["gamma"] if self.exists else self.gamma * omega**2
+        own = {**given, "gamma": gamma}
+        orbit = self.orbit and replace(self.orbit, omega=omega, given=own)
+        return replace(self, gamma=gamma, orbit=orbit)
+
     def table(self) -> Sheet:
         """Its sites, how far it goes, and what ends it."""
         rows: list[tuple[str, Cell]] = [("sites", ", ".join(map(str, self.sites)))]
@@ -342,14 +349,8 @@ def multibreathers(
     if (frequency := parameter("omega", omega)) != 1.0:
         given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
         given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
-        return tuple(
-            replace(
-                entry,
-                gamma=entry.gamma * frequency**2,
-                orbit=entry.orbit and replace(entry.orbit, omega=frequency),
-            )
-            for entry in in_time_of_drive(multibreathers, frequency, most=most, **given)
-        )
+        found, own = in_time_of_drive(multibreathers, frequency, most=most, **given)
+        return tuple(entry.at_frequency(frequency, own) for entry in found)
     finite(lattice)
     whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
     if not whole or not 1 <= most <= lattice.sites:

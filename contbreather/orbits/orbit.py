@@ -8,8 +8,8 @@ closed form of one symmetric impact, or impacts and the response of the lattice.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -51,6 +51,8 @@ class Orbit(ImpactSequence, HtmlRepr):
     omega : float
         Frequency of the drive. Times are its phases, omega times the time, and velocities, p and
         impulses in d omega: in units of 1/omega the motion is that of the representation.
+    given : dict
+        Parameters in their own unit of time, as they were given; the others are converted.
     section : Section
         Which sites hit which walls, over which time, and how that closes.
     impacts : tuple of Impact
@@ -70,12 +72,13 @@ class Orbit(ImpactSequence, HtmlRepr):
 
     representation: Any  # `ClosedForm` or `ByImpacts`, with what they know besides
     omega: float = 1.0
+    given: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @cached_property
     def conditions(self) -> Conditions:  # type: ignore[override]
         """Parameters, forcing, walls and lattice; each is there by its own name, too."""
         on: Conditions = self.representation.conditions
-        return on.at_frequency(self.omega)
+        return on.at_frequency(self.omega, **self.given)
 
     # --------------------------------------------------------------------------------- motion
 
@@ -151,7 +154,9 @@ class Orbit(ImpactSequence, HtmlRepr):
             return self
         # the representation's own way there, or else Newton's iteration from the same impacts
         own = self.representation.on(lattice)
-        orbit = replace(own, omega=self.omega) if own else self._guessed_on(lattice)
+        orbit = (
+            replace(self, representation=own.representation) if own else self._guessed_on(lattice)
+        )
         if orbit.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
@@ -308,7 +313,11 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     def driven(self, problem: Problem) -> Problem:
         """Equations in the time of the drive as those of this frequency."""
         of_orbits: Any = problem
-        return problem if self.omega == 1.0 else of_orbits.at_frequency(self.omega)
+        return (
+            problem
+            if self.omega == 1.0
+            else of_orbits.at_frequency(self.omega, **self.conditions.params)
+        )
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""
@@ -419,7 +428,7 @@ def orbit_of(
     while True:
         for kind in suitable(on.scaled, section):
             motion = kind.through(on.scaled, section, times, impulses, offsets)
-            return Orbit(motion, on.omega)
+            return Orbit(motion, on.omega, on.params)
         if not section.symmetric:
             break
         # u(t + T/2) = -u(t): the other wall half a period later, with the opposite impulse

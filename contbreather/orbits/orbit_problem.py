@@ -107,9 +107,11 @@ class OrbitProblem(Problem):
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
-    def at_frequency(self, omega: float) -> DrivenProblem:
-        """These equations in the time in which the drive has this frequency, a parameter."""
-        params = {n: value * omega ** POWERS.get(n, 0) for n, value in self.params.items()}
+    def at_frequency(self, omega: float, /, **given: float) -> DrivenProblem:
+        """These equations in the time in which the drive has this frequency, a parameter; others
+        that are known in it are given."""
+        scales = {n: omega ** POWERS.get(n, 0) for n in self.params}
+        params = {n: given.get(n, self.params[n] * scale) for n, scale in scales.items()}
         scaled = {n: edges for n, edges in self.domain.items() if n in POWERS}
         domain = {n: edges for n, edges in self.domain.items() if n not in POWERS}
         ties = _TiesOfDrive(self, {n: itemgetter(n) for n in self.params}, scaled)
@@ -118,7 +120,7 @@ class OrbitProblem(Problem):
             {**params, "omega": omega}, events=self.events, label=self.label, record=self.record,
             domain={**domain, "omega": NUMBERS["omega"].domain}, scales=self.scales, ties=ties,
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
-            conditions=self.conditions.at_frequency(omega), threshold=self.threshold,
+            conditions=self.conditions.at_frequency(omega, **params), threshold=self.threshold,
         )  # fmt: skip
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
@@ -216,8 +218,8 @@ class DrivenProblem(TiedProblem, OrbitProblem):
         return {"kind": self.kind, "of": form.pop("kind"), "form": form}
 
     def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
-        inner = self.ties(point.params)
-        return Orbit(self.motion_at(point.x, inner), point.params["omega"])
+        params = point.params
+        return Orbit(self.motion_at(point.x, self.ties(params)), params["omega"], params)
 
     @property
     def walker(self) -> Any:  # type: ignore[override]
@@ -245,7 +247,7 @@ class DrivenProblem(TiedProblem, OrbitProblem):
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         base: Any = self.base.at(**self.start, **self.ties(self.params)).having(*names)
-        return base.at_frequency(self.params["omega"])
+        return base.at_frequency(self.params["omega"], **self.params)
 
 
 @serialised("orbit at a frequency")
@@ -255,7 +257,7 @@ def _driven_from_dict(
     omega, own = params["omega"], {n: v for n, v in params.items() if n != "omega"}
     own |= {n: own[n] / omega ** POWERS[n] for n in POWERS if n in own}
     base = from_dict({"kind": of, **form}, start=start, params=own)
-    driven: Problem = base.at_frequency(omega)
+    driven: Problem = base.at_frequency(omega, **params)
     return driven
 
 

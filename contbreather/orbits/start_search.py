@@ -42,7 +42,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **cond
     Parameters
     ----------
     free : str
-        The parameter: a, gamma, k, damping, spring or one of the forcing.
+        The parameter: a, gamma, k, damping, spring, omega or one of the forcing.
     within : (float, float)
         Where to look for it. A value of `free` among `conditions` is tried first.
     root : int, optional

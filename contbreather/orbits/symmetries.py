@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -118,7 +119,7 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     except BadInput:  # two sites at once, in an order that no section has
         return None
     same = representation.error < SAME + orbit.residual
-    return Orbit(representation, orbit.omega) if same else None
+    return replace(orbit, representation=representation) if same else None
 
 
 def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
@@ -142,7 +143,7 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
         _, _, times, impulses = zip(*impacts, strict=True)
         motion = kind.through(on, section, times, impulses, orbit.offsets)
         if motion.error < SAME:
-            return Orbit(motion, orbit.omega)
+            return replace(orbit, representation=motion)
     return None
 
 

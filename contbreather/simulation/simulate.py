@@ -267,9 +267,9 @@ def simulate(
         `Harmonic`, F = -a cos t, unless given.
     lattice : Ring or Lattice, optional
         A ring of as many sites as the state has, unless given.
-    walls : pair or dict, optional
-        ``(low, high)`` for all sites, or a dict of sites and pairs, None where there is no wall;
-        -1 and 1 unless given.
+    walls : pair, array_like or dict, optional
+        ``(low, high)`` for all sites, one of each, or a dict of sites and pairs, None where there
+        is no wall, a number for both; -1 and 1 unless given.
 
     Returns
     -------

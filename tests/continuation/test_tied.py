@@ -127,6 +127,9 @@ def test_a_parameter_that_is_not_tied_stays_and_one_that_does_not_matter_moves_n
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Named(Problem):
+    shown = ("r",)
+    parting = ("r", "x")
+
     def interpret(self, point):
         return f"x = {point['x']:.3g} at r = {point['r']:.3g}"
 
@@ -137,8 +140,10 @@ class _Named(Problem):
 def test_a_class_is_asked_of_points_of_its_own_problem():
     ring = _Named(lambda x, p: x**2 - p["r"] ** 2, {"x": 2.0}, {"r": 2.0})
     tied = ring.tied({"r": lambda p: p["area"] ** 0.5}, area=4.0)
-    end = cb.trace(tied, "area", within={"area": (4, 9)})[-1]
-    assert end.solution == "x = 3 at r = 3"
+    branch = cb.trace(tied, "area", within={"area": (4, 9)})
+    assert branch[-1].solution == "x = 3 at r = 3"
+    assert cb.plot(branch).axes.get_ylabel() == cb.plot(branch, y="r").axes.get_ylabel()
+    assert tied.parting == ring.parting
     assert tied.images(np.array([1.0]), {"area": 9.0})[0] == pytest.approx(-3.0)
 
 

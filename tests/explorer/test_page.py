@@ -83,7 +83,7 @@ def test_what_the_library_refuses_stands_below_the_button(bare: Page) -> None:
         ("site", "one", "site = &#x27;one&#x27;"),
         ("root", "1.5", "root 1.5: the solutions of (11) are"),
         ("damping", "0.02", "take a ring or another finite lattice"),
-        ("walls", "-1", "--walls -1: LOW,HIGH"),
+        ("walls", "low", "--walls low: LOW,HIGH"),
         ("a", "nan", "a = nan"),
         ("gamma", "0.3", "0 &lt;= gamma &lt; 1/4"),
         ("spring", "-1", "spring = -1"),

@@ -344,6 +344,24 @@ def test_a_fit_is_exact_without_noise_and_leaves_out_what_is_even():
     )
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fit_is_refused_where_what_it_leaves_may_be_larger_than_the_force_in_a_gap(seed):
+    rng = np.random.default_rng(seed)
+    for missing, refused in ((0.1, False), (0.2, False), (0.5, True)):
+        t = 2 * np.pi * (rng.integers(0, 5, 300) + rng.uniform(0.0, 1.0 - missing, 300))
+        # nothing is left of a force of these harmonics: they are known from any part
+        np.testing.assert_allclose(
+            Fourier.fit(t, TRUE.d2f(t)).d2f(TIMES), TRUE.d2f(TIMES), atol=1e-9
+        )
+        for more in (0.02 * rng.normal(size=t.size), 0.02 * np.cos(7 * t)):
+            if refused:
+                with pytest.raises(BadInput, match=f"^no samples in {missing}.* of the period: "):
+                    Fourier.fit(t, TRUE.d2f(t) + more)
+            else:
+                fitted = Fourier.fit(t, TRUE.d2f(t) + more).d2f(TIMES)
+                np.testing.assert_allclose(fitted, TRUE.d2f(TIMES), atol=0.1)
+
+
 @pytest.mark.parametrize(
     ("t", "F", "more", "says"),
     [

@@ -235,6 +235,19 @@ def test_files_hold_branches_and_boundaries_in_the_frequency(tmp_path, lattice):
     assert other["a"][0] == pytest.approx(branch.first("PF")["a"])
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_parameters_come_back_as_they_were_given(name, tmp_path):
+    make, on = CASES[name]
+    given = {n: np.round(on[n] * 1.3**power, 3) for n, power in POWERS.items() if n in on}
+    orbit = make(**{**on, **given}, omega=1.3)
+    branch = cb.trace(orbit, "k", within={"k": (0.6, 0.9)}, steps=cb.Steps(most=1), events=())
+    cb.save(tmp_path / "k.nc", branch)
+    shot = orbit_at(cb.shooting(orbit, sites=orbit.lattice.sites or 9))
+    again = cb.load(tmp_path / "k.nc")[-1].solution
+    for one in (orbit, orbit.solved(), shot, branch[-1].solution, again):
+        assert {n: getattr(one, n) for n in given} == {n: np.mean(x) for n, x in given.items()}
+
+
 def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
     on = Conditions(0.5, 0.08, 0.8)
     assert "omega" not in on.params
@@ -255,9 +268,16 @@ def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
         ({"omega": 0}, "the frequency of the forcing must be a number with 0 < omega <= 1e4"),
         ({"omega": "fast"}, "omega = 'fast': the frequency of the forcing"),
         ({"omega": math.inf}, "omega = inf"),
-        ({"omega": 2.0, "k": 1.5}, "k = 1.5: .* These numbers are in units of omega = 2"),
+        ({"omega": 2.0, "k": 1.5}, r"k = 1.5: .* in that range\.$"),
+        ({"omega": 2.0, "a": -0.5}, "a = -0.5: .* > 0"),
+        (
+            {"omega": 2.0, "lattice": OPEN, "spring": [0.1] * 4},
+            r"spring = \[0.1, 0.1, .* of 5 sites",
+        ),
+        ({"omega": 2.0, "lattice": OPEN, "damping": [0.1, -0.3] * 2 + [0.1]}, "damping = -0.3: .*"),
+        ({"omega": 2.0, "lattice": OPEN, "k": [0.8, 1.3] * 2 + [0.1]}, "k = 1.3: .*"),
         ({"omega": 2.0, "spring": [0.1] * 3}, "one number for each site is for finite lattices"),
-        ({"omega": 2.0, "gamma": "x"}, "gamma = 'x': finite real numbers"),
+        ({"omega": 2.0, "gamma": "x"}, "gamma = 'x': the coupling must be a finite"),
     ],
 )
 def test_frequencies_that_cannot_be_are_refused(on, sentence):

@@ -303,6 +303,21 @@ def test_everything_scales_with_the_distance_of_the_walls() -> None:
     )
 
 
+def test_walls_are_given_for_each_site_in_turn() -> None:
+    on = {"a": 0.9, "gamma": 0.05, "k": 0.8, "lattice": cb.OpenChain(3), "site": 1}
+    for given, wanted in (
+        ([1.0, 1.2, 0.9], {1: 1.2, 2: (-0.9, 0.9)}),
+        (np.array([1.0, 1.2, 1.0]), {1: (-1.2, 1.2)}),
+        (np.array([[-1.2, 1.2]] * 3), (-1.2, 1.2)),
+        ([(-1, 1), 1.2, None], {1: 1.2, 2: None}),
+        ([1, 1, 1], None),
+    ):
+        orbits = [cb.symmetric(**on, walls=walls) for walls in (given, wanted)]
+        assert orbits[0].walls == orbits[1].walls
+        assert orbits[0].p == orbits[1].p
+    assert cb.symmetric(**on, walls=[1.0, 1.2, 0.9]).walls.at(2) == (-0.9, 0.9)
+
+
 ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
 
 

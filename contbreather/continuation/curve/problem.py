@@ -464,6 +464,14 @@ class TiedProblem(Problem):
 
         return asked and interpreted
 
+    @property
+    def shown(self) -> Any:  # type: ignore[override]
+        return self.base.shown
+
+    @property
+    def parting(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.base.parting
+
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.images(x, self.ties(params))
 
