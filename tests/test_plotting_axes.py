@@ -88,6 +88,14 @@ def test_arms_that_asymmetry_does_not_part_are_drawn_by_a_time() -> None:
     assert "asymmetry" not in doubled.names
 
 
+def test_with_what_is_beyond_grazing_momenta_are_drawn() -> None:
+    within = {"a": (0.9, 0.95)}
+    ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
+    tree = cb.diagram(ring, "a", within=within, beyond=True)
+    assert len({len(branch.problem.section.impacts) for branch in tree}) > 1
+    assert plot(tree).axes.get_ylabel() == "$p$"
+
+
 def test_a_problem_says_which_of_its_columns_is_drawn() -> None:
     class Sized(cb.Problem):
         shown = ("size",)

@@ -196,9 +196,13 @@ def _ordinate(branches: Sequence[Branch]) -> str:
 
 
 def _parting(branches: Sequence[Branch]) -> str | None:
-    """Column that tells arms apart, if there are any: mirror images have one size."""
+    """Column that tells arms apart, if there are any: mirror images have one size. Among orbits of
+    other impacts, as beyond GR, neither times nor asymmetries compare."""
     families = zip(_families(branches), branches, strict=True)
-    arms = [(i, arm) for i, arm in families if any(point.parent for point in arm.special)]
+    births = [[point for point in branch.special if point.parent] for branch in branches]
+    if any("beyond" in point.detail for points in births for point in points):
+        return None
+    arms = [(i, arm) for (i, arm), born in zip(families, births, strict=True) if born]
     for name in branches[0].problem.parting if arms else ():
         if any(name not in branch.names for branch in branches):
             continue

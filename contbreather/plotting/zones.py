@@ -162,7 +162,8 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
     # white where there is no breather, also in a dark style
     ax.set(xlabel=canvas.symbol(horizontal), ylabel=canvas.symbol(vertical), facecolor="white")
-    title = f"{letter}{canvas.symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
+    at = [f"{canvas.symbol(name)} = {x:g}" for name, x in (zones.fixed, *zones.held.items())]
+    title = f"{letter}{', '.join(at)}{_chain(zones)}"
     words = ax.set_title(title, loc="left", pad=3)
     pixels = 0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72  # half as wide as high
     words.set_text(fill(title, int(ax.get_window_extent().width / pixels)))

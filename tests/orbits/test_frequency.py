@@ -445,6 +445,7 @@ def test_zones_in_the_frequency_and_the_coupling_have_the_closed_forms():
 def test_zones_in_omega_and_a_are_those_in_gamma_and_a_in_other_coordinates(tmp_path):
     plane = cb.zones(k=0.8, gamma=0.05, within={"omega": (0.55, 1.2)})
     assert (plane.pair, dict(plane.held)) == (("omega", "a"), {"gamma": 0.05})
+    assert cb.plot(plane).axes.get_title(loc="left") == r"$k$ = 0.8, $\gamma$ = 0.05"
     scaled = cb.zones(k=0.8, within={"gamma": (0.05 / 1.2**2, 0.05 / 0.55**2)})
     mine = {p.kind: (0.05 / p["omega"] ** 2, p["a"] / p["omega"] ** 2) for p in plane.special}
     theirs = {p.kind: (p["gamma"], p["a"]) for p in scaled.special}
