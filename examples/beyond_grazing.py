@@ -29,7 +29,7 @@ def roads(axes: object) -> None:
             print(
                 f"{birth.place.name}: {branch[0]['beyond']} at a = {branch[0]['a']:.12f}, {impacts}"
             )
-    cb.plotting.plot_diagram(list(tree), y="p", ax=axes)
+    cb.plotting.plot_diagram(list(tree), ax=axes)
 
 
 def jump(axes: object) -> None:
