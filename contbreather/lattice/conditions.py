@@ -7,10 +7,11 @@ What somebody else has written, a forcing of his own for instance, is not among 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -99,8 +100,8 @@ class Walls:
             if site % sites in own:
                 raise BadInput(f"walls of site {site % sites} are given twice.")
             own[site % sites] = pair
-        if len(own) == sites and len(pairs := {*own.values()}) == 1:
-            return Walls(*pairs)  # the same walls are equal, however they were given
+        if len(own) == sites and len({*own.values()}) == 1:
+            return Walls(own[0])  # the same walls are equal, however they were given
         apart = tuple(sorted(item for item in own.items() if item[1] != self.of_all))
         return Walls(self.of_all, apart) if own else self
 
@@ -191,7 +192,9 @@ class Conditions:
         """Say what is wrong with it, or return it. Derivatives by differences look beyond the edges
         of the domain, where everything is defined still: so this is asked where numbers come in."""
         for name in NAMES:
-            _parameter(name, getattr(self, name))
+            # how far gamma goes its lattice knows: no further than 1/4 on chain and ring
+            other = {"high": math.inf, "why": ""} if name == "gamma" else {}
+            parameter(name, getattr(self, name), **other)
         if self.omega != 1.0:
             check_drive(self.omega, self.gamma, self.spring, self.lattice)
         return self.at({})
@@ -249,12 +252,6 @@ class Conditions:
         return _moved(self.forcing, self.walls, self.lattice, values, name, self.restitution)
 
 
-def _parameter(name: str, value: Any) -> float:
-    """A parameter in any unit of time; its lattice knows how far gamma goes."""
-    other = {"high": math.inf, "why": ""} if name == "gamma" else {}
-    return parameter(name, value, **other)
-
-
 @lru_cache(maxsize=256)
 def _moved(
     forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...], _: str,
@@ -269,25 +266,17 @@ def _moved(
 
 # --- in the time of the drive ---------------------------------------------------------------------
 
-T = TypeVar("T")
 
-
-def in_time_of_drive(
-    make: Callable[..., T], omega: float, **given: Any
-) -> tuple[T, dict[str, float]]:
-    """Make something of parameters with the time in units of 1/omega, a refusal says so; and the
-    parameters as they were given, means of those of each site."""
-    known = {name for name in NAMES if given.get(name) is not None}
-    lattice, means = per_site(given["lattice"], {n: given[n] for n in PER_SITE if n in known})
-    given |= {**means, "lattice": lattice}
-    own = {name: _parameter(name, given[name]) for name in NAMES if name in known}
-    check_drive(omega, own["gamma"], own.get("spring"), lattice)
-    scaled = {name: value / omega ** POWERS.get(name, 0) for name, value in own.items()}
+@contextmanager
+def in_time_of_drive(on: Conditions) -> Iterator[Conditions]:
+    """Conditions with the time in units of 1/omega; a refusal says so."""
     try:
-        return make(**{**given, **scaled}), own
+        yield on if on.omega == 1.0 else on.checked().scaled
     except ContbreatherError as error:
-        if any(f"{name} = " in str(error) for name in NAMES):
-            units = f"units of omega = {omega:g}: a, gamma, spring by its square, damping by itself"
+        if on.omega != 1.0 and any(f"{name} = " in str(error) for name in POWERS):
+            units = (
+                f"units of omega = {on.omega:g}: a, gamma, spring by its square, damping by itself"
+            )
             error.args = (f"{error} These numbers are in {units}.",)
         raise
 

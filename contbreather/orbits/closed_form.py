@@ -362,11 +362,6 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
-    if (frequency := parameter("omega", omega)) != 1.0:
-        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "forcing": forcing, "site": site}
-        given |= {"lattice": lattice, "damping": damping, "spring": spring, "walls": walls}
-        orbits, own = in_time_of_drive(symmetric_roots, frequency, **given)
-        return tuple(replace(orbit, omega=frequency, given=own) for orbit in orbits)
     held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
     lattice, held = per_site(lattice, held)
     k, damping, stiff = held["k"], held["damping"], real(held["spring"])
@@ -375,20 +370,25 @@ def symmetric_roots(
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or stiff)
-    if isinstance(lattice, Lattice) or held_ring:
-        at = Walls.given(walls)
-        on = Conditions(a, gamma, k, damping, stiff, drive, at, lattice).checked()
-        from contbreather.orbits.by_impacts import symmetric_orbits
-
-        return symmetric_orbits(site, on)
-    chain = lattice_of(lattice)
-    if more:
+    if by_modes := isinstance(lattice, Lattice) or held_ring:
+        at, place = Walls.given(walls), lattice
+    elif more:
         parameter("damping", damping)
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
             "finite lattice."
         )
-    if stiff and chain.sites is None:
-        drive = spring_response(drive, InfiniteChain(stiff).spring)
-    return closed_forms(a, gamma, k, drive, chain)
+    else:
+        at, place = Walls(), lattice_of(lattice)
+    on = Conditions(a, gamma, k, damping, stiff, drive, at, place, omega=parameter("omega", omega))
+    with in_time_of_drive(on.checked() if by_modes else on) as scaled:
+        if by_modes:
+            from contbreather.orbits.by_impacts import symmetric_orbits
+
+            orbits = symmetric_orbits(site, scaled)
+        else:
+            if stiff:
+                drive = spring_response(drive, InfiniteChain(scaled.spring).spring)
+            orbits = closed_forms(scaled.a, scaled.gamma, scaled.k, drive, place)
+    return tuple(replace(orbit, omega=on.omega, given=on.params) for orbit in orbits)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,7 +17,7 @@ from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of
-from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
@@ -33,7 +32,7 @@ from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.orbits.section import Section, checked_impacts
-from contbreather.parameters import NAMES, NEEDED, parameter
+from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
 LONGEST = 10_000  # periods of the forcing that a seed is followed over
@@ -81,13 +80,8 @@ def asymmetric(
     (1.093139, 0.0373542)
     """
     one_of("arm", arm, (1, -1))
-    if (frequency := parameter("omega", omega)) != 1.0:
-        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "arm": arm, "forcing": forcing}
-        given |= {"lattice": lattice, "inadmissible": inadmissible}
-        orbit, own = in_time_of_drive(asymmetric, frequency, **given)
-        return replace(orbit, omega=frequency, given=own)
     drive, lattice = forcing_of(forcing), lattice_of(lattice)
-    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, root=1)
+    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, omega=omega, root=1)
     a, gamma, k = start.a, start.gamma, start.k
     reach = {"a": (0.05 * a, 20.0 * a)}
     walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
@@ -96,7 +90,7 @@ def asymmetric(
     for point in (p for p in branch.special if p.kind == "PF"):
         # (t2 - t1 - pi)^2 = coefficient (a - a_PF) to leading order: its sign has the side of the
         # arms
-        coefficient = pitchfork_form(point.solution).coefficient
+        coefficient = pitchfork_form(point.solution).coefficient / start.omega**2
         up = coefficient > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:

@@ -35,7 +35,6 @@ from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import from_arms
 from contbreather.orbits.section import WEAK, Section
 from contbreather.orbits.start_search import grown
-from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
@@ -94,18 +93,14 @@ def multibreather(
     >>> two.section.impacts, bool(two.admissibility())
     (((0, 1), (6, 1)), True)
     """
-    if (frequency := parameter("omega", omega)) != 1.0:
-        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
-        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
-        scaled, own = in_time_of_drive(multibreather, frequency, choice=choice, **given)
-        return replace(scaled, omega=frequency, given=own)
     at, drive = Walls.given(walls), forcing_of(forcing)
-    on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
-    branch = _from_the_limit(_singles(choice, on), on)
-    if branch is None or branch[-1]["gamma"] < on.gamma:
-        raise NoSolution(_refusal(_in_words(choice), branch, on))
-    orbit: Orbit = branch[-1].solution
-    return orbit
+    place = finite(lattice)
+    on = Conditions(a, gamma, k, damping, spring, drive, at, place, omega=omega).checked()
+    with in_time_of_drive(on) as scaled:
+        branch = _from_the_limit(_singles(choice, scaled), scaled)
+        if branch is None or branch[-1]["gamma"] < scaled.gamma:
+            raise NoSolution(_refusal(_in_words(choice), branch, scaled))
+    return replace(branch[-1].solution, omega=on.omega, given=on.params)
 
 
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
@@ -304,13 +299,6 @@ class Multibreather(HtmlRepr):
         """True where it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
 
-    def at_frequency(self, omega: float, given: Mapping[str, float]) -> Multibreather:
-        """The entry in the time in which the drive has this frequency."""
-        gamma = given["gamma"] if self.exists else self.gamma * omega**2
-        own = {**given, "gamma": gamma}
-        orbit = self.orbit and replace(self.orbit, omega=omega, given=own)
-        return replace(self, gamma=gamma, orbit=orbit)
-
     def table(self) -> Sheet:
         """Its sites, how far it goes, and what ends it."""
         rows: list[tuple[str, Cell]] = [("sites", ", ".join(map(str, self.sites)))]
@@ -346,35 +334,34 @@ def multibreathers(
     >>> [(entry.sites, entry.copies, entry.exists) for entry in catalogue]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
-    if (frequency := parameter("omega", omega)) != 1.0:
-        given: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
-        given |= {"spring": spring, "walls": walls, "forcing": forcing, "lattice": lattice}
-        found, own = in_time_of_drive(multibreathers, frequency, most=most, **given)
-        return tuple(entry.at_frequency(frequency, own) for entry in found)
     finite(lattice)
     whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
     if not whole or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
     at, drive = Walls.given(walls), forcing_of(forcing)
-    on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+    on = Conditions(a, gamma, k, damping, spring, drive, at, lattice, omega=omega).checked()
     catalogue: list[Multibreather] = []
-    with partial_result(lambda: tuple(catalogue)):
+    with partial_result(lambda: tuple(catalogue)), in_time_of_drive(on) as scaled:
         for count in range(1, most + 1):
             for sites, copies in _classes(on.lattice, count, on.walls):
-                catalogue.append(_entry(sites, copies, on))
+                catalogue.append(_entry(sites, copies, on, scaled))
     return tuple(catalogue)
 
 
-def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather:
+def _entry(
+    sites: tuple[int, ...], copies: int, on: Conditions, scaled: Conditions
+) -> Multibreather:
     try:
-        branch = _from_the_limit(_singles(sites, on), on)
+        branch = _from_the_limit(_singles(sites, scaled), scaled)
     except NoSolution:  # a site that the forcing does not bring to its walls
         branch = None
     if branch is None:
         return Multibreather(sites, copies, 0.0, "no orbit without coupling", None)
-    end = _farthest(branch)
-    ended = "" if end["gamma"] >= on.gamma else end.kind
-    return Multibreather(sites, copies, float(end["gamma"]), ended, end.solution)
+    end, gamma, ended = _farthest(branch), on.gamma, ""
+    if end["gamma"] < scaled.gamma:
+        gamma, ended = float(end["gamma"]) * on.omega**2, end.kind
+    orbit = replace(end.solution, omega=on.omega, given={**on.params, "gamma": gamma})
+    return Multibreather(sites, copies, gamma, ended, orbit)
 
 
 def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int, ...], int]]:

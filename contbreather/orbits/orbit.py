@@ -154,9 +154,8 @@ class Orbit(ImpactSequence, HtmlRepr):
             return self
         # the representation's own way there, or else Newton's iteration from the same impacts
         own = self.representation.on(lattice)
-        orbit = (
-            replace(self, representation=own.representation) if own else self._guessed_on(lattice)
-        )
+        there = own and replace(self, representation=own.representation)
+        orbit = there or self._guessed_on(lattice)
         if orbit.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
@@ -313,11 +312,9 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     def driven(self, problem: Problem) -> Problem:
         """Equations in the time of the drive as those of this frequency."""
         of_orbits: Any = problem
-        return (
-            problem
-            if self.omega == 1.0
-            else of_orbits.at_frequency(self.omega, **self.conditions.params)
-        )
+        if self.omega != 1.0:
+            of_orbits = of_orbits.at_frequency(self.omega, **self.conditions.params)
+        return of_orbits
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""

@@ -207,7 +207,7 @@ class _TiesOfDrive(Ties):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrivenProblem(TiedProblem, OrbitProblem):
+class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
     """Orbits under a drive of any frequency, by the equations in the time of the drive."""
 
     tested: ClassVar[bool] = True

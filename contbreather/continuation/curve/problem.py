@@ -465,7 +465,7 @@ class TiedProblem(Problem):
         return asked and interpreted
 
     @property
-    def shown(self) -> Any:  # type: ignore[override]
+    def shown(self) -> Any:
         return self.base.shown
 
     @property
