@@ -369,19 +369,17 @@ def symmetric_roots(
     check_symmetric(drive)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
-    held_ring = isinstance(lattice, Ring) and (more or stiff)
-    if by_modes := isinstance(lattice, Lattice) or held_ring:
-        at, place = Walls.given(walls), lattice
-    elif more:
+    by_modes = isinstance(lattice, Lattice) or (isinstance(lattice, Ring) and (more or stiff))
+    place: Any = lattice if by_modes else lattice_of(lattice)
+    if more and not by_modes:
         parameter("damping", damping)
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
             "finite lattice."
         )
-    else:
-        at, place = Walls(), lattice_of(lattice)
-    on = Conditions(a, gamma, k, damping, stiff, drive, at, place, omega=parameter("omega", omega))
+    at, frequency = Walls.given(walls), parameter("omega", omega)
+    on = Conditions(a, gamma, k, damping, stiff, drive, at, place, omega=frequency)
     with in_time_of_drive(on.checked() if by_modes else on) as scaled:
         if by_modes:
             from contbreather.orbits.by_impacts import symmetric_orbits
