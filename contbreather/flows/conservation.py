@@ -12,6 +12,7 @@ E. Doedel and A. Vanderbauwhede, Physica D 181, 1, 2003). Of several quantities 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, partialmethod
@@ -94,11 +95,20 @@ class Unfolded:
 
 @dataclass(frozen=True, eq=False)
 class Conservation:
-    """Conserved quantities, and what is given of an orbit: "period", or the first of them."""
+    """Conserved quantities, and what is given of an orbit: its time, or the first of them."""
 
     quantities: Quantities
     held: str
     across: Array  # (k - 1, n): where orbits are shifted by symmetries, of k quantities
+    time: str = "period"  # or "omega": the frequency
+
+    @property
+    def timed(self) -> bool:
+        return self.held == self.time
+
+    def given(self, p: Params) -> Any:
+        """The period or the level that is held; and the frequency of a period in its place."""
+        return 2 * math.pi / p["omega"] if self.held == "omega" else p[self.held]
 
     @property
     def lambdas(self) -> tuple[str, ...]:

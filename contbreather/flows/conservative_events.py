@@ -56,22 +56,11 @@ def examine_place(place: float, found: Examined, point: Point) -> Examined:
     return unresolved(point) or (found if off < _NEAR else far)
 
 
-def _longer(base: Point) -> tuple[int, Array] | None:
-    kept, layout = equations_of(base).conservation, equations_of(base).layout
-    if kept is None or kept.held != "period":
-        return None
-    return int(layout.lambdas[0]), np.eye(1, layout.size, layout.levels[0])[0]
-
-
-def turn_of_energy(longer: Callable[[Point], tuple[int, Array] | None], point: Point) -> float:
+def turn_of_energy(point: Point) -> float:
     """Solve for the change of the energy along the family at given parameters, for a change of the
-    period: it vanishes where a pair is at +1 and branches do not cross.
-
-    `longer` tells which equation gives the period, and how the energy changes with the unknowns;
-    None where it is given itself.
-    """
+    period: it vanishes where a pair is at +1 and branches do not cross."""
     base = point.base_point
-    if (places := longer(base)) is None:
+    if (places := equations_of(base).longer(base.x, base.params)) is None:
         return math.nan
     matrix, right = base.curve.in_unknowns(base.z), np.eye(1, base.curve.size, places[0])[0]
     if is_sparse(matrix):
@@ -170,7 +159,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     lp = replace(plain, locus=partial(_fold_locus, plain))
     said = {"said": "a fold in the energy, not in the period"}
     turn = Event(
-        "LP", partial(turn_of_energy, _longer), examine=partial(examine_place, 1.0, said),
+        "LP", turn_of_energy, examine=partial(examine_place, 1.0, said),
         locus=Always(rank_locus(partial(singular_with, 1.0))), may_jump=True,
     )  # fmt: skip
     pd = Event(

@@ -22,7 +22,7 @@ from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
 from .cycle_events import events_of_cycle, touches
-from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
+from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of
 from .equations import FlowEquations
 from .flow import Filippov, Flow, period_at, refuse_false_period, value_at
 from .functions import Function, Params, values
@@ -193,7 +193,9 @@ def cycle(
     equations = sparse_where_large(equations, params)
     if events is None:
         events = events_of_cycle(equations)
-    problem_at = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
+    problem_at = partial(
+        CycleProblem.of, params=params, events=tuple(events), label=label or "cycle"
+    )
     closed = _closed(equations, problem_at, params, size)
     if wanted is not None:
         try:

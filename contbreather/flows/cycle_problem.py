@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from .multipliers import around, closing_matrix, of_cycle
 from .rounds import once, twice
 from .sparse_equations import FEW, SparseFlowEquations
 
+UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
 
@@ -157,7 +158,7 @@ class Cycle(HtmlRepr):
     @property
     def paired(self) -> bool:
         """Tell whether multipliers come in pairs, as where something is conserved."""
-        return self.equations.conservation is not None
+        return bool(self.equations.givens)
 
     @cached_property
     def index_form(self) -> tuple[Array, Array | None]:
@@ -262,10 +263,13 @@ class CycleProblem(Problem):
         return tuple(self.residual.parts)
 
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
-        orbit = Cycle(self.residual, np.array(point.x), point.params)
+        orbit = self.orbit(np.array(point.x), point.params)
         if self.keeps_solutions:
-            vars(orbit)["flights"] = self.residual.flights(orbit.x, orbit.params)
+            _ = orbit.flights  # which are kept with it
         return orbit
+
+    def orbit(self, x: Array, params: Params) -> Cycle:
+        return Cycle(self.residual, x, params)
 
     @cached_property
     def keeps_solutions(self) -> bool:  # type: ignore[override]
@@ -396,30 +400,25 @@ class CycleProblem(Problem):
         equations, kept = self.residual, self.residual.conservation
         states = [flight.states.T for flight in equations.start]
         refuse_false_period(equations.flows, states, equations.period, self.params, names)
-        if kept is None:
-            return super().having(*names)
-        refuse_drift(kept.quantities, equations.flows[0].f, states[0], self.params, names)
-        asked = [name for name in ("period", *kept.quantities) if name in names]
-        return self.holding(asked[0]) if asked and asked[0] != kept.held else self
+        if kept is not None:
+            refuse_drift(kept.quantities, equations.flows[0].f, states[0], self.params, names)
+        asked = [name for name in equations.givens if name in names][:1]
+        if asked and asked != [equations.held]:
+            return self.holding(*asked)
+        return self if equations.givens else super().having(*names)
 
     @property
     def freed_in_turn(self) -> tuple[str, ...]:
-        kept = self.residual.conservation
-        return tuple(n for n in ("period", *kept.quantities) if n != kept.held) if kept else ()
+        return tuple(name for name in self.residual.givens if name != self.residual.held)
 
     def holding(self, name: str) -> CycleProblem:
         """Give the period of an orbit in place of its energy, or the other way around."""
-        equations = self.residual
-        assert equations.conservation is not None
-        kept = replace(equations.conservation, held=name)
-        params = {n: value for n, value in self.params.items() if n != equations.conservation.held}
-        problem = problem_of(
-            replace(equations, conservation=kept), params | {name: float(self.start[name])},
-            self.events, self.label,
-        )  # fmt: skip
+        held = self.residual.held
+        value = self.start[name] if name in self.start else getattr(cycle_of(self), name)
+        params = {n: value for n, value in self.params.items() if n != held} | {name: float(value)}
+        problem = self.of(self.residual.holding(name), params, self.events, self.label)
         # the same unknowns in the same order, under other names
-        start = dict(zip(problem.start, self.start.values(), strict=True))
-        return replace(problem, start=start)
+        return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         met = dict.fromkeys(("GR", "VI", "SL"), beyond_contact)
@@ -427,7 +426,39 @@ class CycleProblem(Problem):
 
     def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
         """The cycle at which other equations begin, with the same events."""
-        return problem_of(equations, params, self.events, label or self.label)
+        if (kept := equations.conservation) and kept.timed:  # perhaps twice around
+            params = {**params, kept.held: kept.given({kept.held: equations.start[0].duration})}
+        return self.of(equations, params, self.events, label or self.label)
+
+    @classmethod
+    def of(
+        cls, equations: FlowEquations, params: Params, events: Sequence[Event], label: str
+    ) -> Self:
+        """The problem of a cycle that starts at the orbit which its equations began with."""
+        start = equations.unknowns(equations.start, params)
+        size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
+        whole = sum(flight.duration for flight in equations.start)
+        times = [name for name in ("durations", "period", "held") if name in start][:1]
+        scales = {"orbit": size} | {name: whole for name in (*times, "phase") if name in start}
+        # or steps would be all about what has large numbers, as the frequency of what is fast
+        scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
+        return cls(
+            equations, start, dict(params), events=tuple(events), scales=scales, label=label,
+            record=cls.recorded(equations, {*params, *start}),
+        )  # fmt: skip
+
+    @staticmethod
+    def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
+        """List the columns of orbits, beside parameters and unknowns."""
+        record: dict[str, Any] = {"unstable": UNSTABLE}
+        if len(equations.flows) > 1:
+            record = {"period": attrgetter("solution.period"), **record}
+        if equations.autonomous:
+            record["trivial"] = _trivial
+        for name in equations.parts:
+            record[f"max({name})"] = partial(_extreme, name, 1.0)
+            record[f"min({name})"] = partial(_extreme, name, -1.0)
+        return record
 
 
 def _doubled(point: Point) -> SwitchingProblem:
@@ -437,10 +468,8 @@ def _doubled(point: Point) -> SwitchingProblem:
     multipliers does not.
     """
     problem = point.curve.problem
-    both, params = twice(equations_of(point), np.array(point.x), point.params), point.params
-    if both.conservation and "period" in params:
-        params = {**params, "period": 2 * params["period"]}
-    return at_crossing(problem.of_flows(both, params), point, both=False)
+    both = twice(equations_of(point), np.array(point.x), point.params)
+    return at_crossing(problem.of_flows(both, point.params), point, both=False)
 
 
 def at_crossing(arm: Problem, point: Point, both: bool) -> SwitchingProblem:
@@ -450,29 +479,3 @@ def at_crossing(arm: Problem, point: Point, both: bool) -> SwitchingProblem:
     with suppress(Undefined):
         arm = Point(curve, crossing(curve, curve.start).solution.z).problem
     return SwitchingProblem(arm, free, both=both)
-
-
-def problem_of(
-    equations: FlowEquations, params: Params, events: Sequence[Event], label: str
-) -> CycleProblem:
-    """The problem of a cycle that starts at the orbit which its equations began with."""
-    start = equations.unknowns(equations.start, params)
-    size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
-    times = next(name for name in ("durations", "period", "held") if name in start)
-    record: dict[str, Any] = (
-        {"period": attrgetter("solution.period")} if times == "durations" else {}
-    )
-    record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
-    if equations.autonomous:
-        record["trivial"] = _trivial
-    for name in equations.parts:
-        record[f"max({name})"] = partial(_extreme, name, 1.0)
-        record[f"min({name})"] = partial(_extreme, name, -1.0)
-    whole = sum(flight.duration for flight in equations.start)
-    scales = {"orbit": size} | {name: whole for name in (times, "phase") if name in start}
-    # or steps would be all about what has large numbers, as the frequency of what is fast
-    scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
-    return CycleProblem(
-        equations, start, dict(params), events=tuple(events), record=record, scales=scales,
-        label=label,
-    )  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.curve.point import Point
@@ -221,7 +222,31 @@ class FlowEquations:
         added = [*levels, *[0.0] * len(levels)]
         start |= dict(zip((*kept.quantities, *kept.lambdas), added, strict=True))
         # what is a parameter has another name as an unknown
-        return {"held" if name == kept.held else name: value for name, value in start.items()}
+        held = "period" if kept.timed else kept.held
+        return {"held" if name == held else name: value for name, value in start.items()}
+
+    # --- what is given of an orbit of a family ----------------------------------------------------
+
+    @property
+    def givens(self) -> tuple[str, ...]:
+        """List what may be: parameters of which one is held; none where orbits are isolated."""
+        kept = self.conservation
+        return (kept.time, *kept.quantities) if kept else ()
+
+    @property
+    def held(self) -> str:
+        return self.conservation.held if self.conservation else ""
+
+    def longer(self, x: Array, p: Params) -> tuple[int, Array] | None:
+        """The equation of the period, and how the first quantity changes with unknowns, where the
+        period is held."""
+        if (kept := self.conservation) is None or not kept.timed:
+            return None
+        return int(self.layout.lambdas[0]), np.eye(1, self.layout.size, self.layout.levels[0])[0]
+
+    def holding(self, name: str) -> FlowEquations:
+        assert self.conservation is not None
+        return replace(self, conservation=replace(self.conservation, held=name))
 
     # --- the equations ----------------------------------------------------------------------------
 
@@ -380,7 +405,7 @@ class FlowEquations:
         off its first one along symmetries."""
         layout, begin = self.layout, x[self.layout.nodes[0][0]]
         levels = [values(H, 0.0, begin[:, None], p)[0, 0] for H in kept.quantities.values()]
-        held = x[(layout.lengths if kept.held == "period" else layout.levels)[0]] - p[kept.held]
+        held = x[(layout.lengths if kept.timed else layout.levels)[0]] - kept.given(p)
         off = kept.across @ (begin - self.start[0].states[0])
         return np.concatenate([levels - x[layout.levels], [held], off])
 
@@ -395,9 +420,10 @@ class FlowEquations:
             slope = slopes(H, 0.0, begin[:, None], p, names)[1][0, :, 0]
             row[:n], row[n + 1 + 2 * k :] = slope[:n], slope[n + 1 :]
         rows[:k, n + 1 : n + 1 + k] = -np.eye(k)
-        rows[k, n + (kept.held != "period")] = 1.0
+        rows[k, n + (not kept.timed)] = 1.0
         if kept.held in names:
-            rows[k, n + 1 + 2 * k + names.index(kept.held)] = -1.0
+            slope = kept.given({kept.held: p[kept.held] + 1j * IMAGINARY}).imag / IMAGINARY
+            rows[k, n + 1 + 2 * k + names.index(kept.held)] = -slope
         rows[k + 1 :, :n] = kept.across
         return rows
 

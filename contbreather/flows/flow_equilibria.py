@@ -21,7 +21,7 @@ from ..continuation.curve.problem import Problem
 from .collocation import Collocation, fitted, sizes_of
 from .cycle_constructors import named_state, state_names, with_jacobian
 from .cycle_events import events_of_cycle
-from .cycle_problem import problem_of
+from .cycle_problem import CycleProblem
 from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
 from .functions import Function, Params, at_state
@@ -152,7 +152,7 @@ def _born(point: Point) -> SwitchingProblem:
         equations = FlowEquations(flows, (flight,), None, 1, names, sizes, arrays=arrays)
         equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)
-        curve = Curve(problem_of(equations, params, events, "cycle"), (free,))
+        curve = Curve(CycleProblem.of(equations, params, events, "cycle"), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
         row[equations.layout.nodes[0]] = flight.states - rest
@@ -163,7 +163,7 @@ def _born(point: Point) -> SwitchingProblem:
         if solution.converged:
             first = Point(curve, solution.z)
             equations = replace(equations, start=equations.flights(first.x, first.params))
-            cycle = problem_of(equations, first.params, events, "cycle")
+            cycle = CycleProblem.of(equations, first.params, events, "cycle")
             # beside the origin the orbit says nothing of what it grows to: a hundred times itself
             unit = max(cycle.scales["orbit"], size * amplitude / _AMPLITUDES[0])
             cycle = replace(cycle, scales={**cycle.scales, "orbit": unit})

@@ -15,17 +15,23 @@ from ..continuation.curve.branch import Branch
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
-from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.collocation import Collocation, sizes_of
 from ..flows.cycle_constructors import named_state
 from ..flows.equations import FlowEquations
-from ..flows.flow import Flow
 from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
-from .anticontinuum import coded, half_without_coupling, resonance
-from .attractors import driven_without_coupling, forcing_period, refuse_other_period
+from .anticontinuum import (
+    Uncoupled,
+    coded,
+    driven_without_coupling,
+    forcing_period,
+    half_without_coupling,
+    refuse_other_period,
+    resonance,
+)
 from .breather_events import events_of_breather
-from .breather_problem import COLUMNS, Breather, BreatherProblem, breather_problem
-from .half_orbit import HalfOrbit, SparseHalfOrbit, at_rest, half_period
+from .breather_problem import COLUMNS, Breather, BreatherProblem
+from .half_orbit import HalfOrbit, SparseHalfOrbit, half_period
 from .impacting import between_walls_without_coupling, in_another_order, refuse_impacts_apart
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
@@ -100,6 +106,7 @@ def breather(
     """
     check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
     values = _params(chain, {} if params is None else params, omega)
+    code = coded(chain, code)
     scheme = collocation or WHOLE
     if chain.walls is not None or not chain.dissipative:  # it is made of two halves
         scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
@@ -116,7 +123,7 @@ def breather(
     )
     equations = replace(reached.residual, start=start, sizes=sizes)
     wanted = events_of_breather(equations) if events is None else tuple(events)
-    named = breather_problem(equations, values, wanted, label or "breather")
+    named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
     while collocation is None and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
         problem = problem.halved().solve(tolerance=1e-12)[0]
@@ -133,7 +140,7 @@ def _coarse(orbit: Breather) -> bool:
 
 def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
     """Check parameters, and what the lattice does with them at rest."""
-    _, values = named_state({"u": 0.0}, params, "half", *COLUMNS, "unstable")
+    _, values = named_state({"u": 0.0}, params, *COLUMNS, "unstable")
     values["omega"] = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     if missing := [name for name in chain.names if name not in values]:
         raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
@@ -161,33 +168,24 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
-    walls, sites = chain.walls is not None, tuple(coded(chain, code))
-    if walls:
-        flows, flights, share = between_walls_without_coupling(chain, code, params, scheme)
-    else:
-        alone = driven_without_coupling if chain.dissipative else half_without_coupling
-        flows = (Flow(chain, reset=None if chain.dissipative else at_rest),)
-        flights, share = (alone(chain, code, params, scheme),), 0.0
-    while True:
-        branch = _with_more_coupling(chain, code, flows, flights, {**params, SHARE: share})
-        if branch[-1][SHARE] == 1.0:
-            break
-        other = in_another_order(branch[-1].solution, chain, sites, scheme) if walls else None
+    walls = chain.walls is not None
+    alone = driven_without_coupling if chain.dissipative else half_without_coupling
+    start = (between_walls_without_coupling if walls else alone)(chain, code, params, scheme)
+    while (branch := _with_more_coupling(chain, code, start, params))[-1][SHARE] < 1.0:
+        other = in_another_order(branch[-1].solution, chain, tuple(code), scheme)
         if other is None:
             raise _refusal(chain, code, branch, params["omega"])
-        flows, flights, share = other
+        start = other
     if walls:
         refuse_impacts_apart(branch[-1].solution)
     problem: Any = branch[-1].problem
     return problem
 
 
-def _with_more_coupling(
-    chain: Oscillators, code: Any, flows: tuple[Flow, ...],
-    flights: tuple[TrajectorySegment, ...], params: Params,
-) -> Branch:  # fmt: skip
+def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params: Params) -> Branch:
     """Walk from a share of the coupling, as far as this orbit goes."""
-    sizes = sizes_of(flights)
+    flows, flights, share = begin
+    params, sizes = {**params, SHARE: share}, sizes_of(flights)
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     kind, period = FlowEquations, forcing_period
@@ -195,14 +193,14 @@ def _with_more_coupling(
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
     equations = kind(flows, start, period, 1, names, sizes)
     try:
-        begin = breather_problem(equations, params, (), "").solve(tolerance=1e-11)[0]
+        first = BreatherProblem.of(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:
         raise NoSolution(
             f"{code}: without coupling it cannot be continued; "
             f"{resonance(chain, params['omega'], params)}"
         ) from error
     ends = (replace(fold(), ends="branch"),)
-    return trace(begin, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+    return trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
 
 
 def _refusal(chain: Oscillators, code: Any, branch: Branch, omega: float) -> CouplingEnds:

@@ -31,10 +31,9 @@ from ..flows.conservative_events import (
     conservative_events,
     examine_place,
     meeting,
-    turn_of_energy,
 )
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
-from ..flows.equations import FlowEquations, equations_of
+from ..flows.equations import FlowEquations
 from .half_orbit import HalfOrbit
 
 
@@ -64,16 +63,6 @@ def _turned_around(point: Point) -> float:
     """Measure how near the map from v to u is to another null vector than the orbit's own."""
     half = point.base_point.solution.half_map
     return signed_smallest(np.block([[half.B, half.end[:, None]], [half.start, np.zeros(1)]]))
-
-
-def _longer(base: Point) -> tuple[int, Array] | None:
-    """The equation of the period, and how the energy changes with unknowns, where that is held."""
-    half: Any = equations_of(base)
-    if half.held == "energy":
-        return None
-    change, u = np.zeros(half.layout.size), half.layout.nodes[0][0][: half.chain.sites]
-    change[u] = half.chain.gradient(base.x[u], base.params)
-    return int(half.layout.lengths[0]), change
 
 
 def _at_minus_one(point: Point) -> DefiningSystem:
@@ -132,7 +121,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
         return events_of_cycle(equations)
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     _, turn, branch_point, pd, kc = conservative_events(crossing)
-    turn = replace(turn, test=partial(turn_of_energy, _longer), locus=Always(_locus("vv")))
+    turn = replace(turn, locus=Always(_locus("vv")))
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
     found = partial(examine_place, 1.0, said)
     pf = Event("PF", _turned_around, examine=found, locus=Always(_locus("uu")))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import attrgetter
@@ -14,19 +14,18 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.branches.switching import SwitchingProblem
-from ..continuation.curve.point import Event, Point, UnstableDimension
+from ..continuation.curve.point import Point
 from ..continuation.curve.problem import Problem
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Unfolded, on_axis
 from ..flows.cycle_events import events_of_cycle
-from ..flows.cycle_problem import Cycle, CycleProblem, at_crossing
+from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..one_thread import one_thread
-from .anticontinuum import resonance
-from .attractors import refuse_other_period
-from .half_orbit import HalfOrbit, WholeOrbit
+from .anticontinuum import refuse_other_period, resonance
+from .half_orbit import HalfOrbit, whole_orbit
 from .oscillator_lattice import Oscillators
 
 
@@ -167,10 +166,6 @@ class ReversibleBreather(Breather):
         twice = 2 * half.duration
         return (replace(half, duration=twice, knots=knots, states=states, slopes=slopes),)
 
-    @property
-    def paired(self) -> bool:
-        return True
-
     @cached_property
     @one_thread
     def half_map(self) -> HalfBlocks:
@@ -220,46 +215,19 @@ class BreatherProblem(CycleProblem):
     shown = ("max|u|",)
 
     @property
-    def internals(self) -> frozenset[str]:
-        return super().internals | {"half"}
-
-    @property
     def solution(self) -> Breather:
-        return self._orbit(self.x, self.params)
+        return self.orbit(self.x, self.params)
 
-    def interpret(self, point: Point) -> Breather:  # type: ignore[override]
-        return self._orbit(np.array(point.x), point.params)
-
-    def _orbit(self, x: Array, params: Params) -> Breather:
+    def orbit(self, x: Array, params: Params) -> Breather:
         kind = ReversibleBreather if isinstance(self.residual, HalfOrbit) else Breather
         return kind(self.residual, x, params)
 
-    def modulo(self, x: Array, params: Params) -> dict[str, Any]:
-        return {}
-
     def having(self, *names: str) -> Problem:
-        """Give the energy of an orbit in place of its frequency, or the other way around."""
-        if not isinstance(self.residual, HalfOrbit | WholeOrbit):
-            if "omega" in names:  # where that moves, too
-                omega = 1.01 * self.params["omega"]
-                refuse_other_period(self.solution.chain, {**self.params, "omega": omega})
-            return super().having(*names)
-        asked = [name for name in ("omega", "energy") if name in names]
-        return self.holding(asked[0]) if asked and asked[0] != self.residual.held else self
-
-    @property
-    def freed_in_turn(self) -> tuple[str, ...]:
-        if not isinstance(self.residual, HalfOrbit | WholeOrbit):
-            return super().freed_in_turn
-        return ("energy" if self.residual.held == "omega" else "omega",)
-
-    def holding(self, name: str) -> BreatherProblem:
-        equations: Any = self.residual
-        params = {n: value for n, value in self.params.items() if n != equations.held}
-        params[name] = getattr(self.solution, name)
-        problem = breather_problem(equations.holding(name), params, self.events, self.label)
-        # the same unknowns in the same order, under other names
-        return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
+        """Refuse a drive that has another period where the frequency moves."""
+        if "omega" in names:
+            omega = 1.01 * self.params["omega"]
+            refuse_other_period(self.solution.chain, {**self.params, "omega": omega})
+        return super().having(*names)
 
     def ends_near(self, point: Point) -> str:
         orbit: Breather = point.solution
@@ -270,10 +238,10 @@ class BreatherProblem(CycleProblem):
             return {"PD": _doubled_half, "PF": _whole}.get(kind)
         return super().lift(kind)
 
-    def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
-        if isinstance(equations, WholeOrbit) and equations.held == "omega":  # perhaps twice around
-            params = {**params, "omega": 2 * math.pi / equations.start[0].duration}
-        return breather_problem(equations, params, self.events, label or self.label)
+    @staticmethod
+    def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
+        gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
+        return {n: get for n, get in COLUMNS.items() if n not in gone} | {"unstable": UNSTABLE}
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
@@ -300,25 +268,7 @@ def _doubled_half(point: Point) -> SwitchingProblem:
 def _whole(point: Point) -> SwitchingProblem:
     """Make the whole orbit one of a family that need not be time-reversible."""
     problem = point.curve.problem
-    equations = WholeOrbit.of(problem.residual, point.solution.flights)
+    equations = whole_orbit(problem.residual, point.solution.flights, point.params)
     events = events_of_cycle(equations)
-    family = breather_problem(equations, point.params, events, problem.label)
+    family = BreatherProblem.of(equations, point.params, events, problem.label)
     return at_crossing(family, point, both=True)
-
-
-def breather_problem(
-    equations: FlowEquations, params: Params, events: Sequence[Event], label: str
-) -> BreatherProblem:
-    """The problem of a breather that starts at the orbit which its equations began with."""
-    start = equations.unknowns(equations.start, params)
-    size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
-    whole = sum(flight.duration for flight in equations.start)
-    times = ("half", "period", "durations", "phase", "held")
-    scales = {"orbit": size} | {name: whole for name in times if name in start}
-    gone = {*params, *start, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
-    record: dict[str, Any] = {name: get for name, get in COLUMNS.items() if name not in gone}
-    record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
-    return BreatherProblem(
-        equations, start, dict(params), events=tuple(events), record=record, scales=scales,
-        label=label,
-    )  # fmt: skip

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -36,14 +36,20 @@ from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params, slopes
-from ..flows.sparse_equations import SparseFlowEquations
+from ..flows.sparse_equations import SparseFlowEquations, sparse_where_large
 from .oscillator_lattice import Oscillators
 
 
-def at_rest(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """Put the velocities, which vanish where all ends, in the rows of positions at its start."""
-    v = x[len(x) // 2 :]
-    return np.concatenate([v, 0.0 * v])
+@dataclass(frozen=True)
+class Resting:
+    """Reset that puts what vanishes where all ends in the rows of what does not at its start: of
+    "vv" velocities vanish at both ends."""
+
+    parts: str
+
+    def __call__(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+        end = np.split(x, 2)["uv".index(self.parts[1])]
+        return np.concatenate([end, 0.0 * end] if self.parts[0] == "v" else [0.0 * end, end])
 
 
 def half_period(t: Any, x: Any, p: Params) -> Any:
@@ -55,20 +61,32 @@ class HalfOrbit(FlowEquations):
     """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
 
     held: str = "omega"  # what is given of it
+    rest: str = "vv"  # and which part vanishes at its start, and where it ends
 
     @property
     def chain(self) -> Oscillators:
         return cast("Oscillators", self.flows[0].f)
 
     @property
-    def standing(self) -> Array:  # where it begins velocities vanish
-        return np.repeat([0.0, 1.0], self.chain.sites)
+    def standing(self) -> Array:
+        return np.repeat([float(part == self.rest[:1]) for part in "uv"], self.chain.sites)
 
     def unknowns(
         self, flights: Sequence[TrajectorySegment], p: Params | None = None
     ) -> dict[str, Any]:
         start = super().unknowns(flights, p)
-        return {"half" if name == "period" else name: value for name, value in start.items()}
+        return {"held" if name == "period" else name: value for name, value in start.items()}
+
+    @property
+    def givens(self) -> tuple[str, ...]:
+        return "omega", "energy"
+
+    def longer(self, x: Array, p: Params) -> tuple[int, Array] | None:
+        if self.held == "energy":
+            return None
+        change, u = np.zeros(self.layout.size), self.layout.nodes[0][0][: self.chain.sites]
+        change[u] = self.chain.gradient(x[u], p)
+        return int(self.layout.lengths[0]), change
 
     def holding(self, name: str) -> HalfOrbit:
         return replace(self, held=name)
@@ -89,40 +107,32 @@ class HalfOrbit(FlowEquations):
         slope[first.size + 1 :] -= [name == "energy" for name in names]
         columns = np.append(first, self.layout.size + np.arange(len(names)))
         row = _entries(shape, np.full(columns.shape, last), columns, np.delete(slope, first.size))
-        kept = np.delete(np.arange(shape[0]), last)
-        return _with_rows(matrix, kept, kept, row)
+        others: Any = sparse.diags_array(1.0 * (np.arange(shape[0]) != last))
+        edited = others @ matrix + row
+        return canonical(edited) if is_sparse(edited) else edited
 
     def _energy(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.energy(x, p)
 
     # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
 
-    @cached_property
-    def open(self) -> FlowEquations:
-        """The same of which nothing vanishes: its first rows are ``x(0) - x(T/2)``."""
-        kind = SparseFlowEquations if isinstance(self, SparseHalfOrbit) else FlowEquations
-        return kind((Flow(self.chain),), self.start, half_period, 1, self.states, self.sizes)
+    @lru_cache(maxsize=64)  # noqa: B019 - as for a property
+    def _closed(self, rest: str) -> HalfOrbit:
+        reset, held = Resting(rest) if rest else None, "energy" if rest == "vv" else "omega"
+        return replace(self, flows=(Flow(self.chain, reset=reset),), rest=rest, held=held)
 
     def closed_by(self, rest: str, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """Differentiate in unknowns and named parameters the equations of perturbations of which
         these parts vanish at both of their ends: "uu" and, at a given energy, "vv" have the
         multiplier 1, "uv" and "vu" -1. For "" none does, the first rows are ``-x(T/2)``."""
-        matrix: Any = self.open.derivatives(x, p, names)
-        shape, first, n = matrix.shape, self.layout.nodes[0][0], self.chain.sites
-        matrix = matrix - _entries(shape, first, first)
-        if not rest:
-            return matrix
-        u, v = np.split(first, 2)
-        start, end = ({"u": u, "v": v}[part] for part in rest)
-        kept, own = np.delete(np.arange(shape[0]), first), _entries(shape, start, start)
+        matrix: Any = self._closed(rest).derivatives(x, p, names)
         if rest == "uu":  # the orbit's own velocity is one of them: across that alone
-            ends = x[first], self.flights(x, p)[0].end
-            speeds = [self.chain(0.0, state, p)[n:] for state in ends]
-            last = np.full(n, self.layout.lengths[0])
-            own = own + _entries(shape, last, v, speeds[0]) + _entries(shape, v, last, speeds[1])
-        to = np.append(kept, np.setdiff1d(first, start))
-        matrix = _with_rows(matrix, to, np.append(kept, end), own)
-        return self._at_energy(matrix, x, p, names) if rest == "vv" else matrix
+            first, n, ends = self.layout.nodes[0][0], self.chain.sites, self.flights(x, p)[0].end
+            v, last = first[n:], np.full(n, self.layout.lengths[0])
+            start, end = (self.chain(0.0, state, p)[n:] for state in (x[first], ends))
+            speeds = _entries(matrix.shape, last, v, start), _entries(matrix.shape, v, last, end)
+            matrix = matrix + speeds[0] + speeds[1]
+        return matrix
 
     def pairs(self, index: float) -> tuple[Any, Any]:
         """Matrices L, affine in the index, and E of what is singular where a pair of multipliers
@@ -144,8 +154,11 @@ class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
 
     @property
     def closing(self) -> tuple[Any, Any]:
-        u, v = np.split(np.arange(2 * self.chain.sites), 2)
-        return u, v
+        if not self.rest:
+            return super().closing
+        both = np.arange(2 * self.chain.sites).reshape(2, -1)
+        start, end = ("uv".index(part) for part in self.rest)
+        return both[1 - start], both[end]
 
 
 def _entries(shape: tuple[int, int], rows: Array, columns: Array, values: Any = 1.0) -> Any:
@@ -153,49 +166,13 @@ def _entries(shape: tuple[int, int], rows: Array, columns: Array, values: Any = 
     return sparse.csc_array(cells, shape)
 
 
-def _with_rows(matrix: Any, to: Array, of: Array, own: Any) -> Matrix:
-    """Put rows of a matrix elsewhere, and add entries."""
-    edited = _entries((own.shape[0],) * 2, to, of) @ matrix + own
-    return canonical(edited) if is_sparse(edited) else edited
-
-
-@dataclass(frozen=True, eq=False)
-class WholeOrbit(FlowEquations):
-    """A conservative orbit that need not be time-reversible, at a given frequency or energy."""
-
-    @classmethod
-    def of(cls, half: HalfOrbit, whole: tuple[TrajectorySegment, ...]) -> WholeOrbit:
-        chain, energies = half.chain, quantities_of(half.chain.energy)
-        (states,) = (flight.states.T for flight in whole)
-        flow = Flow(Unfolded.near(chain, {"lambda": energies["energy"]}, states))
-        kept = Conservation(energies, "energy", np.empty((0, len(states))))
-        kind = SparseWholeOrbit if isinstance(half, SparseFlowEquations) else cls
-        equations = kind((flow,), whole, None, 1, half.states, half.sizes, kept)
-        return equations.holding(half.held)
-
-    @property
-    def held(self) -> str:
-        assert self.conservation is not None
-        return "omega" if self.conservation.held == "period" else "energy"
-
-    def holding(self, name: str) -> WholeOrbit:
-        assert self.conservation is not None
-        held = "period" if name == "omega" else name
-        return replace(self, conservation=replace(self.conservation, held=held))
-
-    def _given(self, kept: Conservation, x: Array, p: Params) -> Array:
-        return super()._given(kept, x, {**p, "period": 2 * half_period(0.0, x, p)})
-
-    def _given_slopes(
-        self, kept: Conservation, x: Array, p: Params, names: tuple[str, ...]
-    ) -> Array:
-        rows = super()._given_slopes(kept, x, p, names)
-        if kept.held == "period" and "omega" in names:  # T - 2 pi / omega
-            column = names.index("omega") - len(names)
-            rows[len(kept.quantities), column] = 2 * math.pi / p["omega"] ** 2
-        return rows
-
-
-@dataclass(frozen=True, eq=False)
-class SparseWholeOrbit(WholeOrbit, SparseFlowEquations):
-    """A whole orbit of many sites."""
+def whole_orbit(
+    half: HalfOrbit, flights: tuple[TrajectorySegment, ...], p: Params
+) -> FlowEquations:
+    """Equations of a conservative orbit that need not be time-reversible, at a given frequency or
+    energy."""
+    energies, states = quantities_of(half.chain.energy), flights[0].states.T
+    flow = Flow(Unfolded.near(half.chain, {"lambda": energies["energy"]}, states))
+    kept = Conservation(energies, half.held, np.empty((0, len(states))), "omega")
+    whole = FlowEquations((flow,), flights, None, 1, half.states, half.sizes, kept)
+    return sparse_where_large(whole, p)

@@ -21,8 +21,7 @@ from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
-from .anticontinuum import coded
-from .attractors import UncoupledSites
+from .anticontinuum import Uncoupled, UncoupledSites
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
@@ -40,6 +39,7 @@ class WallDistance:
     chain: Oscillators
     site: int
     side: int
+    terminal, direction = True, -1.0  # as an event of a simulation
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.walls(0.0, p) - self.side * x[self.site]
@@ -70,36 +70,34 @@ class Bounce:
 
 
 def between_walls_without_coupling(
-    chain: Oscillators, code: Any, given: Params, scheme: Collocation
-) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]:
+    chain: Oscillators, code: dict[int, Any], given: Params, scheme: Collocation
+) -> Uncoupled:
     """Flows, and an orbit of them at a share of the coupling, of impacting sites."""
-    values = coded(chain, code)
     if chain.drive is None:
         raise BadInput(
             "between walls a driven lattice is needed, drive='a*cos(omega*t)' for instance: orbits "
             "of a conservative one from impact to impact are not looked for"
         )
-    if any(value != 1 for value in values.values()):
+    if any(value != 1 for value in code.values()):
         raise BadInput(
             f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
             "drive: what moves half a period later has -1 in the row drive= of its Lattice."
         )
     alone = UncoupledSites(chain, {**given, SHARE: 0.0})
-    orbits = {n: _single(alone, n) for n in values}
-    first = orbits[next(iter(values))].flights[0]
+    orbits = {n: _single(alone, n) for n in code}
+    first = orbits[next(iter(code))].flights[0]
     begin = first.start + 0.5 * first.duration
     x = alone.beside_rest()(np.mod([begin], alone.period))[:, 0]
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
-    share = _LITTLE if len(values) > 1 else 0.0
-    p = {**given, SHARE: share}
-    pieces = _from_impact_to_impact(chain, tuple(values), p, begin, x, scheme)
+    share = _LITTLE if len(code) > 1 else 0.0
+    pieces = _from_impact_to_impact(chain, tuple(code), {**given, SHARE: share}, begin, x, scheme)
     return *pieces, max(share, chain.least_share)
 
 
 def in_another_order(
     orbit: Cycle, chain: Oscillators, sites: tuple[int, ...], scheme: Collocation
-) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float] | None:
+) -> Uncoupled | None:
     """Go on beyond where two sites come to their walls at once: flows, an orbit of them and its
     share of the coupling. None where no flow has shrunk to nothing."""
     if len(sites) == 1 or orbit.durations.min() > _SHRUNK * orbit.period:
@@ -107,9 +105,8 @@ def in_another_order(
     longest = orbit.flights[int(orbit.durations.argmax())]
     begin = longest.start + 0.5 * longest.duration
     share = min(1.0, orbit.params[SHARE] + _BEYOND)
-    p = {**orbit.params, SHARE: share}
-    pieces = _from_impact_to_impact(chain, sites, p, begin, orbit.states(begin), scheme)
-    return *pieces, share
+    p, x = {**orbit.params, SHARE: share}, orbit.states(begin)
+    return *_from_impact_to_impact(chain, sites, p, begin, x, scheme), share
 
 
 def _from_impact_to_impact(
@@ -142,11 +139,8 @@ def _flown(
     last may meet none."""
     n, near = chain.sites, _AT_ONCE * float(chain.walls(0.0, p))
     end = t + time
-    events: Any = [lambda t, x, p, wall=wall: wall(t, x, p) for wall in walls]
-    for event in events:
-        event.terminal, event.direction = True, -1.0
     while t < end:
-        run = chain.run((t, end), x, p, events=events)
+        run = chain.run((t, end), x, p, events=walls)
         t, x = float(run.t[-1]), run.y[:, -1]
         outwards = (w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0)
         met = tuple(outwards) if run.status == 1 else ()

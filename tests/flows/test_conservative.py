@@ -9,7 +9,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import contbreather as cb
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.point import Point
 from contbreather.flows import cycle_of
+from contbreather.flows.rounds import twice
 
 from .test_cycle import variational
 
@@ -356,3 +359,14 @@ def test_a_family_that_grows_into_where_nothing_is_conserved_says_so() -> None:
 def test_what_is_conserved_is_said_where_it_is_missing() -> None:
     with pytest.raises(cb.NotConverged, match=r"where energy is conserved .say so by conserves=."):
         cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0})
+
+
+def test_an_orbit_of_a_family_that_goes_around_twice_is_also_one_of_half_the_period() -> None:
+    """What is given of it, the period, is that of the single turn then."""
+    problem = cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0}, conserves=of_duffing)
+    double = problem.of_flows(twice(problem.residual, problem.x, problem.params), problem.params)
+    curve = Curve(double, ("b",))
+    single = double.simpler(Point(curve, curve.start)).solve()[0]
+    assert double.params["period"] == pytest.approx(2 * problem.params["period"])
+    assert single.params["period"] == pytest.approx(problem.params["period"])
+    assert single.start["energy"] == pytest.approx(0.75)

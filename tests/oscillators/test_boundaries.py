@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.flows.cycle_events import events_of_cycle
-from contbreather.oscillators.breather_problem import breather_problem
-from contbreather.oscillators.half_orbit import SparseHalfOrbit, WholeOrbit
+from contbreather.oscillators.breather_problem import BreatherProblem
+from contbreather.oscillators.half_orbit import SparseHalfOrbit, whole_orbit
 
 MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
 CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
@@ -166,7 +166,7 @@ def test_curves_are_the_same_where_nothing_is_eliminated(kind: str) -> None:
     few = make()
     half, middle = few.residual, few.params[other]
     of = half.flows, half.start, half.period, half.turns, half.states, half.sizes
-    many = breather_problem(SparseHalfOrbit(*of), few.params, few.events, "")
+    many = BreatherProblem.of(SparseHalfOrbit(*of), few.params, few.events, "")
     ends = []
     for problem in (few, many.solve(tolerance=1e-12)[0]):
         branch = cb.trace(problem, free, within={free: window}, towards="up")
@@ -179,8 +179,8 @@ def test_curves_are_the_same_where_nothing_is_eliminated(kind: str) -> None:
 def test_of_orbits_that_are_not_taken_as_half_pd_is_switched_at_as_well() -> None:
     """The same orbit as the whole of itself doubles into the same family."""
     start = CASES["PD"][0]()
-    whole = WholeOrbit.of(start.residual, start.solution.flights)
-    same = breather_problem(whole, start.params, events_of_cycle(whole), "").solve()[0]
+    whole = whole_orbit(start.residual, start.solution.flights, start.params)
+    same = BreatherProblem.of(whole, start.params, events_of_cycle(whole), "").solve()[0]
     ends = []
     for problem in (start, same):
         point = cb.trace(problem, "omega", within={"omega": (1.95, 2.03)}, towards="up").first("PD")

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
-from contbreather.oscillators.breather_problem import breather_problem
+from contbreather.oscillators.breather_problem import BreatherProblem
 from contbreather.oscillators.half_orbit import SparseHalfOrbit
 
 HARD, LINEAR = "u**2/2 + u**4/4", "c*r**2/2"
@@ -67,7 +67,7 @@ def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> 
     half = few.residual
     of = half.flows, half.start, half.period, half.turns, half.states, half.sizes
     sparse = SparseHalfOrbit(*of)
-    many = breather_problem(sparse, few.params, few.events, "").solve(tolerance=1e-12)[0]
+    many = BreatherProblem.of(sparse, few.params, few.events, "").solve(tolerance=1e-12)[0]
     assert many.x.size > 4 * few.x.size
     mu, nu = (problem.solution.indices for problem in (few, many))
     np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(nu), atol=1e-10)
