@@ -16,7 +16,6 @@ from scipy import sparse
 from ..continuation.algebra.linear_algebra import least_singular
 from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import Matrix, canonical
-from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import vanishing
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
@@ -120,11 +119,11 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     if not isinstance(equations, HalfOrbit):
         return events_of_cycle(equations)
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
-    _, turn, branch_point, pd, kc = conservative_events(crossing)
+    lp, turn, branch_point, pd, kc = conservative_events(crossing)
     turn = replace(turn, locus=Always(_locus("vv")))
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
     found = partial(examine_place, 1.0, said)
     pf = Event("PF", _turned_around, examine=found, locus=Always(_locus("uu")))
     kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
-    return fold(), turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc, born
+    return lp, turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc, born

@@ -106,6 +106,7 @@ def test_boundaries_are_where_blocks_of_the_half_map_lose_rank(kind: str) -> Non
     line = cb.boundary(next(points), (other, free), within={other: around})
     assert len(line) >= 5
     assert np.ptp(line[other]) > 0.9 * (around[1] - around[0])
+    assert not {"BT", "ZH"} & {point.kind for point in line.special}  # which are of equilibria
     K = stiffness(start.solution.lattice)
     for point in (line[0], line[len(line) // 2], line[-1]):
         u, v = point.base_point.solution.state()
