@@ -24,7 +24,7 @@ from ..continuation.algebra.sparse import Matrix, any_vector, cut_in_two, factor
 from .collocation import ROUNDING, Slopes, TrajectorySegment, reached
 from .equations import FlowEquations, Layout, Linear, Places, SolvedPlace
 from .flow import Flow
-from .functions import Params, values
+from .functions import Params, slopes, values
 
 FEW = 40  # states, from which on what is eliminated costs more than what is sparse
 MANY = 250  # states up to which all multipliers are had
@@ -231,7 +231,14 @@ class SparseFlowEquations(FlowEquations):
         yield knots, left, -steps
         yield knots, right, steps
         yield knots, knots[-1], -longer
-        if self.autonomous:
+        if flow.until:  # of the state where all ends, and its time
+            at = flight.last, flight.end[:, None], full, unfolded
+            slope, weights = slopes(flow.until, *at)[1][0, :, 0], self._ends[:, None]
+            n = flight.dimension
+            yield length, layout.nodes[0][-1], (1 - weights.sum()) * slope[:n]
+            yield length, inside[-1], weights * slope[:n]
+            yield length, np.append(length, parameters), slope[n:]
+        elif self.autonomous:
             yield length, layout.nodes[0].ravel(), self._phase
         else:
             yield length, np.append(length, parameters), self._of_period(0, p, names)

@@ -26,18 +26,14 @@ from ..continuation.systems.defining_systems import (
     rank_locus,
     signed_smallest,
 )
-from ..flows.conservative_events import (
-    conservative_events,
-    examine_place,
-    meeting,
-)
+from ..flows.conservative_events import conservative_events, examine_place, meeting
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.equations import FlowEquations
 from .half_orbit import HalfOrbit
 
 
 def _closed(rest: str, curve: Curve, z: Array) -> Matrix:
-    """The equations of other perturbations than those of the orbit, see `HalfOrbit.closed`."""
+    """The equations of other perturbations than those of the orbit, see `HalfOrbit.closed_by`."""
     half: HalfOrbit = curve.problem.residual
     return half.closed_by(rest, z[: curve.size], curve.params(z), curve.free)
 

@@ -225,7 +225,7 @@ class BreatherProblem(CycleProblem):
     def having(self, *names: str) -> Problem:
         """Refuse a drive that has another period where the frequency moves."""
         if "omega" in names:
-            omega = 1.01 * self.params["omega"]
+            omega = 1.01 * self.params.get("omega", 1.0)
             refuse_other_period(self.solution.chain, {**self.params, "omega": omega})
         return super().having(*names)
 

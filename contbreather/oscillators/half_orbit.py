@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, cast
 
 import numpy as np
@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import Matrix, canonical, is_sparse
+from ..continuation.algebra.sparse import Matrix
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
-from ..flows.functions import Params, slopes
+from ..flows.functions import Params
 from ..flows.sparse_equations import SparseFlowEquations, sparse_where_large
 from .oscillator_lattice import Oscillators
 
@@ -56,12 +56,15 @@ def half_period(t: Any, x: Any, p: Params) -> Any:
     return math.pi / p.get("omega", 1.0)  # where it is none the energy is given
 
 
+def _energy_above(chain: Oscillators, t: Any, x: Any, p: Params) -> Any:
+    return chain.energy(x, p) - p.get("energy", 0.0)  # of perturbations it may be any
+
+
 @dataclass(frozen=True, eq=False)
 class HalfOrbit(FlowEquations):
     """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
 
-    held: str = "omega"  # what is given of it
-    rest: str = "vv"  # and which part vanishes at its start, and where it ends
+    rest: str = "vv"  # which part vanishes at its start, and where it ends
 
     @property
     def chain(self) -> Oscillators:
@@ -88,44 +91,27 @@ class HalfOrbit(FlowEquations):
         change[u] = self.chain.gradient(x[u], p)
         return int(self.layout.lengths[0]), change
 
+    @property
+    def held(self) -> str:
+        return "omega" if self.period else "energy"
+
     def holding(self, name: str) -> HalfOrbit:
-        return replace(self, held=name)
-
-    def _condition(self, i: int, x: Array, flight: TrajectorySegment, p: Params) -> float:
-        if self.held == "omega":
-            return super()._condition(i, x, flight, p)
-        return float(self._energy(0.0, flight.states[0], p) - p["energy"])
-
-    def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
-        matrix = super().derivatives(x, p, names)
-        return matrix if self.held == "omega" else self._at_energy(matrix, x, p, names)
-
-    def _at_energy(self, matrix: Any, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
-        """Put the equation of the energy in the place of that of the period."""
-        shape, first, last = matrix.shape, self.layout.nodes[0][0], self.layout.lengths[0]
-        slope = slopes(self._energy, 0.0, x[first][:, None], p, names)[1][0, :, 0]
-        slope[first.size + 1 :] -= [name == "energy" for name in names]
-        columns = np.append(first, self.layout.size + np.arange(len(names)))
-        row = _entries(shape, np.full(columns.shape, last), columns, np.delete(slope, first.size))
-        others: Any = sparse.diags_array(1.0 * (np.arange(shape[0]) != last))
-        edited = others @ matrix + row
-        return canonical(edited) if is_sparse(edited) else edited
-
-    def _energy(self, t: Any, x: Any, p: Params) -> Any:
-        return self.chain.energy(x, p)
-
-    # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
+        return self._with(self.rest, name)
 
     @lru_cache(maxsize=64)  # noqa: B019 - as for a property
-    def _closed(self, rest: str) -> HalfOrbit:
-        reset, held = Resting(rest) if rest else None, "energy" if rest == "vv" else "omega"
-        return replace(self, flows=(Flow(self.chain, reset=reset),), rest=rest, held=held)
+    def _with(self, rest: str, held: str) -> HalfOrbit:
+        until = None if held == "omega" else partial(_energy_above, self.chain)
+        flow = Flow(self.chain, until=until, reset=Resting(rest) if rest else None)
+        return replace(self, flows=(flow,), period=None if until else half_period, rest=rest)
+
+    # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
 
     def closed_by(self, rest: str, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """Differentiate in unknowns and named parameters the equations of perturbations of which
         these parts vanish at both of their ends: "uu" and, at a given energy, "vv" have the
         multiplier 1, "uv" and "vu" -1. For "" none does, the first rows are ``-x(T/2)``."""
-        matrix: Any = self._closed(rest).derivatives(x, p, names)
+        closed = self._with(rest, "energy" if rest == "vv" else "omega")
+        matrix: Any = closed.derivatives(x, p, names)
         if rest == "uu":  # the orbit's own velocity is one of them: across that alone
             first, n, ends = self.layout.nodes[0][0], self.chain.sites, self.flights(x, p)[0].end
             v, last = first[n:], np.full(n, self.layout.lengths[0])

@@ -165,6 +165,8 @@ def test_energy_and_frequency_are_each_other_s_parameter() -> None:
     energy = cb.trace(start, "omega", within={"omega": (1.5, 1.7)})[-1]["energy"]
     back = cb.trace(start, "energy", within={"energy": (1.0, energy)})[-1]
     assert back["omega"] == pytest.approx(1.7, abs=1e-8)
+    again = cb.trace(back.problem, "omega", within={"omega": (1.5, 1.8)}, towards="down")[-1]
+    assert again["energy"] == pytest.approx(start.solution.energy, abs=1e-8)
 
 
 def test_potentials_may_be_functions() -> None:
