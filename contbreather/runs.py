@@ -14,7 +14,12 @@ def _orbits() -> None:  # their equations, events and zones
     from contbreather.orbits import by_impacts, orbit_events, zone_diagram  # noqa: F401
 
 
+def _oscillators() -> None:
+    from contbreather.oscillators import breather_constructors  # noqa: F401
+
+
 later(_simulation)
+later(_oscillators)
 later(_orbits)
 
 __all__ = ["Run", "load", "save"]

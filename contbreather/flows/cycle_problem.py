@@ -39,6 +39,13 @@ UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 UNRESOLVED = 5e-3
 
 
+class MultiplierArray(np.ndarray[Any, np.dtype[np.complex128]]):
+    """Multipliers of an orbit; called, as those of an orbit with impacts are, an array of them."""
+
+    def __call__(self) -> NDArray[np.complex128]:
+        return np.asarray(self)
+
+
 @dataclass(frozen=True, eq=False)
 class Cycle(HtmlRepr):
     """A periodic orbit: where it is at any time, its period and its multipliers.
@@ -151,9 +158,9 @@ class Cycle(HtmlRepr):
         return float(ones[abs(ones - 1).argmax()]) if ones.size else math.nan
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> MultiplierArray:
         mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
-        return mu[np.argsort(-abs(mu), kind="stable")]
+        return mu[np.argsort(-abs(mu), kind="stable")].view(MultiplierArray)
 
     @property
     def paired(self) -> bool:
@@ -206,12 +213,13 @@ class Cycle(HtmlRepr):
             "collocation=Collocation(intervals=...)"
         )
 
+    def _sizes(self) -> dict[str, float]:
+        ends = {"min": self.min, "max": self.max}
+        return {f"{what}({n})": value for what in ends for n, value in ends[what].items()}
+
     def table(self) -> Sheet:
         rows: list[tuple[str, Any]] = [("period", self.period)]
-        rows += [(name, float(value)) for name, value in self.params.items()]
-        rows += [
-            (f"{what}({n})", v) for what in ("min", "max") for n, v in getattr(self, what).items()
-        ]
+        rows += [(name, float(value)) for name, value in {**self.params, **self._sizes()}.items()]
         leading = self.multipliers[:12].tolist()  # of a large flow there are many
         rows += [(f"multiplier {i}", mu) for i, mu in enumerate(leading, 1)]
         return Sheet.of(rows)

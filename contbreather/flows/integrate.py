@@ -258,6 +258,11 @@ def integrate(
     state = row("the start", list(x0.values()) if named else x0, "a number for each state")
     if perturb is not None:
         added = numbers("perturb", perturb)
+        if added.shape not in ((), state.shape):
+            raise BadInput(
+                f"perturb has shape {added.shape}: a size, or one number for each of {state.size} "
+                "states was expected"
+            )
         way = np.cos(np.arange(1.0, state.size + 1) ** 2)  # no symmetry of anything
         state = state + (added if added.ndim else added * abs(state).max() * way)
     params = {name: float(numbers(name, value)) for name, value in dict(params).items()}
@@ -268,9 +273,9 @@ def integrate(
     if periods is not None:
         length = period(params) if callable(period) else period
         length = number("period", length, 1e-300, 1e300, "a positive time")
-        end = t0 + length * number("periods", periods, 1e-300, MOST, "how many")
+        end = t0 + length * number("periods", periods, 1e-300, MOST, "how many, above 0")
     elif time is not None:
-        end = t0 + number("time", time, 1e-300, 1e300, "how long")
+        end = t0 + number("time", time, 1e-300, 1e300, "how long, above 0")
     names = tuple(x0 if named else (f"x{i}" for i in range(1, state.size + 1)))
     if method not in _METHODS:
         raise BadInput(f"method = {brief(method)}: one of {', '.join(_METHODS)} was expected")

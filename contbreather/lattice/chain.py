@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, whole
+from contbreather.checks import brief, number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import (
     UniformLattice,
@@ -19,7 +19,7 @@ from contbreather.lattice.band_averages import (
     means_of_chains,
     quarter_wave,
 )
-from contbreather.lattice.finite import PlaneWaves, plane_waves
+from contbreather.lattice.finite import ROWS, PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
@@ -121,6 +121,14 @@ class Ring(UniformLattice):
     spring = 0.0  # closed forms of rings are without
     uniform = True
     highest_gamma = NUMBERS["gamma"].domain[1]  # of curves
+
+    def __new__(cls, *sites: int, **given: Any) -> Ring:
+        for name in (name for name in ROWS if name in given):
+            raise BadInput(
+                f"{name} = {brief(given[name])}: all sites of a ring are alike; rows are of "
+                f"Lattice(stiffness, {name}=), masses also of Oscillators"
+            )
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", whole("sites", self.sites, 1))

@@ -91,10 +91,7 @@ class NormalModes(NamedTuple):
 
     def at(self, n: ArrayLike) -> FloatArray:
         """Value of each mode at the sites n, shape ``(..., K)``."""
-        sites = np.asarray(n)
-        if ((sites < 0) | (sites >= len(self.masses))).any():
-            raise BadInput(f"n = {n!r}: sites of this lattice are 0 to {len(self.masses) - 1}.")
-        return np.asarray(self.shapes[sites])
+        return np.asarray(self.shapes[whole_sites(n, len(self.masses))])
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
         """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
@@ -405,6 +402,19 @@ def by_matrix(lattice: Finite) -> Lattice:
     if isinstance(lattice, Lattice):
         return lattice
     return Lattice(stiffness_of(lattice), name=lattice.describe().partition(" of")[0])
+
+
+def whole_sites(n: ArrayLike, count: float = math.inf) -> NDArray[np.int64]:
+    """Numbers of sites, of a lattice of so many, or a sentence."""
+    try:
+        sites = np.asarray(n)
+    except ValueError:  # rows of different lengths
+        sites = np.array(math.nan)
+    if sites.dtype.kind not in "iu":
+        raise BadInput(f"n = {n!r}: sites are whole numbers.")
+    if count < math.inf and ((sites < 0) | (sites >= count)).any():
+        raise BadInput(f"n = {n!r}: sites of this lattice are 0 to {count - 1}.")
+    return sites.astype(np.int64)
 
 
 def finite(lattice: Any) -> Finite:

@@ -21,7 +21,7 @@ from contbreather.checks import check_kind, flag, number, numbers, row
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.finite import finite
+from contbreather.lattice.finite import finite, whole_sites
 from contbreather.orbits.clearance import Admissibility, clearance
 from contbreather.orbits.impact_sequence import ImpactSequence
 from contbreather.orbits.section import Section, check_order
@@ -361,17 +361,6 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         # at a located grazing the margin is 0 but for rounding: no reason to refuse it
         mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return f"<Orbit of {self.describe()}; {shown}; residual {self.residual:.1e}{mark}>"
-
-
-def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
-    """Numbers of sites, or a sentence."""
-    try:
-        sites = np.asarray(n)
-    except ValueError:  # rows of different lengths
-        sites = np.array(math.nan)
-    if sites.dtype.kind not in "iu":
-        raise BadInput(f"n = {n!r}: sites are whole numbers.")
-    return sites.astype(np.int64)
 
 
 # the closed form costs less than the equations, which suit any finite lattice

@@ -121,9 +121,11 @@ def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
         given = {}
     known = all(isinstance(n, int | np.integer) and 0 <= n < chain.sites for n in given)
     if not given or not known:
+        shape = getattr(chain.lattice, "shape", None)
+        grid = f" Site (i, j) of this grid has the number {shape[1]} i + j." if shape else ""
         raise BadInput(
             f"code = {brief(code)}: a dict of sites, from 0 to {chain.sites - 1}, and 1, -1 or an "
-            "amplitude for each was expected, {5: 1} for instance."
+            f"amplitude for each was expected, {{5: 1}} for instance.{grid}"
         )
     return {int(n): value for n, value in given.items()}
 

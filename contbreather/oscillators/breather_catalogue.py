@@ -12,10 +12,11 @@ import networkx as nx
 import numpy as np
 from scipy import sparse
 
-from ..checks import whole
+from ..checks import check_kind, whole
 from ..errors import NoSolution, partial_result
 from ..orbits.multibreathers import exchanges_of_sites
 from ..tables import HtmlRepr, Sheet
+from .anticontinuum import coded
 from .breather_constructors import CouplingEnds, breather
 from .breather_problem import BreatherProblem
 from .oscillator_lattice import Oscillators
@@ -101,6 +102,7 @@ def breathers(
     {0: 1, 2: 1} 10 True 1
     {0: 1, 2: -1} 10 True 0
     """
+    check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
     catalogue: list[CodedBreather] = []
     how |= {"omega": omega, "params": params}
     with partial_result(lambda: tuple(catalogue)):
@@ -118,7 +120,7 @@ def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[C
     """Codes up to symmetries, with the size of each class, in their order."""
     values = ("high",) if chain.dissipative else (1, -1)
     if isinstance(sites, Iterable):
-        groups = [tuple(sorted(whole("sites", n, 0) for n in sites))]
+        groups = [tuple(sorted(coded(chain, [*sites])))]
     else:
         counts = range(1, min(whole("sites", sites, 1), chain.sites) + 1)
         groups = [g for n in counts for g in itertools.combinations(range(chain.sites), n)]

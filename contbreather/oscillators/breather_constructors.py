@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind, number
+from ..continuation.algebra.newton import Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.branch import Branch
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged
-from ..flows.collocation import Collocation, sizes_of
+from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.cycle_constructors import named_state
 from ..flows.equations import FlowEquations
+from ..flows.flow import Flow
 from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
+from ..storage.serialise import serialised
 from .anticontinuum import (
     Uncoupled,
     coded,
@@ -31,8 +34,13 @@ from .anticontinuum import (
 )
 from .breather_events import events_of_breather
 from .breather_problem import COLUMNS, Breather, BreatherProblem
-from .half_orbit import HalfOrbit, SparseHalfOrbit, half_period
-from .impacting import between_walls_without_coupling, in_another_order, refuse_impacts_apart
+from .half_orbit import HalfOrbit, Resting, SparseHalfOrbit, half_period
+from .impacting import (
+    between_walls,
+    between_walls_without_coupling,
+    in_another_order,
+    refuse_impacts_apart,
+)
 from .oscillator_lattice import SHARE, Oscillators
 from .potentials import Params
 
@@ -144,6 +152,8 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
     values["omega"] = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
     if missing := [name for name in chain.names if name not in values]:
         raise BadInput(f"params has no {missing[0]!r}, on which the lattice depends: {chain!r}")
+    if chain.written and (more := [name for name in params if name not in chain.names]):
+        raise BadInput(f"params has {more[0]!r}, which is in no formula of the lattice: {chain!r}")
     if chain.walls is not None:
         number("walls", float(chain.walls(0.0, values)), 1e-300, 1e300, "where they are, above 0")
         number("k", float(chain.k(0.0, values)), 0.0, 1.0, "a restitution from 0 to 1")
@@ -187,11 +197,7 @@ def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params:
     flows, flights, share = begin
     params, sizes = {**params, SHARE: share}, sizes_of(flights)
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    kind, period = FlowEquations, forcing_period
-    if not chain.dissipative:
-        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-    equations = kind(flows, start, period, 1, names, sizes)
+    equations = _equations(chain, flows, start, sizes)
     try:
         first = BreatherProblem.of(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:
@@ -201,6 +207,43 @@ def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params:
         ) from error
     ends = (replace(fold(), ends="branch"),)
     return trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+
+
+def _equations(
+    chain: Oscillators, flows: tuple[Flow, ...], start: tuple[TrajectorySegment, ...],
+    sizes: tuple[Array, ...], turns: int = 1,
+) -> FlowEquations:  # fmt: skip
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    kind, period = FlowEquations, forcing_period
+    if not chain.dissipative:
+        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
+    return kind(flows, start, period, turns, names, sizes)
+
+
+@serialised("breather")
+def _from_dict(
+    *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
+    start: Mapping[str, Any], params: Params,
+) -> BreatherProblem:  # fmt: skip
+    """Make the equations of a breather again, which begin at these unknowns."""
+    unknowns, t = [np.ravel(value) for value in start.values()], start.get("phase", begin)
+    intervals, n = np.cumsum([count for count, *_ in flights]), 2 * chain.sites
+    (orbit, mesh, durations), flows, segments = unknowns[:3], [], []
+    smooth = Flow(chain, reset=None if chain.dissipative else Resting("vv"))
+    pieces = np.split(orbit, n * intervals), np.split(mesh, intervals), durations
+    for flight, states, inner, duration in zip(flights, *pieces, strict=False):
+        count, points, rounds, _, walls, sites = flight
+        flows.append(between_walls(chain, walls, sites) if walls else smooth)
+        knots, none = np.concatenate([[0.0], inner[:-1], [1.0]]), np.zeros((count, points, n))
+        scheme, x = Collocation(count, points), states.reshape(-1, n)
+        segments.append(TrajectorySegment(scheme, knots, t, duration, x, none, rounds))
+        t += duration
+    sizes = tuple(np.array(flight[3]) for flight in flights)
+    equations = _equations(chain, tuple(flows), tuple(segments), sizes, turns)
+    if isinstance(equations, HalfOrbit) and "energy" in params:
+        equations = equations.holding("energy")
+    equations = replace(equations, start=equations.flights(np.concatenate(unknowns), params))
+    return BreatherProblem.of(equations, params, events_of_breather(equations), label)
 
 
 def _refusal(chain: Oscillators, code: Any, branch: Branch, omega: float) -> CouplingEnds:

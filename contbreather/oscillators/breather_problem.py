@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import attrgetter
@@ -23,10 +23,16 @@ from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
+from ..lattice.chain import Ring
+from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
+from ..stability.verdict import Verdict, verdict
+from ..storage.serialise import NotSerialisable
 from .anticontinuum import refuse_other_period, resonance
 from .half_orbit import HalfOrbit, whole_orbit
 from .oscillator_lattice import Oscillators
+
+_COLUMNS = "energy", "action", "omega", "participation", "largest"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,20 +78,26 @@ class Breather(Cycle):
 
     @property
     def begin_of_orbit(self) -> Any:
-        flows, *rest, exact = super().begin_of_orbit
+        flows, state, params, *rest, exact = super().begin_of_orbit
         if self.paired:  # so exact that hundreds of periods keep H
             flows, exact = Flow(self.chain), 1e-13
-        return flows, *rest, exact
+        return flows, state, {**params, "omega": self.omega}, *rest, exact
 
     # --- its motion ---------------------------------------------------------------------------
 
     def displacement(self, n: Any, t: Any) -> Any:
-        """The position of a site, or of several, at a time or at times."""
-        return self.states(t)[: self.chain.sites][n]
+        """The position of a site, or of several, at a time or at times; on a ring modulo its number
+        of sites."""
+        return self.states(t)[self._at(n)]
 
     def velocity(self, n: Any, t: Any) -> Any:
         """The velocity of a site, or of several, at a time or at times."""
-        return self.states(t)[self.chain.sites :][n]
+        return self.states(t)[self.chain.sites + self._at(n)]
+
+    def _at(self, n: Any) -> NDArray[np.int64]:
+        ring, count = isinstance(self.lattice, Ring), self.chain.sites
+        n = np.arange(count)[n] if isinstance(n, slice) else n
+        return whole_sites(n) % count if ring else whole_sites(n, count)
 
     def state(self, t: float = 0.0) -> tuple[Array, Array]:
         """Positions and velocities of all sites at a time."""
@@ -134,6 +146,26 @@ class Breather(Cycle):
     def largest(self) -> float:
         return float(abs(self.others).max(initial=0.0))
 
+    def _sizes(self) -> dict[str, float]:
+        return {n: getattr(self, n) for n in _COLUMNS} | {"max|u|": self.farthest}
+
+    # --- its stability, as verdicts ask for it ------------------------------------------------
+
+    sign, over_period = 1, Cycle.multipliers
+
+    @property
+    def idle(self) -> float:  # 1 where some multipliers are on the circle
+        return float(self.chain.damping is None)
+
+    def unstable_multipliers(self) -> NDArray[np.complex128]:
+        return self.multipliers()[: self.unstable]
+
+    def stability(self, threshold: float | None = None) -> Verdict:
+        """Is it stable? By the multipliers outside of the unit circle, or beyond a threshold."""
+        if threshold is not None:
+            return verdict(self, threshold)
+        return Verdict(self.lattice.describe(), self.period, None, self.unstable, map=self)
+
     def __repr__(self) -> str:
         return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
 
@@ -150,7 +182,7 @@ class HalfBlocks(NamedTuple):
     end: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReversibleBreather(Breather):
     """A time-reversible one: its equations are those of half of it."""
 
@@ -202,21 +234,38 @@ class ReversibleBreather(Breather):
         return np.eye(len(form)) + 2 * B.T @ C, (form + form.T) / 2
 
 
-COLUMNS = {
-    name: attrgetter(f"solution.{name}")
-    for name in ("energy", "action", "omega", "participation", "largest")
-} | {"max|u|": attrgetter("solution.farthest")}
+COLUMNS = {name: attrgetter(f"solution.{name}") for name in _COLUMNS}
+COLUMNS |= {"max|u|": attrgetter("solution.farthest")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BreatherProblem(CycleProblem):
     """The problem of a breather; its `solution` is the orbit at which it starts."""
 
-    shown = ("max|u|",)
+    shown = ("max|u|", "energy")
 
     @property
     def solution(self) -> Breather:
         return self.orbit(self.x, self.params)
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        equations, chain = self.residual, self.solution.chain
+        flows: Any = equations.flows
+        if equations.conservation:  # whose phase is that of the orbit it began with
+            raise NotSerialisable(equations)
+        # of each flow intervals and points, how many times around, sizes for its mesh; the wall at
+        # which it ends before others that are watched, and the sites that impact there
+        flights = [
+            [
+                *(len(flight.states), flight.scheme.points, flight.rounds, sizes.tolist()),
+                [[wall.site, wall.side] for wall in flow.guards.values() if chain.walls],
+                list(flow.reset.sites) if chain.walls else [],
+            ]
+            for flow, flight, sizes in zip(flows, equations.start, equations.sizes, strict=True)
+        ]
+        about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
+        return {"kind": "breather", **about, "chain": chain, "flights": flights}
 
     def orbit(self, x: Array, params: Params) -> Breather:
         kind = ReversibleBreather if isinstance(self.residual, HalfOrbit) else Breather
@@ -231,7 +280,8 @@ class BreatherProblem(CycleProblem):
 
     def ends_near(self, point: Point) -> str:
         orbit: Breather = point.solution
-        return f"of its harmonics {resonance(orbit.chain, orbit.omega, orbit.params)}"
+        near = resonance(orbit.chain, orbit.omega, orbit.params)
+        return f"|u| is at most {orbit.farthest:.3g} there, and of its harmonics {near}"
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):

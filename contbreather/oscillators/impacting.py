@@ -7,7 +7,7 @@ may come there at once. In which order they do is that of a simulation with a li
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -69,6 +69,14 @@ class Bounce:
         return after
 
 
+def between_walls(chain: Oscillators, walls: Sequence[Any], sites: Sequence[int]) -> Flow:
+    """The flow up to the first of these walls, (site, side), where some sites impact; the others
+    are watched."""
+    met, *others = (WallDistance(chain, *wall) for wall in walls)
+    watched = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
+    return Flow(chain, until=met, reset=Bounce(chain, tuple(sites)), walls=tuple(watched))
+
+
 def between_walls_without_coupling(
     chain: Oscillators, code: dict[int, Any], given: Params, scheme: Collocation
 ) -> Uncoupled:
@@ -124,9 +132,8 @@ def _from_impact_to_impact(
     flows, fits, (_, before, _) = [], [], flights[-1]
     for motion, met, bounce in flights:
         near = (*met, *before[1:])  # met with another: it is there to begin with
-        others = [wall for wall in ends if wall not in near]
-        walled = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
-        flows.append(Flow(chain, until=met[0], reset=bounce, walls=tuple(walled)))
+        watched = (met[0], *(wall for wall in ends if wall not in near))
+        flows.append(between_walls(chain, [(w.site, w.side) for w in watched], bounce.sites))
         fits.append(fitted(scheme, motion.t_min, motion.t_max - motion.t_min, motion))
         before = met
     return tuple(flows), tuple(fits)

@@ -23,11 +23,13 @@ from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
 from ..flows.jacobian import Coloured
 from ..lattice.finite import Lattice, finite, stiffness_of
+from ..storage.serialise import NotSerialisable, serialised, to_dict
 from .potentials import Params, SmoothFunction
 
 Array = NDArray[np.float64]
 
 _NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
+_VARIABLES = {"V": "u", "W": "r", "drive": "t"} | dict.fromkeys(_NUMBERS, "_")
 SHARE = "share of the coupling"  # no name that a formula may have: 1 where it is not given
 
 
@@ -106,9 +108,13 @@ class Oscillators:
             raise BadInput(f"masses = {brief(self.masses.tolist())}: every mass must be positive.")
         if (self.walls is None) != (self.k is None):
             raise BadInput("walls= and k= go together: where the walls are, and their restitution")
-        variables = {"V": "u", "W": "r", "drive": "t"} | dict.fromkeys(_NUMBERS, "_")
-        for name, variable in variables.items():
+        for name, variable in _VARIABLES.items():
             given = getattr(self, name)
+            if np.ndim(given):
+                raise BadInput(
+                    f"{name} = {brief(given)}: one formula for all of {self.sites} sites was "
+                    "expected; shares of it are a row, onsite= and couplings=, or of the lattice"
+                )
             if name in _NUMBERS and np.isfinite(real(given)):
                 given = repr(real(given)) if real(given) or name == "k" else None
             if given is None and name in ("V", "W"):
@@ -128,10 +134,20 @@ class Oscillators:
         return not (self.drive is None and self.damping is None and self.walls is None)
 
     @cached_property
+    def functions(self) -> dict[str, SmoothFunction]:
+        """Its formulas, or functions, by name."""
+        return {name: of for name in _VARIABLES if (of := getattr(self, name)) is not None}
+
+    @cached_property
+    def written(self) -> bool:
+        """Tell whether all of these are formulas: of functions the parameters are not known."""
+        return not any(callable(function.given) for function in self.functions.values())
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters of its formulas."""
-        parts = (self.V, self.W, self.damping, self.drive, self.walls, self.k)
-        return tuple(dict.fromkeys(name for part in parts if part for name in part.names))
+        every = (name for function in self.functions.values() for name in function.names)
+        return tuple(dict.fromkeys(every))
 
     @cached_property
     def bonds(self) -> Bonds:
@@ -257,3 +273,15 @@ def _oriented(lattice: Any) -> tuple[Any, Any, Any, Any]:
         closing = (right - column > 1) | (below - row > 1)
         first, second = np.where(closing, second, first), np.where(closing, first, second)
     return first, second, -upper.data, ground
+
+
+def _to_dict(chain: Oscillators) -> dict[str, Any]:
+    """By its formulas, its lattice and its rows of numbers; functions have none."""
+    if not chain.written:
+        raise NotSerialisable(chain)
+    formulas = {name: function.given for name, function in chain.functions.items()}
+    rows = {name: getattr(chain, name).tolist() for name in ("masses", "onsite", "couplings")}
+    return {"lattice": to_dict(chain.lattice), **formulas, **rows}
+
+
+serialised("oscillators", Oscillators, _to_dict)(Oscillators)

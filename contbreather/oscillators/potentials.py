@@ -90,8 +90,9 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Function
     # what was read holds numbers, names and functions alone
     formula = sympy.sympify(text, locals=symbols)
     names = sorted(str(symbol) for symbol in formula.free_symbols if str(symbol) != variable)
-    if "t" in names:
-        raise BadInput(f"{brief(text)} depends on t: a function of {variable} was expected.")
+    if "t" in names or (names and variable not in (*letters, "t", "_")):
+        on = "t" if "t" in names else ", ".join(names)
+        raise BadInput(f"{brief(text)} depends on {on}: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
     modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
     both = formula, sympy.simplify(sympy.diff(formula, symbols[variable]))

@@ -192,7 +192,15 @@ def _ordinate(branches: Sequence[Branch]) -> str:
         [*problem.shown, *(name for name in problem.start if name not in problem.internals)]
         for problem in problems
     ]
-    return next((one for one in names[0] if all(one in its for its in names)), names[0][0])
+    common = [one for one in names[0] if all(one in its for its in names)] or names[0]
+    # what stays as it is says nothing: between walls the largest displacement is where these are
+    telling = (one for one in common if any(_varies(branch, one) for branch in branches))
+    return next(telling, common[0])
+
+
+def _varies(branch: Branch, name: str) -> bool:
+    columns = (column_of(branch, one) for one in ordinates(branch, name))
+    return any(np.ptp(u) > ROUNDING * abs(u).max() for u in columns)
 
 
 def _parting(branches: Sequence[Branch]) -> str | None:

@@ -304,7 +304,7 @@ def draw_states(
         {name: np.concatenate([piece[name] for piece in pieces]) for name in chosen}
     )
     with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
-        panels = _panels(axes, len(together))
+        panels = panels_of(axes, len(together))
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
             panel = panel_of[name]
@@ -349,15 +349,16 @@ def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
     return together
 
 
-def _panels(axes: Axes, count: int) -> list[Axes]:
-    """Axes in rows with one abscissa, in the place of these, if they are in a grid."""
+def panels_of(axes: Axes, count: int, *, sharex: bool = True, **look: Any) -> list[Axes]:
+    """Axes in rows, with one abscissa, in the place of these, if they are in a grid."""
     place = axes.get_subplotspec()
     if count == 1 or place is None:
         return count * [axes]
-    grid = place.subgridspec(count, 1)
+    grid = place.subgridspec(count, 1, **look)
     axes.set_subplotspec(grid[0])
-    panels = [axes, *(axes.figure.add_subplot(grid[i], sharex=axes) for i in range(1, count))]
-    for panel in panels[:-1]:
+    one = axes if sharex else None
+    panels = [axes, *(axes.figure.add_subplot(grid[i], sharex=one) for i in range(1, count))]
+    for panel in panels[:-1] if sharex else ():
         panel.tick_params(labelbottom=False)
     return panels
 

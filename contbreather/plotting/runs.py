@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
 from contbreather.oscillators.breather_problem import Breather, BreatherProblem
+from contbreather.oscillators.oscillator_lattice import Oscillators
 from contbreather.plotting import canvas, orbits
 from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
 from contbreather.simulation.basin import Basin, Outcome
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+SAMPLES = 40  # in a period, of a run of oscillators
+ANGLE = r"$\omega t/2\pi$"
 LONG = 20.0  # periods; of more, lines would fill the axes
 ROWS = 300  # as many as a column of a journal shows one beside the other
 RUNS = (SimulationRun, SmoothRun)
@@ -73,9 +76,11 @@ def plot_motion(
     """Displacements of the recorded sites over time in periods; of a trajectory of flows its
     states.
 
-    More than 20 periods are drawn by their envelopes, the largest and the smallest displacement in
-    each period, and the axis says of how many samples. Of a run with impacts these are part of the
-    lines: its sites reach their walls however coarsely they were sampled.
+    Of oscillators more than 20 periods, or more than 7 sites, are drawn as `plot_space_time` does,
+    with the energy below. Of other runs more than 20 periods are drawn by their envelopes, the
+    largest and the smallest displacement in each period, and the axis says of how many samples. Of
+    a run with impacts these are part of the lines: its sites reach their walls however coarsely
+    they were sampled.
 
     Parameters
     ----------
@@ -106,6 +111,8 @@ def plot_motion(
     """
     if isinstance(record, Trajectory):
         within = None if periods is None else _window(record.t, periods)
+        if x is None and y is None and within is None and _is_large(record):
+            return _draw_large(ax, record)
         return orbits.draw_states(ax, record, x, y, within)
     if x is not None or y is not None:
         raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
@@ -139,6 +146,48 @@ def plot_motion(
     return drawn
 
 
+def _is_large(run: Trajectory) -> bool:
+    """Tell a run of oscillators of which lines of all states would fill the axes."""
+    chain, phase = run.flows[0].f, run.params.get("omega", 1.0) * np.ptp(run.t)
+    return isinstance(chain, Oscillators) and bool(
+        chain.sites > len(CYCLE) or phase > LONG * PERIOD
+    )
+
+
+def _draw_large(ax: Axes | None, run: Trajectory) -> Drawn:
+    """Draw the displacements of all sites in space and time, and below them the energy of all and
+    that of the site which has most of it in the end."""
+    record = _record_of(run)
+    energies = _chain_of(run).site_energies(np.hstack([record.u, record.v]).T, run.params)
+    most = int(energies[:, -1].argmax())
+    with canvas.drawing(ax, height=11.0) as (drawn, axes):
+        above, below = orbits.panels_of(axes, 2, sharex=False, height_ratios=(3, 1))
+        plot_space_time(run, ax=above)
+        if below is not above:
+            for name, E in (("all sites", energies.sum(axis=0)), (f"site {most}", energies[most])):
+                drawn += below.plot(record.times / PERIOD, E, linewidth=0.8, label=name)
+            low, high = min(0.0, energies.min()), energies.sum(axis=0).max()
+            below.set(xlabel=ANGLE, ylabel="energy", ylim=(low, high + 0.1 * (high - low)))
+            below.margins(x=0.0)
+            canvas.legend_above(below)
+    return drawn
+
+
+def _chain_of(run: Trajectory) -> Oscillators:
+    chain = run.flows[0].f
+    check_kind(chain, Oscillators, "a run of a lattice of oscillators")
+    return cast("Oscillators", chain)
+
+
+def _record_of(run: Trajectory) -> Record:
+    """All sites of a run of oscillators, over the phase of what moves at the frequency omega."""
+    omega, sites = run.params.get("omega", 1.0), _chain_of(run).sites
+    count = math.ceil(SAMPLES * omega * np.ptp(run.t) / PERIOD)
+    times = np.linspace(run.t[0], run.t[-1], count + 1)
+    u, v = run(times).reshape(2, sites, -1).transpose(0, 2, 1)
+    return Record(omega * times, tuple(range(sites)), u, v)
+
+
 def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float]:
     if periods is None:
         return float(t[0]), float(t[-1])
@@ -152,7 +201,7 @@ def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float
 
 
 def plot_space_time(
-    motion: Orbit | Point | Record | SimulationRun | SmoothRun,
+    motion: Orbit | Point | Record | SimulationRun | SmoothRun | Trajectory,
     *,
     sites: Sequence[int] | None = None,
     ax: Axes | None = None,
@@ -161,7 +210,7 @@ def plot_space_time(
 
     Parameters
     ----------
-    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record; a breather of oscillators
+    motion : Orbit, Point, SimulationRun, SmoothRun or Record; of oscillators a breather or a run
         An orbit is shown over its period; a run as its sites were recorded densely, of more than
         20 periods by the largest size of each site in a period, or in several. Of a run without a
         record the last 20 periods are shown, simulated again from its state before them; under
@@ -197,7 +246,7 @@ def plot_space_time(
     with canvas.drawing(ax, height=8.0) as (drawn, axes):
         look = {**orbits.colours_of(u, signed), "shading": "nearest", "rasterized": True}
         mesh = axes.pcolormesh(there, times / math.tau, u, **look)
-        axes.set(xlabel=label, ylabel=orbits.PERIODS)
+        axes.set(xlabel=label, ylabel=ANGLE if isinstance(motion, Trajectory) else orbits.PERIODS)
         axes.set_title(title, loc="left")
         orbits.whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label=words)
@@ -210,6 +259,8 @@ def _with_record(motion: Any) -> tuple[Any, str]:
 
     At the strobe every site of a breather has one sign.
     """
+    if isinstance(motion, Trajectory):
+        return _record_of(motion), ""
     strobed = isinstance(motion, States) and motion.record is None and motion.periods > 0
     if not strobed or getattr(motion, "noise", False):  # noise would be another one
         return motion, ""
@@ -234,6 +285,10 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         recorded = range(motion.sites) if motion.record is None else motion.record.sites
         site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
         lattice, role = motion.conditions.lattice, "moves most"
+    elif isinstance(motion, Trajectory):
+        chain = _chain_of(motion)
+        site = int(abs(motion.x[: chain.sites]).max(axis=1).argmax())
+        lattice, role = chain.lattice, "moves most"
     else:
         orbit = orbits.drawn_orbit(motion)
         hits = isinstance(orbit, Orbit)

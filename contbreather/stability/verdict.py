@@ -148,7 +148,7 @@ class Verdict(HtmlRepr):
             return f"{self.lattice}: {word}{several} of {self._on_the_chain()}"
         word, sign = ("stable", "<=") if self.stable else (f"unstable, {several}", ">")
         return (
-            f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.0f} pi "
+            f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.4g} pi "
             f"{self.largest:.9g} {sign} threshold {self.threshold:g}"
         )
 

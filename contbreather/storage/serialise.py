@@ -71,6 +71,8 @@ def to_dict(value: Any) -> Any:
         return value
     if isinstance(value, Mapping):
         return {name: to_dict(inner) for name, inner in value.items()}
+    if type(value) is list:
+        return [to_dict(inner) for inner in value]
     if hasattr(value, "to_dict"):  # what others are made of, and no kind by itself
         return value.to_dict()
     if not _is_known(type(value)):

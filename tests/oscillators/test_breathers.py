@@ -188,9 +188,9 @@ def test_potentials_may_be_functions() -> None:
     )
 
 
-def test_where_the_energy_of_the_family_turns_is_an_event() -> None:
+def test_where_the_energy_of_the_family_turns_is_an_event(tmp_path) -> None:
     """At given c the energies of the family are stationary in the frequency there, and so they are
-    along its curve."""
+    along its curve, which is another one than that of the fold beside it when it was loaded."""
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.OpenChain(3))
     start = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})
     branch = cb.trace(start, "c", within={"c": (0.02, 1.0)})
@@ -206,6 +206,9 @@ def test_where_the_energy_of_the_family_turns_is_an_event() -> None:
         slope = (E[0] - 8 * E[1] + 8 * E[3] - E[4]) / (12 * h)
         bend = (E[1] - 2 * E[2] + E[3]) / h**2
         assert abs(slope) < 1e-7 * abs(bend)
+    cb.save(tmp_path / "turns.nc", line)
+    again = cb.extend(cb.load(tmp_path / "turns.nc"), end="last", within={"omega": (1.48, 1.53)})
+    assert again[-1]["omega"] == 1.53
 
 
 def test_what_ends_on_the_way_names_the_harmonic_and_the_band() -> None:
@@ -242,6 +245,7 @@ def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> Non
     assert branch.stop is Stop.NO_CONVERGENCE
     assert abs(branch[-1].solution.indices - 1).min() < 1e-12
     assert not branch.doubtful
+    assert f"|u| is at most {branch[-1]['max|u|']:.3g} there" in branch.reason
     assert {point.kind for point in branch.special} <= {"EP", "MX"}
     edge = np.sqrt(1 + 0.2 * np.sin(2 * np.pi / 5) ** 2)
     assert f"the frequency itself, {branch[-1]['omega']:.6g}, is" in branch.reason
@@ -270,3 +274,105 @@ def test_a_branch_of_breathers_is_drawn_by_its_largest_displacement(tmp_path) ->
         drawn = np.concatenate([line.get_ydata() for line in axes.get_lines()])
         assert drawn.max() == pytest.approx(branch["max|u|"].max())
         assert "|u|" in axes.get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"V": "x**2/2"}, "depends on x: a function of u was expected"),
+        ({"W": "c*u**2/2"}, "depends on c, u: a function of r was expected"),
+        ({"V": [HARD] * 4}, "V = .*one formula for all of 5 sites"),
+    ],
+)
+def test_a_potential_is_one_formula_in_its_variable(given, says) -> None:
+    with pytest.raises(cb.BadInput, match=says):
+        cb.Oscillators(**{"V": HARD, "W": LINEAR, "lattice": cb.Ring(5), **given})
+
+
+def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Grid(2, 3))
+    with pytest.raises(cb.BadInput, match="params has 'bb', which is in no formula"):
+        cb.breather(chain, {4: 1}, omega=1.5, params={"c": 0.01, "bb": 1.0})
+    with pytest.raises(cb.BadInput, match=r"Site \(i, j\) of this grid has the number 3 i \+ j"):
+        cb.breather(chain, {(1, 1): 1}, omega=1.5, params={"c": 0.01})
+    with pytest.raises(cb.BadInput, match=r"masses = .*Lattice\(stiffness, masses=\)"):
+        cb.Ring(9, masses=np.ones(9))
+    with pytest.raises(cb.BadInput, match="a dict of sites, from 0 to 5"):
+        cb.breathers(chain, omega=1.5, sites=[9], params={"c": 0.01})
+    start = cb.breather(chain, {4: 1}, omega=1.5, params={"c": 0.01})
+    for asked in (start.solution.displacement, start.solution.velocity):
+        with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 5"):
+            asked(6, 0.0)
+    with pytest.raises(cb.BadInput, match=r"perturb has shape \(3,\).*each of 12 states"):
+        cb.integrate(start, periods=1, perturb=np.ones(3))
+    with pytest.raises(cb.BadInput, match="periods = -2: how many, above 0"):
+        cb.integrate(start, periods=-2)
+    orbit = phi4(cb.Ring(5), {2: 1}, 0.05).solution
+    assert orbit.displacement(7, 0.3) == orbit.displacement(2, 0.3)  # modulo the ring
+
+
+def test_its_stability_is_a_verdict_and_its_multipliers_answer_as_those_between_walls() -> None:
+    orbit = phi4(cb.Ring(11), {5: 1, 6: -1}, 0.05).solution
+    exact, ruled = orbit.stability(), orbit.stability(threshold=1.9)
+    assert (exact.stable, exact.unstable, ruled.stable) == (False, 1, True)
+    assert exact.largest == ruled.largest == pytest.approx(1.785304246, abs=1e-9)
+    assert "ring of 11: unstable, 1 multiplier" in repr(exact)
+    np.testing.assert_array_equal(orbit.multipliers(), orbit.multipliers)
+    assert repr(orbit) == "<Breather of frequency 1.5, 1 unstable>"
+    assert "participation" in str(orbit.table())
+    assert "max(v9)" not in str(orbit.table())
+
+
+def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
+    """The largest displacement of each site in each period, and the energies of all and of one."""
+    start = phi4(cb.OpenChain(3), {1: 1}, 0.05)
+    run = cb.integrate(start, periods=25, tolerance=1e-8)
+    picture, energies, _ = cb.plot(run).figure.axes
+    (mesh,) = picture.collections
+    sizes = np.asarray(mesh.get_array()).reshape(25, 3)
+    wanted = [np.ptp(start.solution.displacement(n, np.linspace(0, 10, 999))) / 2 for n in range(3)]
+    np.testing.assert_allclose(sizes, np.tile(wanted, (25, 1)), rtol=2e-2)
+    whole, site = (line.get_ydata() for line in energies.get_lines())
+    np.testing.assert_allclose(whole, start.solution.energy, atol=1e-6)
+    assert site.max() < start.solution.energy
+    few = cb.plot(cb.integrate(start, periods=2)).figure.axes
+    assert sum(len(axes.get_lines()) for axes in few) == 6  # u and v of each site
+
+
+FORCED = {"damping": "d", "drive": "-a*cos(omega*t)"}
+KEPT = {
+    "half": ({"V": HARD}, {2: 1}, 1.5, {"c": 0.05}, "c"),
+    "masses": ({"V": HARD, "masses": [1, 1, 2, 1]}, {2: 1}, 1.3, {"c": 0.05}, "energy"),
+    "driven": ({"V": HARD, **FORCED}, {1: "high"}, 1.3, {"c": 0.02, "d": 0.1, "a": 0.15}, "a"),
+    "walls": ({"V": "u**2/20", **FORCED, "walls": 1.0, "k": 0.8}, {1: 1}, 1.0,
+              {"c": 0.05, "d": 0.05, "a": 0.5}, "a"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*KEPT])
+def test_a_loaded_branch_has_its_equations(kind, tmp_path) -> None:
+    given, code, omega, params, free = KEPT[kind]
+    chain = cb.Oscillators(**given, W=LINEAR, lattice=cb.OpenChain(4))
+    start = cb.breather(chain, code, omega=omega, params=params)
+    here = start.params[free] if free in params else start.solution.energy
+    branch = cb.trace(start, free, within={free: (0.97 * here, here)})
+    cb.save(tmp_path / "breathers.nc", branch)
+    again = cb.load(tmp_path / "breathers.nc")
+    mu, kept = (of[1].solution.stability(threshold=9.0).map.over_period for of in (branch, again))
+    np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(kept), atol=1e-9)
+    wider = {free: (0.97 * here, 1.01 * here)}
+    one, other = (cb.extend(of, end="last", within=wider, events=())[-1] for of in (branch, again))
+    assert one["largest"] == pytest.approx(other["largest"], abs=1e-8)
+    assert one[free] == other[free] == wider[free][1]
+
+
+def test_what_holds_functions_is_saved_without_equations(tmp_path) -> None:
+    chain = cb.Oscillators(V=lambda u, p: u**2 / 2 + u**4 / 4, W=LINEAR, lattice=cb.Ring(3))
+    start = cb.breather(chain, {1: 1}, omega=1.5, params={"c": 0.02})
+    branch = cb.trace(start, "c", within={"c": (0.01, 0.02)}, events=())
+    cb.save(tmp_path / "breathers.nc", branch)
+    again = cb.load(tmp_path / "breathers.nc")
+    np.testing.assert_array_equal(again["energy"], branch["energy"])
+    with pytest.raises(cb.BadInput, match="without its equations"):
+        again[0].solution  # noqa: B018
+    assert cb.load(tmp_path / "breathers.nc", problem=start)[0].solution.unstable == 0

@@ -181,20 +181,22 @@ class _Stored:
         free, released = self.content["free"][0], self.content["unknowns"][-1]
         curve = Curve(problem, (released, free))
         _check_fit(curve)
-        event = _event_from_dict(self.content["boundary"], candidates)
-        if event is None:
+        events = _events_from_dict(self.content["boundary"], candidates)
+        if not events:
             kind = self.content["boundary"]["kind"]
             raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
         born = {} if origin is None else origin.values
         if set(problem.names) <= set(born):
             curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
-        event = event.of(problem)
-        base_point = Point(curve, curve.start)
-        if origin is not None:
-            base_point = replace(base_point, kind=origin.base_point.kind, event=event)
-        how = (base_point, event, (free, released))
-        make = partial(boundary_problem, *how, inadmissible=settings.inadmissible)
-        longer = make(settings.events)
+        for event in (event.of(problem) for event in events):
+            base_point = Point(curve, curve.start)
+            if origin is not None:
+                base_point = replace(base_point, kind=origin.base_point.kind, event=event)
+            how = (base_point, event, (free, released))
+            make = partial(boundary_problem, *how, inadmissible=settings.inadmissible)
+            longer = make(settings.events)
+            if list(longer.start) == self.content["unknowns"]:  # of several LP of a family this one
+                break
         return longer, (*longer.events, *make(candidates).events)
 
     def _curve(self, problem: Problem) -> Curve:
@@ -216,8 +218,8 @@ class _Stored:
             return None
         events = content["events"]
         if events is not None:
-            every = (_event_from_dict(event, candidates) for event in events)
-            events = tuple(event for event in every if event is not None)
+            every = (_events_from_dict(event, candidates)[:1] for event in events)
+            events = tuple(event for found in every for event in found)
         within = {name: (low, high) for name, (low, high) in content["within"].items()}
         return Settings(within, events, Steps(**content["steps"]), content["inadmissible"])
 
@@ -280,13 +282,12 @@ class _Bare(Problem):
     interpret = staticmethod(no_equations)
 
 
-def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:
-    """An event that was written down: made again, or the candidate of its kind."""
+def _events_from_dict(content: Content, candidates: Iterable[Event]) -> list[Event]:
+    """An event that was written down: made again, or the candidates of its kind."""
     if "ends" not in content:
-        event: Event | None = from_dict(content) if can_read(content) else None
-        return event
-    alike = next((event for event in candidates if event.kind == content["kind"]), None)
-    return alike and replace(alike, ends=content["ends"])
+        return [from_dict(content)] if can_read(content) else []
+    alike = (event for event in candidates if event.kind == content["kind"])
+    return [replace(event, ends=content["ends"]) for event in alike]
 
 
 def _event_at(point: Point, events: Sequence[Event]) -> Event | None:
