@@ -27,7 +27,6 @@ from ..lattice.chain import Ring
 from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
-from ..storage.serialise import NotSerialisable
 from .anticontinuum import refuse_other_period, resonance
 from .half_orbit import HalfOrbit, whole_orbit
 from .oscillator_lattice import Oscillators
@@ -249,11 +248,11 @@ class BreatherProblem(CycleProblem):
         return self.orbit(self.x, self.params)
 
     @property
-    def serialised(self) -> Mapping[str, Any]:
+    def serialised(self) -> Mapping[str, Any] | None:
         equations, chain = self.residual, self.solution.chain
         flows: Any = equations.flows
         if equations.conservation:  # whose phase is that of the orbit it began with
-            raise NotSerialisable(equations)
+            return None
         # of each flow intervals and points, how many times around, sizes for its mesh; the wall at
         # which it ends before others that are watched, and the sites that impact there
         flights = [
