@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from contbreather.lattice.uneven import Medium, SiteModes
 
 FloatArray = NDArray[np.float64]
-FLOAT = np.finfo(float)
+EPS, PRECISION = float(np.finfo(float).eps), np.finfo(float).precision
 HELD = "gamma", "spring", "damping"  # what a response depends on besides the drive
 Array = NDArray[Any]
 Sites = tuple[int, ...]
@@ -476,7 +476,7 @@ class UnevenResponse(ModalResponse):
 
         pace = math.sqrt(self.gamma + self.spring) or 1.0
         held = self.gamma / pace**2, self.spring / pace**2, self.damping / pace
-        own = (float(f"{value:.{FLOAT.precision}g}") for value in held)
+        own = (float(f"{value:.{PRECISION}g}") for value in held)
         return medium_of(self.lattice, *own), pace
 
     def _after(self, times: FloatArray, by: str) -> FloatArray:
@@ -487,18 +487,17 @@ class UnevenResponse(ModalResponse):
     def slopes_at_impacts(
         self, times: FloatArray, rates: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray]:
-        state = np.array([2.0 * self.gamma, 2.0 * self.spring, self.damping])
-        ways = np.array([rates.get(name, 0.0) for name in HELD])
-        pace = float(ways @ state / (state @ state or 1.0))
-        if (
-            rates.keys().isdisjoint(self.drive.params)
-            and (abs(ways - pace * state) <= 4.0 * FLOAT.eps * abs(ways)).all()
-        ):
+        state = 2.0 * self.gamma, 2.0 * self.spring, self.damping
+        ways = [(rates.get(name, 0.0), value) for name, value in zip(HELD, state, strict=True)]
+        square = sum(value * value for value in state)
+        pace = sum(rate * value for rate, value in ways) / (square or 1.0)
+        along = all(abs(rate - pace * value) <= 4.0 * EPS * abs(rate) for rate, value in ways)
+        if along and rates.keys().isdisjoint(self.drive.params):
             rates = {PACE: pace}
         return Response.slopes_at_impacts(self, times, rates)
 
     def _spectrum(self, by: str) -> DrivenSpectrum:
-        return _site_spectrum(self, by)
+        return _site_spectra(self, by if by != PACE else "")[by == PACE]
 
     @cached_property
     def basis(self) -> Basis:
@@ -520,15 +519,17 @@ class UnevenResponse(ModalResponse):
 
 
 @lru_cache(maxsize=64)
-def _site_spectrum(of: UnevenResponse, by: str) -> DrivenSpectrum:
+def _site_spectra(of: UnevenResponse, by: str) -> list[DrivenSpectrum]:
+    """Answers to the drive, or to what a parameter changes, and their slopes along the pace."""
     from contbreather.lattice.modal_flow import DrivenSpectrum, forces_of
 
     own, pace = by in of.drive.params, of.own[1]
     m, F = forces_of(of.drive, by if own else "")
-    modes = _modes(of, "" if own or by == PACE else by)
+    modes = _modes(of, "" if own else by)
     # the parameters, too, are less in the medium's own time
     unit = pace ** -{"gamma": 4, "spring": 4, "damping": 3}.get(by, 2)
-    return DrivenSpectrum(m, unit * F * modes.driven(m / pace, of.lattice.drive, by == PACE))
+    both = modes.driven(m / pace, of.lattice.drive)
+    return [DrivenSpectrum(m, unit * F * table) for table in both]
 
 
 @lru_cache(maxsize=64)

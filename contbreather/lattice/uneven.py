@@ -56,15 +56,14 @@ class SiteModes:
         laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
         return laps, sign * turns * np.exp(turns) * laps
 
-    def driven(self, w: FloatArray, push: FloatArray, pace: bool) -> Array:
+    def driven(self, w: FloatArray, push: FloatArray) -> list[Array]:
         """Complex amplitudes at sites of the answer to forces of frequencies w, a column for each,
-        or their slopes along the pace, times its square."""
+        and their slopes along the pace, times its square."""
         s = np.multiply.outer((1j, -1j), w)[..., None]
-        shares = (self.kicks @ push) / (s - self.rates)
-        if pace:
-            shares = shares * (s / (s - self.rates) - 2.0)
-        there, conjugate = shares @ self.values
-        return np.asarray(0.5 * (there + conjugate.conj()).T)
+        gaps = 1.0 / (s - self.rates)
+        shares = (self.kicks @ push) * gaps
+        both = (part @ self.values for part in (shares, shares * (s * gaps - 2.0)))
+        return [0.5 * (there + conjugate.conj()).T for there, conjugate in both]
 
 
 @dataclass(frozen=True)
