@@ -16,16 +16,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..continuation.algebra.derivatives import RELATIVE, directional
-from ..continuation.algebra.linear_algebra import by_inverses
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
-from ..continuation.algebra.sparse import Dense
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import linked, unresolved
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
-from ..continuation.systems.branch_points import bordered_matrix, crossing_event
-from ..continuation.systems.defining_systems import Singular, factors_at, signed_smallest
+from ..continuation.systems.branch_points import (
+    bordered_matrix,
+    branch_point_test,
+    crossing_event,
+)
+from ..continuation.systems.defining_systems import Singular
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import SHORTEST
@@ -92,14 +94,6 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 # --- where a multiplier is 1 --------------------------------------------------------------------
 
 
-def _branches(point: Point) -> float:
-    """About the least singular value with the row of the tangent below, by one factorisation."""
-    factors = factors_at(bordered_matrix, point)
-    if not isinstance(factors, Dense):
-        return signed_smallest(factors)
-    return by_inverses(factors, len(factors.whole))[0] if factors.exact else 0.0
-
-
 def _examine_crossing(point: Point) -> Examined:
     assert _CROSSING.examine is not None
     return unresolved(point) or _CROSSING.examine(point)
@@ -130,7 +124,10 @@ _FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CIRCLE = linked(_FOLD)
 _CROSSING = crossing_event(_CIRCLE.meetings("BP"))
 BRANCH_POINT = replace(
-    _CROSSING, test=Singular(bordered_matrix, _branches), count=None, examine=_examine_crossing
+    _CROSSING,
+    test=Singular(bordered_matrix, branch_point_test),
+    count=None,
+    examine=_examine_crossing,
 )
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.linear_algebra import by_inverses, least_singular, solved
-from ..algebra.newton import Array, Undefined
-from ..algebra.sparse import Factors, Matrix, above, any_vector, beside, is_large
+from ..algebra.newton import FEW, Array, Undefined
+from ..algebra.sparse import Dense, Factors, Matrix, above, any_vector, beside, is_large
 from ..curve.curve import Curve
 from ..curve.point import CodimensionTwo, DefiningSystem, Event, Examined, Point
 from ..systems import normal_forms
@@ -134,17 +134,18 @@ def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Arra
     def make(z: Array) -> tuple[float, Array, Array]:
         matrix, units = curve.jacobian(z), _units(curve)
         B = closed(curve, matrix, mu)
-        if not is_large(B):
+        if B.shape[0] <= FEW:
             weak = least_singular(B)
             value, left, right = weak.sign * weak.size, weak.sign * weak.left, weak.right
             weight = min(1.0, weak.second)
             return weight * value, weight * left / units, right * units
+        kind, how = (Factors, {"refined": False}) if is_large(B) else (Dense, {})
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (Factors(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + 1e-12))
+        factors = (kind(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + 1e-12))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        value, left, right = by_inverses(regular, B.shape[0], refined=False)
+        value, left, right = by_inverses(regular, B.shape[0], **how)
         return value, left / units, right * units
 
     return curve.cached(f"singular with {mu}", z, make)

@@ -13,13 +13,20 @@ from typing import Any
 import numpy as np
 
 from ...errors import NotConverged
-from ..algebra.linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
-from ..algebra.newton import Array, Solution, Undefined, rounding
+from ..algebra.linear_algebra import (
+    Bordered,
+    LeastSingular,
+    by_inverses,
+    least_singular,
+    sense,
+    solved,
+)
+from ..algebra.newton import FEW, Array, Solution, Undefined, rounding
 from ..algebra.sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 from ..curve.branch import Points
 from ..curve.curve import Curve
 from ..curve.point import DefiningSystem, Event, Many, Point
-from .defining_systems import Singular, signed_smallest, signed_smallest_of
+from .defining_systems import Singular, factors_at, signed_smallest, signed_smallest_of
 
 # Places closer than this, relative to 1 + |z|, are one, and curves that come as close are taken to
 # cross. The residual between these is its square, 1e-12: as much as differences and long sums leave
@@ -122,7 +129,14 @@ def _unstable(point: Point) -> int:
 
 
 def branch_point_test(point: Point) -> float:
-    return signed_smallest(bordered_matrix(point))
+    """Least singular value with the row of the tangent below; of more than a few unknowns about,
+    by one factorisation."""
+    factors = factors_at(bordered_matrix, point)
+    if not isinstance(factors, Dense):
+        return signed_smallest(factors)
+    if point.z.size <= FEW:
+        return signed_smallest(factors.whole)
+    return by_inverses(factors, point.z.size)[0] if factors.exact else 0.0
 
 
 def bordered_matrix(point: Point) -> Matrix:
