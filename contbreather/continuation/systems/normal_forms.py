@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +45,7 @@ from ..curve.point import Point
 
 Complex = NDArray[np.complex128]
 
-# Seven-point formulas for a first and a second derivative; the steps they are tried with.
-_FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
-_SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
-# Five of the same seven places: how far they lead off tells what the step is worth.
-_FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
-_SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
-_STEPS = [0.04 / 4**i for i in range(7)]
+_STEPS = [0.04 / 4**i for i in range(7)]  # with which differences are tried
 AGREED = 1e-10  # relative error at which no shorter step is tried
 ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
 _ROUNDING = 1e-11  # a coefficient this small against its terms is rounding
@@ -59,6 +53,28 @@ _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as 
 
 
 Jet = tuple[Matrix, Matrix]  # derivatives of the Jacobian along v: B(v, .) and C(v, v, .)
+
+
+class _Differences(NamedTuple):
+    """Weights of a first and a second derivative, and those of the next shorter formulas at the
+    same places: how far these lead off tells what the step is worth. They are off by a power of
+    the step, and the longer ones by the next even one: by `power` of that."""
+
+    first: Array
+    rougher_first: Array
+    second: Array
+    rougher_second: Array
+    power: float
+
+
+_FIVE = _Differences(
+    np.array([1, -8, 0, 8, -1]) / 12, np.array([0, -1, 0, 1, 0]) / 2,
+    np.array([-1, 16, -30, 16, -1]) / 12, np.array([0.0, 1, -2, 1, 0]), 2.0,
+)  # fmt: skip
+_SEVEN = _Differences(
+    np.array([-1, 9, -45, 0, 45, -9, 1]) / 60, np.pad(_FIVE.first, 1),
+    np.array([2, -27, 270, -490, 270, -27, 2]) / 180, np.pad(_FIVE.second, 1), 1.5,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -155,28 +171,30 @@ class Forms:
         best: Jet | None = None
         before: Jet | None = None
         doubt = math.inf
-        for step in _STEPS:
+        # five places answer roughly as soon as seven do at four times their step
+        formulas, steps = (_SEVEN, _STEPS) if self.agreed < ROUGHLY else (_FIVE, _STEPS[1:])
+        most = formulas.first.size // 2
+        for step in steps:
             h = step * reach
             try:
-                places = {i: self.z + i * h * direction for i in (-3, -2, -1, 1, 2, 3)}
+                places = {i: self.z + i * h * direction for i in range(-most, most + 1) if i}
                 self.curve.prepare([*places.values()])
                 aside = {i: self._matrix(place) for i, place in places.items()}
             except OUT_OF_DOMAIN:
                 continue
-            around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
+            around: list[Matrix] = [aside.get(i, self.A) for i in range(-most, most + 1)]
             if not all(math.isfinite(matrix.sum()) for matrix in around):
                 continue
             first, rough, second, rougher = (
                 sum(w * matrix for w, matrix in zip(weights, around, strict=True))
-                for weights in (_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE)
+                for weights in formulas[:4]
             )
-            jet, of_five = (first / h, second / h**2), (rough / h, rougher / h**2)
-            apart = min(self._apart(jet, other, reach) for other in (of_five, before or of_five))
+            jet, shorter = (first / h, second / h**2), (rough / h, rougher / h**2)
+            apart = min(self._apart(jet, other, reach) for other in (shorter, before or shorter))
             worse = apart > doubt and doubt < 1e-5  # what is so small and grows is rounding
             if apart < doubt:
                 best, doubt = jet, apart
-            # five places are off by h^4, and so far from seven: these are off by h^6
-            if doubt**1.5 < self.agreed or worse:
+            if doubt**formulas.power < self.agreed or worse:
                 break
             before = jet
         if best is None:
