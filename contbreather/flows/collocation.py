@@ -116,17 +116,19 @@ class TrajectorySegment:
     def dimension(self) -> int:
         return self.states.shape[1]
 
-    steps: Array = field(init=False)  # lengths of its intervals in units of the duration
+    marks: Array = field(init=False)  # where its intervals begin, in units of the duration
+    steps: Array = field(init=False)  # their lengths in these
     lengths: Array = field(init=False)
     begins: Array = field(init=False)  # times
     inner: Array = field(init=False)  # times of all Gauss points
     velocities: Any = field(default=None, init=False)  # of its flow there, once known
 
     def __post_init__(self) -> None:
-        steps = self.knots[1:] - self.knots[:-1]
-        begins, lengths = self.start + self.duration * self.knots[:-1], self.duration * steps
+        marks = self.knots[:-1]
+        steps = self.knots[1:] - marks
+        begins, lengths = self.start + self.duration * marks, self.duration * steps
         inner = (begins[:, None] + lengths[:, None] * self.scheme.nodes).ravel()
-        vars(self).update(steps=steps, lengths=lengths, begins=begins, inner=inner)
+        vars(self).update(marks=marks, steps=steps, lengths=lengths, begins=begins, inner=inner)
 
     @cached_property
     def ends(self) -> Array:
@@ -196,28 +198,30 @@ class TrajectorySegment:
         Meshes make all shares equal, 1 here; so they are close where much happens and nowhere too
         wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
-        _, path, still, time = self._squares(sizes, length)
+        _, path, still = self._squares(sizes * length, length)
         # Gauss's rule on each interval; where their sum is 1.5, an orbit's share in motion and time
         # together where that in time is 1, the mean share is 1
-        paces = np.asarray(np.sqrt(path + still + time) @ self.scheme.weights)
+        paces = np.asarray(np.sqrt(path + still) @ self.scheme.weights)
         return paces * (paces.size / 1.5)
 
-    def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
+    def share_slopes(self, sizes: Array, length: Array) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
-        steps, and in minus the logarithm of the path."""
-        moved, path, still, time = self._squares(sizes, length)
-        weights = self.scheme.weights * (len(moved) / 1.5) / np.sqrt(path + still + time)
-        inside = moved * weights[..., None] / (sizes * length)
-        steps = ((still + time) * weights).sum(axis=1) / self.steps
-        return inside, steps, np.vecdot(path + still, weights)
+        steps, and in minus the logarithm of the path, (1, 1), or of each interval (intervals, 1).
+        """
+        units = sizes * length[..., None]
+        moved, path, still = self._squares(units, length)
+        weights = self.scheme.weights * ((self.knots.size - 1) / 1.5) / np.sqrt(path + still)
+        inside = moved * weights[..., None] / units
+        steps = still[:, 0] * weights.sum(axis=1) / self.steps
+        return inside, steps, np.vecdot(path + (still - (self.steps**2)[:, None]), weights)
 
-    def _squares(self, sizes: Array, length: float) -> tuple[Array, Array, Array, Array]:
+    def _squares(self, units: Array, length: Any) -> tuple[Array, Array, Array]:
         """Evaluate the motion at Gauss points, and the squares of what makes a mesh dense: of that,
-        of the least that counts as motion, and of the time."""
-        moved, time = self.slopes / (sizes * length), (self.steps**2)[:, None]
+        and of the least that counts as motion together with the time."""
+        moved = self.slopes / units
         # a tenth of its size: what sets out from rest keeps a mesh, doubled it has that twice
-        least = 0.1 * self.rounds / length
-        return moved, np.vecdot(moved, moved), time * least**2, time
+        least = 1.0 + (0.1 * self.rounds / length) ** 2
+        return moved, np.vecdot(moved, moved), (self.steps**2)[:, None] * least
 
     def path(self, sizes: Array) -> float:
         """Solve for the unit of the path for which all shares add up to their number."""
@@ -291,31 +295,35 @@ class Slopes:
     inverse: Array  # (intervals, points n, points n), of the equations for the slopes inside
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
 
+    def part(self, of: slice) -> Slopes:
+        """Those of some intervals."""
+        return Slopes(self.ends[of], self.inside[of], self.inverse[of], self.field[of])
+
     def beside(
         self, flight: TrajectorySegment, p: Params, other: TrajectorySegment, q: Params,
         names: tuple[str, ...],
     ) -> Array:  # fmt: skip
         """Estimate the slopes inside of another flight, at parameters q, than one near by, at p, to
-        first order."""
-        n, change = flight.states.shape[1], np.empty((len(self.inside), self.inside.shape[-1], 1))
-        change[:, :n, 0] = other.states - flight.states
-        change[:, n, 0] = other.begins - flight.begins
-        change[:, n + 1, 0] = other.lengths - flight.lengths
+        first order; or of several that are as one."""
+        (count, n), shape = flight.states.shape, flight.slopes.shape
+        change = np.empty((len(other.states) // count, count, self.inside.shape[-1], 1))
+        change[..., :n, 0] = other.states.reshape(-1, count, n) - flight.states
+        change[..., n, 0] = other.begins.reshape(-1, count) - flight.begins
+        change[..., n + 1, 0] = other.lengths.reshape(-1, count) - flight.lengths
         for j, name in enumerate(names, n + 2):
-            change[:, j] = q[name] - p[name]
-        return flight.slopes + (self.inside @ change).reshape(flight.slopes.shape)
+            change[..., j, :] = q[name] - p[name]
+        k = flight.slopes + (self.inside @ change).reshape(-1, *shape)
+        return np.asarray(k.reshape(-1, *shape[1:]))
 
 
-def as_one_flight(
-    flights: Sequence[TrajectorySegment], guesses: Sequence[Any]
-) -> tuple[TrajectorySegment, Any]:
-    """Flights of one flow, and estimates as `flown` takes them, as of one: each interval is solved
-    for by itself."""
-    whole, parts = object.__new__(TrajectorySegment), ("states", "begins", "lengths", "inner")
+def as_one_flight(flights: Sequence[TrajectorySegment]) -> TrajectorySegment:
+    """Flights of one flow as one: each interval is solved for by itself."""
+    whole, K = object.__new__(TrajectorySegment), len(flights[0].states)
+    parts = ("states", "marks", "steps", "begins", "lengths", "inner")
     of = {name: np.concatenate([getattr(flight, name) for flight in flights]) for name in parts}
-    vars(whole).update(of, scheme=flights[0].scheme)
-    k, inverses, second = zip(*guesses, strict=True)
-    return whole, (np.concatenate(k), np.concatenate(inverses), max(second))
+    durations = np.repeat([flight.duration for flight in flights], K)[:, None, None]
+    vars(whole).update(vars(flights[0]), **of, duration=durations)
+    return whole
 
 
 def flown(
@@ -365,7 +373,8 @@ def _newton(
             f = calling(flow.f, t, x, p)(t, x, p).T
             h_f, velocities = f[:count].reshape(k.shape) * lengths, f[count:]
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
-        step = (inverse @ (k - h_f).reshape(len(k), -1, 1)).reshape(k.shape)
+        # one from elsewhere may be that of several flights
+        step = (inverse @ (k - h_f).reshape(-1, *inverse.shape[:2], 1)).reshape(k.shape)
         k = k - step
         size = float(abs(step).max() / moves)
         # a correction shrinks by as much as the one before; to first order a guess was off by the
@@ -403,9 +412,9 @@ def derivatives(
     inverse = _inverse(scheme, right[..., :n])
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inside = inverse @ right.reshape(count, points * n, -1)
-    ends = (scheme.weights @ inside.reshape(count, points, -1)).reshape(count, n, -1)
-    ends[:, range(n), range(n)] += 1.0
-    return Slopes(ends, inside, inverse, f * lengths)
+    ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
+    ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
+    return Slopes(ends.reshape(count, n, width), inside, inverse, f * lengths)
 
 
 def _inverse(scheme: Collocation, jacobian: Array) -> Array:
@@ -442,12 +451,12 @@ def _inverse(scheme: Collocation, jacobian: Array) -> Array:
 def _inverted(matrix: Array) -> Array:
     """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
     size = matrix.shape[1] * matrix.shape[2]
-    matrix = matrix.reshape(-1, size, size)
-    matrix[:, range(size), range(size)] += 1.0
+    matrix = np.ascontiguousarray(matrix).reshape(-1, size * size)
+    matrix[:, :: size + 1] += 1.0
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:
-        return np.asarray(np.linalg.inv(matrix))
+        return np.asarray(np.linalg.inv(matrix.reshape(-1, size, size)))
     except np.linalg.LinAlgError as error:
         raise Undefined("an interval of the mesh is too long for its flow") from error
 

@@ -260,9 +260,11 @@ class FlowEquations:
         key = x.tobytes(), tuple(p.items())
         place = self._latest.get(key)
         if place is None or place.error > error:
-            moving, flights, guesses = self._begun(x, p)
+            moving, flights = self._begun(x, p)
+            near = self._near(moving)
             for i, flow in enumerate(self.flows):
-                flights[i] = flown(flow, flights[i], p, self._units[i], guesses[i], error)
+                guess = self._guess(i, flights[i], p, moving, *near) if near else None
+                flights[i] = flown(flow, flights[i], p, self._units[i], guess, error)
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
         self._latest.pop(key, None)
         while len(self._latest) >= 16:  # are kept, to begin from the nearest
@@ -270,39 +272,38 @@ class FlowEquations:
         self._latest[key] = place
         return place
 
-    def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment], list[Any]]:
-        """Tell a place by its unknowns, its flights without slopes inside, and estimates of these
-        as `flown` takes them."""
-        moving, flights, guesses = x[self.layout.moving].copy(), [], []
-        near = self._near([*self._latest.values()] or [self._begin], moving)
+    def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment]]:
+        """Tell a place by its unknowns, and its flights without slopes inside."""
+        flights = list[TrajectorySegment]()
         t = float(x[-1]) if self.phased else self.start[0].start
         for i, flow in enumerate(self.flows):
             flights.append(plain := self._flight(i, x, t))
             if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
                 raise Undefined(f"flow {i} ends while its condition does not count (ignore=)")
-            guesses.append(self._guess(i, plain, p, moving, *near) if near else None)
             t += plain.duration
-        return moving, flights, guesses
+        return x[self.layout.moving].copy(), flights
 
     def prepare(self, places: Sequence[tuple[Array, Params]], names: tuple[str, ...]) -> None:
         """Solve and linearise at several places as for one with the intervals of all, where these
         have the same parameters and are next to one that is linearised."""
         p, wanted = self._unfolded(*places[0]), (*self._lambdas, *names)
-        begun = [self._begun(x, p) for x, _ in places]
-        known = all(guess and guess[1] is not None for *_, of in begun for guess in of)
-        if not known or any(self._unfolded(*place) != p for place in places):
+        near = self._near(places[0][0][self.layout.moving])[:2]
+        if len(near) < 2 or any(self._unfolded(*place) != p for place in places):
             return
-        solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, *_ in begun]
+        begun = [self._begun(x, p) for x, _ in places]
+        solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, _ in begun]
+        rows = np.array([x for x, _ in places])
         for i, flow in enumerate(self.flows):
-            flights = [flights[i] for _, flights, _ in begun]
-            whole, guess = as_one_flight(flights, [guesses[i] for *_, guesses in begun])
+            flights = [flights[i] for _, flights in begun]
+            whole = as_one_flight(flights)
+            guess = self._guess(i, whole, p, rows[0], *near)
             whole = flown(flow, whole, p, self._units[i], guess)
             many = derivatives(flow, whole, whole.slopes, p, wanted)
-            parts = whole.slopes, many.ends, many.inside, many.inverse, many.field
-            apart = [part.reshape(len(begun), -1, *part.shape[1:]) for part in parts]
-            for (x, _), place, flight, k, *of in zip(places, solved, flights, *apart, strict=True):
-                place.flights += (found := flight.with_slopes(k, None),)
-                place.linear += (self._linearised(i, x, found, place, Slopes(*of)),)
+            slopes = whole.slopes.reshape(len(places), -1, *whole.slopes.shape[1:])
+            for place, flight, k in zip(solved, flights, slopes, strict=True):
+                place.flights += (flight.with_slopes(k, None),)
+            for place, piece in self._linearised(i, rows, whole, many, solved):
+                place.linear += (piece,)
         for (x, _), place in zip(places, solved, strict=True):
             self._latest[x.tobytes(), tuple(p.items())] = place
 
@@ -318,10 +319,10 @@ class FlowEquations:
         unfolded = x[self.layout.lambdas].tolist()
         return {**p, **dict(zip(self.conservation.lambdas, unfolded, strict=True))}
 
-    @staticmethod
-    def _near(places: Sequence[SolvedPlace], x: Array) -> list[SolvedPlace]:
+    def _near(self, x: Array) -> list[SolvedPlace]:
         """The place next to which slopes are estimated, of those near; the nearest that is
         linearised, which is the same unless one is at half its distance; and one beyond that."""
+        places = [*self._latest.values()] or [self._begin]
         apart = np.array([*map(_UNKNOWNS, places)]) - x
         off, most = np.vecdot(apart, apart), 0.01 * x.dot(x)  # squares: a tenth of its size
         near: list[SolvedPlace] = []
@@ -518,28 +519,39 @@ class FlowEquations:
             place.names, linear = wanted, []
             for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
                 derivative = derivatives(flow, flight, flight.slopes, place.params, wanted)
-                linear.append(self._linearised(i, x, flight, place, derivative))
-            place.linear = tuple(linear)
+                linear += self._linearised(i, x[None], flight, derivative, [place])
+            place.linear = tuple(piece for _, piece in linear)
         return place
 
     def _linearised(
-        self, i: int, x: Array, flight: TrajectorySegment, place: SolvedPlace, derivative: Slopes
-    ) -> Linear:
-        flow, p, names = self.flows[i], place.params, place.names
-        path, n = math.exp(x[self.layout.knots[i][-1]]), flight.states.shape[1]
-        inside, steps, longer = flight.share_slopes(self.sizes[i], path)
+        self, i: int, rows: Array, whole: TrajectorySegment, derivative: Slopes,
+        places: Sequence[SolvedPlace],
+    ) -> Iterator[tuple[SolvedPlace, Linear]]:  # fmt: skip
+        """Linearise a flow at several places, rows of unknowns, by the derivatives of its flights
+        as one."""
+        n, many = whole.states.shape[1], len(whole.states) // len(rows)
+        paths = np.exp(rows[:, self.layout.knots[i][-1]]).repeat(many)[:, None]
+        inside, steps, longer = whole.share_slopes(self.sizes[i], paths)
         inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
-        shares = self._in_unknowns(i, flight, inside)[:, 0]
+        both = self._in_unknowns(i, whole, np.concatenate([derivative.ends, inside], axis=1))
+        ends, shares = both[:, :n], both[:, n]
         # the step of an interval is the difference of the knots at its ends
         shares[:, n] -= steps
         shares[:, n + 1] += steps
-        ends = self._in_unknowns(i, flight, derivative.ends)
-        linear = Linear(derivative, ends, ends[-1], shares, longer)
-        if not (flow.reset or flow.until):
-            return linear
+        ended = self.flows[i].reset or self.flows[i].until
+        for j, place in enumerate(places):
+            of = slice(j * many, (j + 1) * many)
+            parts = ends[of], ends[of.stop - 1], shares[of], longer[of]
+            linear = Linear(derivative.part(of), *parts)
+            yield place, self._with_ending(i, place, linear) if ended else linear
+
+    def _with_ending(self, i: int, place: SolvedPlace, linear: Linear) -> Linear:
+        """Add what ends a flow, and what comes after."""
+        flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
+        n = flight.dimension
         # of state, time and parameters at its end: the time is the sum of beginning and length
         last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
-        last[:n], last[n, n] = derivative.ends[-1], 1.0
+        last[:n], last[n, n] = linear.slopes.ends[-1], 1.0
         arrival = self._in_unknowns(i, flight, last[None], slice(-1, None))[0]
         at = flight.last, flight.end[:, None], p, names
         if flow.reset:
@@ -558,7 +570,7 @@ class FlowEquations:
         n, T = flight.states.shape[1], flight.duration
         begin, length = of[:, :, n, None], of[:, :, n + 1, None]
         # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j), t_0 the phase and what lasted before
-        longer = flight.knots[:-1][j, None, None] * begin + flight.steps[j, None, None] * length
+        longer = flight.marks[j, None, None] * begin + flight.steps[j, None, None] * length
         earlier = [begin] * (i + self.phased)
         knots = T * (begin - length), T * length
         parts = of[:, :, :n], *knots, longer, *earlier, of[:, :, n + 2 :]

@@ -224,7 +224,7 @@ class SparseFlowEquations(FlowEquations):
         yield inside, length, -f * flight.steps[:, None, None] - since * rate
         yield inside[..., None], parameters, -h[..., None] * other[..., 1:]
         # the mesh
-        moved, steps, longer = flight.share_slopes(self.sizes[0], math.exp(x[knots[-1]]))
+        moved, steps, longer = flight.share_slopes(self.sizes[0], np.exp(x[knots[-1:]])[:, None])
         moved = np.einsum("jcn,cd->jdn", moved, self._inverse)
         yield knots[:, None, None], inside, moved
         yield knots[:, None], layout.nodes[0], -moved.sum(axis=1)

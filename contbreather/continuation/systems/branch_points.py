@@ -136,7 +136,7 @@ def branch_point_test(point: Point) -> float:
         return signed_smallest(factors)
     if point.z.size <= FEW:
         return signed_smallest(factors.whole)
-    return by_inverses(factors, point.z.size)[0] if factors.exact else 0.0
+    return by_inverses(factors, point.z.size, 2)[0] if factors.exact else 0.0
 
 
 def bordered_matrix(point: Point) -> Matrix:
