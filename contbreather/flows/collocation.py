@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,8 +282,7 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     return tuple(sizes[flight.states.shape[1]] for flight in flights)
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
+class Slopes(NamedTuple):
     """Derivatives of a flight: of the state where each interval ends, and of the slopes inside.
 
     The last axis is one entry for each state where the interval begins, the time at which it
@@ -294,10 +293,6 @@ class Slopes:
     inside: Array  # (intervals, points n, n + 2 + parameters)
     inverse: Array  # (intervals, points n, points n), of the equations for the slopes inside
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
-
-    def part(self, of: slice) -> Slopes:
-        """Those of some intervals."""
-        return Slopes(self.ends[of], self.inside[of], self.inverse[of], self.field[of])
 
     def beside(
         self, flight: TrajectorySegment, p: Params, other: TrajectorySegment, q: Params,
@@ -312,8 +307,8 @@ class Slopes:
         change[..., n + 1, 0] = other.lengths.reshape(-1, count) - flight.lengths
         for j, name in enumerate(names, n + 2):
             change[..., j, :] = q[name] - p[name]
-        k = flight.slopes + (self.inside @ change).reshape(-1, *shape)
-        return np.asarray(k.reshape(-1, *shape[1:]))
+        moved = (self.inside @ change).reshape(-1, *shape)
+        return np.asarray((flight.slopes + moved).reshape(-1, *shape[1:]))
 
 
 def as_one_flight(flights: Sequence[TrajectorySegment]) -> TrajectorySegment:
@@ -376,7 +371,7 @@ def _newton(
         # one from elsewhere may be that of several flights
         step = (inverse @ (k - h_f).reshape(-1, *inverse.shape[:2], 1)).reshape(k.shape)
         k = k - step
-        size = float(abs(step).max() / moves)
+        size = float(np.maximum.reduce(abs(step), axis=None) / moves)
         # a correction shrinks by as much as the one before; to first order a guess was off by the
         # square of a distance, in proportion to which the inverse is off
         first = math.sqrt(size + second / moves) if first_order else 1.0

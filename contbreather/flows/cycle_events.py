@@ -22,11 +22,7 @@ from ..continuation.bifurcations.multiplier_events import linked, unresolved
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
-from ..continuation.systems.branch_points import (
-    bordered_matrix,
-    branch_point_test,
-    crossing_event,
-)
+from ..continuation.systems.branch_points import bordered_matrix, branch_point_test, crossing_event
 from ..continuation.systems.defining_systems import Singular
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events

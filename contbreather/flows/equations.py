@@ -292,17 +292,16 @@ class FlowEquations:
             return
         begun = [self._begun(x, p) for x, _ in places]
         solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, _ in begun]
-        rows = np.array([x for x, _ in places])
         for i, flow in enumerate(self.flows):
             flights = [flights[i] for _, flights in begun]
             whole = as_one_flight(flights)
-            guess = self._guess(i, whole, p, rows[0], *near)
+            guess = self._guess(i, whole, p, begun[0][0], *near)
             whole = flown(flow, whole, p, self._units[i], guess)
             many = derivatives(flow, whole, whole.slopes, p, wanted)
             slopes = whole.slopes.reshape(len(places), -1, *whole.slopes.shape[1:])
             for place, flight, k in zip(solved, flights, slopes, strict=True):
                 place.flights += (flight.with_slopes(k, None),)
-            for place, piece in self._linearised(i, rows, whole, many, solved):
+            for place, piece in self._linearised(i, whole, many, solved):
                 place.linear += (piece,)
         for (x, _), place in zip(places, solved, strict=True):
             self._latest[x.tobytes(), tuple(p.items())] = place
@@ -519,18 +518,17 @@ class FlowEquations:
             place.names, linear = wanted, []
             for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
                 derivative = derivatives(flow, flight, flight.slopes, place.params, wanted)
-                linear += self._linearised(i, x[None], flight, derivative, [place])
-            place.linear = tuple(piece for _, piece in linear)
+                linear += [piece for _, piece in self._linearised(i, flight, derivative, [place])]
+            place.linear = tuple(linear)
         return place
 
     def _linearised(
-        self, i: int, rows: Array, whole: TrajectorySegment, derivative: Slopes,
-        places: Sequence[SolvedPlace],
-    ) -> Iterator[tuple[SolvedPlace, Linear]]:  # fmt: skip
-        """Linearise a flow at several places, rows of unknowns, by the derivatives of its flights
-        as one."""
-        n, many = whole.states.shape[1], len(whole.states) // len(rows)
-        paths = np.exp(rows[:, self.layout.knots[i][-1]]).repeat(many)[:, None]
+        self, i: int, whole: TrajectorySegment, derivative: Slopes, places: Sequence[SolvedPlace]
+    ) -> Iterator[tuple[SolvedPlace, Linear]]:
+        """Linearise a flow at several places by the derivatives of its flights as one."""
+        n, many = whole.states.shape[1], len(whole.states) // len(places)
+        paths = np.exp([place.x[self.layout.knots[i][-1]] for place in places])
+        paths = paths.repeat(many)[:, None]
         inside, steps, longer = whole.share_slopes(self.sizes[i], paths)
         inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
         both = self._in_unknowns(i, whole, np.concatenate([derivative.ends, inside], axis=1))
@@ -541,14 +539,14 @@ class FlowEquations:
         ended = self.flows[i].reset or self.flows[i].until
         for j, place in enumerate(places):
             of = slice(j * many, (j + 1) * many)
-            parts = ends[of], ends[of.stop - 1], shares[of], longer[of]
-            linear = Linear(derivative.part(of), *parts)
+            own = derivative if many == len(ends) else Slopes(*(part[of] for part in derivative))
+            linear = Linear(own, ends[of], ends[of.stop - 1], shares[of], longer[of])
             yield place, self._with_ending(i, place, linear) if ended else linear
 
     def _with_ending(self, i: int, place: SolvedPlace, linear: Linear) -> Linear:
         """Add what ends a flow, and what comes after."""
-        flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
-        n = flight.dimension
+        flow, flight = self.flows[i], place.flights[i]
+        n, p, names = flight.dimension, place.params, place.names
         # of state, time and parameters at its end: the time is the sum of beginning and length
         last = np.eye(n + 1 + len(names), n + 2 + len(names), 1)
         last[:n], last[n, n] = linear.slopes.ends[-1], 1.0
