@@ -124,8 +124,7 @@ class TrajectorySegment:
     velocities: Any = field(default=None, init=False)  # of its flow there, once known
 
     def __post_init__(self) -> None:
-        marks = self.knots[:-1]
-        steps = self.knots[1:] - marks
+        marks, steps = self.knots[:-1], self.knots[1:] - self.knots[:-1]
         begins, lengths = self.start + self.duration * marks, self.duration * steps
         inner = (begins[:, None] + lengths[:, None] * self.scheme.nodes).ravel()
         vars(self).update(marks=marks, steps=steps, lengths=lengths, begins=begins, inner=inner)
@@ -206,10 +205,8 @@ class TrajectorySegment:
 
     def share_slopes(self, sizes: Array, length: Array) -> tuple[Array, Array, Array]:
         """Differentiate the shares in the slopes inside, of shape (intervals, points, n), in the
-        steps, and in minus the logarithm of the path, (1, 1), or of each interval (intervals, 1).
-        """
-        units = sizes * length[..., None]
-        moved, path, still = self._squares(units, length)
+        steps, and in minus the logarithm of the path: one for all, or a column of them."""
+        moved, path, still = self._squares(units := sizes * length[..., None], length)
         weights = self.scheme.weights * ((self.knots.size - 1) / 1.5) / np.sqrt(path + still)
         inside = moved * weights[..., None] / units
         steps = still[:, 0] * weights.sum(axis=1) / self.steps
@@ -313,10 +310,10 @@ class Slopes(NamedTuple):
 
 def as_one_flight(flights: Sequence[TrajectorySegment]) -> TrajectorySegment:
     """Flights of one flow as one: each interval is solved for by itself."""
-    whole, K = object.__new__(TrajectorySegment), len(flights[0].states)
+    whole, many = object.__new__(TrajectorySegment), len(flights[0].states)
     parts = ("states", "marks", "steps", "begins", "lengths", "inner")
     of = {name: np.concatenate([getattr(flight, name) for flight in flights]) for name in parts}
-    durations = np.repeat([flight.duration for flight in flights], K)[:, None, None]
+    durations = np.repeat([flight.duration for flight in flights], many)[:, None, None]
     vars(whole).update(vars(flights[0]), **of, duration=durations)
     return whole
 
@@ -368,7 +365,6 @@ def _newton(
             f = calling(flow.f, t, x, p)(t, x, p).T
             h_f, velocities = f[:count].reshape(k.shape) * lengths, f[count:]
         # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
-        # one from elsewhere may be that of several flights
         step = (inverse @ (k - h_f).reshape(-1, *inverse.shape[:2], 1)).reshape(k.shape)
         k = k - step
         size = float(np.maximum.reduce(abs(step), axis=None) / moves)

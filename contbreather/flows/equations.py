@@ -274,8 +274,7 @@ class FlowEquations:
 
     def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment]]:
         """Tell a place by its unknowns, and its flights without slopes inside."""
-        flights = list[TrajectorySegment]()
-        t = float(x[-1]) if self.phased else self.start[0].start
+        flights, t = list[TrajectorySegment](), float(x[-1] if self.phased else self.start[0].start)
         for i, flow in enumerate(self.flows):
             flights.append(plain := self._flight(i, x, t))
             if flow.ignore and max(plain.duration, 0.0) < flow.ignored(p):
@@ -293,8 +292,7 @@ class FlowEquations:
         begun = [self._begun(x, p) for x, _ in places]
         solved = [SolvedPlace(moving, dict(p), (), names=wanted) for moving, _ in begun]
         for i, flow in enumerate(self.flows):
-            flights = [flights[i] for _, flights in begun]
-            whole = as_one_flight(flights)
+            whole = as_one_flight(flights := [of[i] for _, of in begun])
             guess = self._guess(i, whole, p, begun[0][0], *near)
             whole = flown(flow, whole, p, self._units[i], guess)
             many = derivatives(flow, whole, whole.slopes, p, wanted)
@@ -517,8 +515,8 @@ class FlowEquations:
         if not place.linear or (names is not None and wanted != place.names):
             place.names, linear = wanted, []
             for i, (flow, flight) in enumerate(zip(self.flows, place.flights, strict=True)):
-                derivative = derivatives(flow, flight, flight.slopes, place.params, wanted)
-                linear += [piece for _, piece in self._linearised(i, flight, derivative, [place])]
+                of = derivatives(flow, flight, flight.slopes, place.params, wanted)
+                linear += [piece for _, piece in self._linearised(i, flight, of, [place])]
             place.linear = tuple(linear)
         return place
 
@@ -527,8 +525,7 @@ class FlowEquations:
     ) -> Iterator[tuple[SolvedPlace, Linear]]:
         """Linearise a flow at several places by the derivatives of its flights as one."""
         n, many = whole.states.shape[1], len(whole.states) // len(places)
-        paths = np.exp([place.x[self.layout.knots[i][-1]] for place in places])
-        paths = paths.repeat(many)[:, None]
+        paths = np.exp([at.x[self.layout.knots[i][-1]] for at in places]).repeat(many)[:, None]
         inside, steps, longer = whole.share_slopes(self.sizes[i], paths)
         inside = inside.reshape(len(steps), 1, -1) @ derivative.inside
         both = self._in_unknowns(i, whole, np.concatenate([derivative.ends, inside], axis=1))
