@@ -480,9 +480,7 @@ class UnevenResponse(ModalResponse):
         return medium_of(self.lattice, *own), pace
 
     def _after(self, times: FloatArray, by: str) -> FloatArray:
-        if by not in ("", PACE):
-            return Response._after(self, times, by)
-        return _site_place(self, times.tobytes())[by == PACE].copy()
+        return _site_place(self, times.tobytes(), by if by != PACE else "")[by == PACE].copy()
 
     def slopes_at_impacts(
         self, times: FloatArray, rates: Mapping[str, float]
@@ -526,10 +524,8 @@ def _site_spectra(of: UnevenResponse, by: str) -> list[DrivenSpectrum]:
     own, pace = by in of.drive.params, of.own[1]
     m, F = forces_of(of.drive, by if own else "")
     modes = _modes(of, "" if own else by)
-    # the parameters, too, are less in the medium's own time
-    unit = pace ** -{"gamma": 4, "spring": 4, "damping": 3}.get(by, 2)
-    both = modes.driven(m / pace, of.lattice.drive)
-    return [DrivenSpectrum(m, unit * F * table) for table in both]
+    unit = pace ** (_UNITS["" if own else by] - 1)
+    return [DrivenSpectrum(m, unit * F * A) for A in modes.driven(m / pace, of.lattice.drive)]
 
 
 @lru_cache(maxsize=64)
@@ -540,21 +536,26 @@ def _site_table(of: UnevenResponse, sites: Sites, by: str) -> Responses:
     return _as_table(of, sites, level, waves.rates, grown)
 
 
+# A velocity in a medium's own time is less by the pace, and so are parameters: powers of it in
+# answers to impulses, and in their slopes.
+_UNITS = {"": -1, "damping": -2, "gamma": -3, "spring": -3}
+
+
 @lru_cache(maxsize=16)
-def _site_place(of: UnevenResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
-    """Answers just after impacts, and their slopes along the pace, of ``h(e t)/e`` at e = 1."""
-    at, modes, hits, pace = np.frombuffer(times), _modes(of, ""), list(of.hits), of.own[1]
+def _site_place(of: UnevenResponse, times: bytes, by: str) -> tuple[FloatArray, FloatArray]:
+    """Answers just after impacts, or what a parameter changes, and their slopes along the pace, of
+    ``h(e t)/e`` at e = 1."""
+    at, modes, hits, pace = np.frombuffer(times), _modes(of, by), list(of.hits), of.own[1]
     laps, age = of._since(at[:, None] - at)
     recurring, longer = modes.recurring(pace * of.length, of.sign)
     moved = recurring[:, None, None] * np.exp(np.multiply.outer(modes.rates, pace * age))
     moved *= modes.values[:, hits, None] * modes.kicks[:, None, hits]
-    # a velocity in the medium's own time is less by the pace
-    units = pace ** np.arange(-1.0, 3.0)[:, None, None] * np.where(laps % 2, of.sign, 1.0)
+    units = pace ** (_UNITS[by] + np.arange(4.0)[:, None, None]) * np.where(laps % 2, of.sign, 1.0)
     K, shape = modes.rates.size, (4, *age.shape)
     rows = modes.orders @ moved.reshape(K, -1), (modes.orders * longer) @ moved.reshape(K, -1)
     h, grown = (units * part.real.reshape(shape) for part in rows)
     if of.sign > 0:
-        level = modes.level[hits][:, hits] / (pace * pace * of.length)
+        level = pace ** (_UNITS[by] - 1) / of.length * modes.level[hits][:, hits]
         h[0], grown[0] = h[0] + level, grown[0] - level
     for order in range(3):
         grown[order] += (order - 1) * h[order] + age * h[order + 1]
@@ -564,8 +565,7 @@ def _site_place(of: UnevenResponse, times: bytes) -> tuple[FloatArray, FloatArra
 @lru_cache(maxsize=64)
 def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
     modes, pace = _modes(of, by), of.own[1]
-    length = pace * of.length
-    unit = pace ** -{"": 1, "damping": 2}.get(by, 3)
+    length, unit = pace * of.length, pace ** _UNITS[by]
     left = unit * modes.values * modes.recurring(length, of.sign)[0][:, None]
     level = unit * modes.level / length if of.sign > 0 else np.zeros((of.lattice.sites,) * 2)
     return SiteWaves(pace * modes.rates, left, modes.kicks, level)
