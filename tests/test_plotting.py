@@ -436,6 +436,8 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     # and no farther than was looked
     window = {"gamma": (0.02, 0.03), "a": (0.6, 0.99)}
     assert zones(k=0.8, within=window).box(window)[0] == pytest.approx((0.02, 0.03))
+    # at another frequency of the drive the band is below it up to gamma = omega^2/4
+    assert plots.plot_zones(zones(k=0.8, omega=1.3)).axes.get_xlim()[1] > 0.42
 
 
 # --- multipliers --------------------------------------------------------------------------------

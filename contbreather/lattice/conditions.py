@@ -269,9 +269,11 @@ def _moved(
 
 @contextmanager
 def in_time_of_drive(on: Conditions) -> Iterator[Conditions]:
-    """Conditions with the time in units of 1/omega; a refusal says so."""
+    """Conditions with the time in units of 1/omega; a refusal says so, but for one of what was
+    given, which is checked in its own units."""
+    scaled = on if on.omega == 1.0 else on.checked().scaled
     try:
-        yield on if on.omega == 1.0 else on.checked().scaled
+        yield scaled
     except ContbreatherError as error:
         if on.omega != 1.0 and any(f"{name} = " in str(error) for name in POWERS):
             units = (

@@ -85,7 +85,10 @@ class GrazingSwitch(SwitchingProblem):
             times = "twice" if in_a_row == 2 else f"{in_a_row} times"
             told = f"site {site} hits its wall {times} in a row"
         else:
-            told = f"site{'s' * (len(sites) > 1)} {', '.join(map(str, sites))} hit a wall"
+            numbers = ", ".join(map(str, sites))
+            told = (
+                f"sites {numbers} hit a wall" if len(sites) > 1 else f"site {numbers} hits a wall"
+            )
         return told + " no more" * (self.point.kind == "VI")
 
     def _grown(self, curve: Curve, z: FloatArray, way: FloatArray) -> FloatArray:

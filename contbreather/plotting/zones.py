@@ -188,7 +188,8 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
     for name, (low, high) in zip(zones.pair, box, strict=True):
         start = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
         top = NUMBERS[name].high if name in NUMBERS else float("inf")
-        limits += [start, min(high + 0.04 * (high - low), top)]
+        # of another frequency they go on beyond that end
+        limits += [start, max(high, min(high + 0.04 * (high - low), top))]
     low, high = box[1]
     if any(point[zones.pair[1]] > high - 0.05 * (high - low) for point in zones.special):
         limits[3] += 0.08 * (high - low)  # for the names of the meetings

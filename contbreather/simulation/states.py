@@ -219,12 +219,14 @@ def ranged(on: C) -> C:
     """Conditions, checked to have numbers that a simulation can have."""
     if parameter("omega", on.omega) != 1.0:
         check_drive(on.omega, on.gamma, on.spring, on.lattice)
-        ranged(on.scaled)
-        return on
-    # a lattice may be at rest, or ring freely: without forcing, too
-    ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
-    if not isinstance(on.lattice, Ring):
-        ranges["gamma"] = {"high": HEAVIEST**2, "below": False, "why": ""}
+    heaviest = HEAVIEST * on.omega
+    ranges: dict[str, dict[str, Any]] = {
+        "a": {"above": False},  # a lattice may be at rest, or ring freely: without forcing, too
+        "damping": {"high": heaviest},
+        "spring": {"high": heaviest**2},
+    }
+    if on.omega != 1.0 or not isinstance(on.lattice, Ring):  # the band of a ring is looked at above
+        ranges["gamma"] = {"high": heaviest**2, "below": False, "why": ""}
     for name, value in on.params.items():
         if name in (*NAMES, *SMOOTH):
             parameter(name, value, **ranges.get(name, {}))

@@ -231,6 +231,9 @@ def test_a_sentence_says_what_hits_twice_in_a_row_and_what_no_more():
     back = cb.trace(arm[2], "a", within=within).first("VI")
     (less,) = cb.switch(back, within=within)
     assert less[0]["says"].startswith("site 0 hits its wall twice in a row no more; ")
+    uneven = {"lattice": cb.OpenChain(5), "site": 2, "spring": [0.1, 0.2, 0.1, 0.1, 0.1]}
+    end = cb.trace(cb.symmetric(0.6, 0.05, 0.8, **uneven), "a", within=within).first("GR")
+    assert cb.switch(end, within=within)[0][0]["says"].startswith("site 1 hits a wall; ")
     assert "sites -1, 1 hit a wall; " in cb.switch(grazing("endless"), within=within)[0][0]["says"]
 
 

@@ -260,7 +260,7 @@ def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
     [
         (
             {"omega": 0.3},
-            "omega = 0.3: harmonic 1 of the drive, 0.3, is in the band .* 0 to 0.4",
+            r"omega = 0.3: harmonic 1 of the drive, 0.3, is in the band .* 0 to 0.4; .* that\.$",
         ),
         ({"omega": 0.11, "spring": 0.1}, r"harmonic 3 of the drive, 0.33, is in the band .* 0.316"),
         ({"omega": 0.3, "spring": 0.2}, "the drive is below the band of the lattice, 0.447214 to"),
@@ -269,7 +269,7 @@ def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
         ({"omega": "fast"}, "omega = 'fast': the frequency of the forcing"),
         ({"omega": math.inf}, "omega = inf"),
         ({"omega": 2.0, "k": 1.5}, r"k = 1.5: .* in that range\.$"),
-        ({"omega": 2.0, "a": -0.5}, "a = -0.5: .* > 0"),
+        ({"omega": 2.0, "a": -0.5}, r"a = -0.5: .* > 0; its sign belongs in the forcing\.$"),
         (
             {"omega": 2.0, "lattice": OPEN, "spring": [0.1] * 4},
             r"spring = \[0.1, 0.1, .* of 5 sites",
@@ -283,6 +283,24 @@ def test_conditions_at_frequency_one_are_as_they_were_in_files_and_tables():
 def test_frequencies_that_cannot_be_are_refused(on, sentence):
     with pytest.raises(BadInput, match=sentence):
         cb.symmetric(**{"a": 0.5, "gamma": 0.04, "k": 0.8, **on})
+
+
+@pytest.mark.parametrize(
+    ("on", "sentence"),
+    [
+        ({"a": -0.9}, "a = -0.9: .* >= 0"),
+        ({"gamma": -0.3}, "gamma = -0.3: the coupling"),
+        ({"gamma": 1.5}, "omega = 2: harmonic 1 of the drive, 2, is in the band"),
+        ({"damping": -0.1}, "damping = -0.1: "),
+        ({"spring": 5e8}, "spring = 5.*: the on-site stiffness"),
+    ],
+)
+def test_simulations_at_a_frequency_refuse_what_was_given(on, sentence):
+    with pytest.raises(BadInput, match=sentence):
+        cb.simulate(
+            (np.zeros(9), np.zeros(9)), periods=1, lattice=cb.Ring(9), omega=2.0,
+            **{"a": 0.5, "gamma": 0.04, "k": 0.8, **on},
+        )  # fmt: skip
 
 
 def test_below_the_fold_the_sentence_names_the_units():
