@@ -223,6 +223,23 @@ def test_an_orbit_that_persists_is_unstable_as_its_sentence_says_and_simulations
     assert np.abs(np.subtract(run.final, orbit.state())).max() > 1e-2
 
 
+def test_what_ends_within_its_first_step_is_followed_to_there():
+    """Site 4 comes to its other wall 0.0005 in a after the first."""
+    within, parts = {"a": (0.5, 1.3)}, {"k": [0.8, 0.75, 0.8, 0.9, 0.6], "omega": 1.2, "site": 2}
+    parts |= {"spring": [0.1, 0.0, 0.2, 0.05, 0.3], "damping": [0.01, 0.03, 0.0, 0.02, 0.01]}
+    uneven = cb.symmetric(
+        0.9, 0.05, lattice=cb.OpenChain(5), walls=[1, 1.2, 0.9, 1.0, 1.1], **parts
+    )
+    fork = cb.trace(uneven, "a", within=within).first("PF")
+    end = cb.switch(fork, within=within)[0].first("GR")
+    (arm,), (fine,) = (
+        cb.switch(end, within=within, steps=steps) for steps in (None, cb.Steps(largest=1e-3))
+    )
+    assert [point.kind for point in arm.special] == ["EP", "GR"]
+    assert arm[0]["beyond"] == "persists"
+    assert arm[-1]["a"] == pytest.approx(fine.first("GR")["a"], abs=1e-13)
+
+
 def test_a_sentence_says_what_hits_twice_in_a_row_and_what_no_more():
     within = {"a": (0.1, 1.5)}
     end = cb.trace(cb.symmetric(0.8, **SOFT["ring"]), "a", within=within).first("GR")

@@ -39,7 +39,7 @@ _SINGULAR = 1e-6  # least singular value of balanced equations where curves cros
 class Seed(NamedTuple):
     """The start of one arm: its problem, the point z in it, the direction in which it leaves, that
     of the branch it leaves from, which it must not follow, what else its first point knows, and a
-    sentence for where its events end it at once: there is no arm then."""
+    sentence for where events end it within its first step: there is no arm then."""
 
     problem: Problem
     z: Array
@@ -343,7 +343,8 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
             residual=arm[0].residual,
         )
     arm = _with_parent(arm, point, seed)
-    if len(arm) == 1 and arm.stop is Stop.EVENT and seed.ends_at_once:
+    within_a_step = all(point.kind for point in arm)  # nothing but what was located on it
+    if within_a_step and arm.stop is Stop.EVENT and seed.ends_at_once:
         why = BadInput(seed.ends_at_once)
         raise NothingToSwitch(f"{point!r}: {why}", point) from why
     _refuse_parent(arm, seed, point)

@@ -451,12 +451,13 @@ class ContinuationIterator:
             line = [p for p in found if p.arclength <= point.arclength + reach]
             ended = {id(p.event) for p in line}
             found, line = found[len(line) :], line or [point]
-        at_once = False
+        at_once, later = False, {id(p.event) for p in found}
         for event, then, now in zip(self.events, before, after, strict=True):
             if event.ends == "domain" and now < 0:  # only the positive side is meant
                 broken.append(event.kind)
                 # what is negative at the start is rounding: more of it is refused
-                at_once |= id(event) in ended or (begins and then <= 0)
+                at_start = id(event) in ended or (begins and then <= 0)
+                at_once |= at_start and id(event) not in later
         if at_once:
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
