@@ -143,6 +143,7 @@ REFUSED = {  # a study, the part that fails, and the library's sentence
     "[chain]\nlattice = 'open:6'\nsite = 7": ("b", "impact (7, 1): no such site on the open chain"),
     "[chain]\nlattice = 'ring:6'\nthreshold = 0.5": ("b", "threshold = 0.5"),
     "[chain]\nlattice = 'ring:6'\nwalls = ['1,-1']": ("b", "two numbers low < high"),
+    "[chain]\nlattice = 'open:3'\nwalls = [1, 'x', 2]": ("b", r"walls[1] = 'x': two numbers"),
 }
 
 
@@ -435,9 +436,8 @@ def test_walls_of_each_site_are_typed_or_numbers(tmp_path: Path) -> None:
             for more in ({}, {"walls": own})
         )
         assert orbit.walls == wanted.walls
-    path.write_text("[chain]\nlattice = 'open:3'\nwalls = [{}]\n" + ONE)
-    with pytest.raises(cb.BadInput, match=r"chain\.walls"):
-        read(path)
+    path.write_text("[chain]\nlattice = 'open:3'\nwalls = 1.2\n" + ONE)
+    assert read(path).chain.on["walls"] == 1.2
 
 
 def test_values_are_a_grid(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -117,10 +117,10 @@ def as_code(typed: str) -> str:
     return f"cb.{make.__name__}({', '.join(given)})"
 
 
-def walls_by(typed: Sequence[Any], sites: int | None) -> Any:
+def walls_by(typed: Any, sites: int | None) -> Any:
     """The walls of `--walls` as `symmetric` takes them, None where none were typed; numbers of a
     file as they are."""
-    if not all(isinstance(text, str) for text in typed):
+    if not (isinstance(typed, list | tuple) and all(isinstance(text, str) for text in typed)):
         return typed
     of_all = [_ends(text, text) for text in typed if ":" not in text]
     by_site = dict(_of_site(text) for text in typed if ":" in text)

@@ -17,7 +17,7 @@ from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
@@ -286,14 +286,16 @@ def _guess(
         if lattice is None and seed.lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
         on = _conditions(overrides, lattice or seed.lattice, seed)
-        return Orbit(from_orbit(seed, on.scaled, sequence, sign), on.omega, on.params)
+        with in_time_of_drive(on) as scaled:
+            return Orbit(from_orbit(seed, scaled, sequence, sign), on.omega, on.params)
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
         on = _conditions(overrides, lattice)
-        return Orbit(from_times(on.scaled, section, seed), on.omega, on.params)
+        with in_time_of_drive(on) as scaled:
+            return Orbit(from_times(scaled, section, seed), on.omega, on.params)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
     if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
@@ -304,8 +306,9 @@ def _guess(
     if lattice is not None and lattice.sites != size:
         raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
     on = _conditions(overrides, lattice or Ring(size))
-    flight = from_state(on.scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
-    return Orbit(flight, on.omega, on.params)
+    with in_time_of_drive(on) as scaled:
+        flight = from_state(scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
+        return Orbit(flight, on.omega, on.params)
 
 
 def _conditions(

@@ -113,7 +113,7 @@ class Chain(Table):
     spring: Loss | None = None
     omega: Annotated[float, AfterValidator(_in_range)] = NUMBERS["omega"].default
     site: int = CHOICES["site"].default
-    walls: list[str] | list[float | list[float]] = Field(default_factory=list)
+    walls: Any = Field(default_factory=list)
 
     @model_validator(mode="after")
     def possible(self) -> Chain:
