@@ -220,15 +220,16 @@ def along_by_difference(
     curve: Curve, z: Array, left: Array, right: Array,
     jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
 ) -> Array:  # fmt: skip
-    """``left @ curve.along(z, right)`` by one difference from the place at hand, to six digits: a
-    row of Newton's iteration needs no more."""
+    """``left @ curve.along(z, right)`` by one central difference, to eight digits: a row of
+    Newton's iteration needs no more."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
-    step = 1e-6 / max(size, 1e-300)  # one of two null vectors may vanish
-    place = z + step * way
+    step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
+    places = [z + step * way, z - step * way]
     if jacobian is Curve.jacobian:
-        curve.prepare([place])
-    return np.asarray(left @ (jacobian(curve, place) - jacobian(curve, z)) / step)
+        curve.prepare(places)
+    there, behind = (left @ jacobian(curve, place) for place in places)
+    return np.asarray((there - behind) / (2 * step))
 
 
 # --- problem and defining system together -------------------------------------------------------
