@@ -80,7 +80,8 @@ def in_omega() -> list[Row]:
     ):
         windows = {"a": (low, 0.8), "omega": (0.9, high)}
         walks = [
-            partial(cb.trace, start, free, within={free: ends}) for free, ends in windows.items()
+            partial(cb.trace, start, free, within={free: ends}, steps=cb.Steps(largest=0.01))
+            for free, ends in windows.items()
         ]
         sizes = [len(walk()) for walk in walks]
         times = [[best_of(walk, 1, time.process_time) for walk in walks] for _ in range(7)]
