@@ -39,13 +39,6 @@ UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 UNRESOLVED = 5e-3
 
 
-class MultiplierArray(np.ndarray[Any, np.dtype[np.complex128]]):
-    """Multipliers of an orbit; called, as those of an orbit with impacts are, an array of them."""
-
-    def __call__(self) -> NDArray[np.complex128]:
-        return np.asarray(self)
-
-
 @dataclass(frozen=True, eq=False)
 class Cycle(HtmlRepr):
     """A periodic orbit: where it is at any time, its period and its multipliers.
@@ -158,9 +151,9 @@ class Cycle(HtmlRepr):
         return float(ones[abs(ones - 1).argmax()]) if ones.size else math.nan
 
     @property
-    def multipliers(self) -> MultiplierArray:
+    def multipliers(self) -> NDArray[np.complex128]:
         mu: NDArray[np.complex128] = np.concatenate(self._spectrum)
-        return mu[np.argsort(-abs(mu), kind="stable")].view(MultiplierArray)
+        return mu[np.argsort(-abs(mu), kind="stable")]
 
     @property
     def paired(self) -> bool:

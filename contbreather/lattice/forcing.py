@@ -437,17 +437,7 @@ class Fourier(Periodic):
                 f"the samples do not tell harmonics up to {highest} apart: too many are at the "
                 "same place of the period; take fewer harmonics, or sample between."
             )
-        # what they leave may be as much larger, over the period, where no sample shows it
-        explained, rest = np.std(columns @ found), float(np.std(F - columns @ found))
-        unknown = rest * t.size**0.5 / sizes[-1]
-        if rest < explained < unknown:
-            phases = np.sort(rate * t % (2.0 * math.pi))
-            gap = np.diff(phases, append=phases[0] + 2.0 * math.pi).max() / (2.0 * math.pi)
-            raise BadInput(
-                f"no samples in {gap:.2g} of the period: harmonics up to {highest} leave "
-                f"{rest:.3g} elsewhere and may be off by {unknown:.3g} there, more than the "
-                f"{explained:.3g} that they explain; sample there, too, or take fewer harmonics."
-            )
+        _refuse_gaps(rate * t, columns @ found, F, float(sizes[-1]), highest)
         found[1:] *= 2**0.5
         cos, sin = found[: highest + 1], np.append(0.0, found[highest + 1 :])
         odd = flag("symmetric", symmetric)
@@ -616,6 +606,21 @@ class Samples(Periodic):
 
     def __repr__(self) -> str:
         return f"Samples(<{len(self.values)} values>){self._remark}"
+
+
+def _refuse_gaps(phases: Any, fitted: Any, F: Any, least: float, highest: int) -> None:
+    """Refuse samples that leave the force open: what a fit leaves may be larger over the period, by
+    the least singular value of its columns, where no sample shows it."""
+    explained, rest = float(np.std(fitted)), float(np.std(F - fitted))
+    unknown = rest * F.size**0.5 / least
+    if rest < explained < unknown:
+        places = np.sort(phases % (2.0 * math.pi))
+        gap = np.diff(places, append=places[0] + 2.0 * math.pi).max() / (2.0 * math.pi)
+        raise BadInput(
+            f"no samples in {gap:.2g} of the period: harmonics up to {highest} leave {rest:.3g} "
+            f"elsewhere and may be off by {unknown:.3g} there, more than the {explained:.3g} that "
+            "they explain; sample there, too, or take fewer harmonics."
+        )
 
 
 def _left_by(

@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.finite import PACE, Basis, NormalModes, stiffness_of
+from contbreather.lattice.finite import PACE, Basis, stiffness_of
 from contbreather.lattice.forcing import (
     Forcing,
     Harmonics,
@@ -44,7 +43,6 @@ from contbreather.lattice.modal_waves import (
     GROWTH,
     MODAL_PLACE,
     MOST,
-    RADIUS,
     RATE,
     SIZE,
     VALUE,
@@ -64,10 +62,8 @@ from contbreather.lattice.periodic_green import (
 
 if TYPE_CHECKING:
     from contbreather.lattice.modal_flow import DrivenSpectrum
-    from contbreather.lattice.uneven import Medium, SiteModes
 
 FloatArray = NDArray[np.float64]
-EPS, PRECISION = float(np.finfo(float).eps), np.finfo(float).precision
 HELD = "gamma", "spring", "damping"  # what a response depends on besides the drive
 Array = NDArray[Any]
 Sites = tuple[int, ...]
@@ -231,15 +227,6 @@ def _bonds_between(ring: int | None, hit: Sites) -> FloatArray:
 # --- any finite lattice -----------------------------------------------------------------------
 
 
-class SiteWaves(NamedTuple):
-    """Sums of ``Re left_jn right_jp exp(l_j t)``, site n after an impulse at p, and a constant."""
-
-    rates: Array
-    left: Array
-    right: Array
-    level: FloatArray
-
-
 class AnswerWaves(NamedTuple):
     """Sums of ``Re A exp(l s)``, mode after mode, and a constant for every mode."""
 
@@ -299,9 +286,9 @@ class ModalResponse(Response):
     def _check_apart(self, waves: ModeWaves) -> None:
         if not waves.apart.min() > RESONANT:
             w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise self._resonance(f" with the frequency {w:.9g}")
+            raise self.resonance(f" with the frequency {w:.9g}")
 
-    def _resonance(self, which: str = "") -> Resonance:
+    def resonance(self, which: str = "") -> Resonance:
         return Resonance(
             f"a mode of the {self.lattice.describe()}{which} is in resonance with the orbit: "
             "change gamma or spring, or give it damping."
@@ -344,9 +331,9 @@ class ModalResponse(Response):
         """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
         from the times and impulses of a section, shape (3, times, K)."""
         waves, kicks = self._answers, _kicks(self.lattice, self.hit, self.hits)
-        laps, age = self._since(at[:, None] - times)
+        laps, age = self.since(at[:, None] - times)
         last, row = age.argmin(axis=1), np.arange(at.size)  # the latest impact of each time
-        before, ages = self._since(times[:, None] - times)
+        before, ages = self.since(times[:, None] - times)
         J = np.where(before % 2 != 0, float(self.sign), 1.0) * impulses
         # all waves as they are just after each impact; from the latest one on they turn freely
         turned = np.exp(np.multiply.outer(ages, waves.rates))
@@ -363,7 +350,7 @@ class ModalResponse(Response):
         out[0] += (impulses @ kicks) * waves.level  # none where signs alternate
         return out
 
-    def _since(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def since(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Laps that impacts so long ago have recurred since, and what is beyond them."""
         laps = np.floor((times + LATE + SLACK * abs(times)) / self.length)
         return laps, times - laps * self.length
@@ -462,127 +449,6 @@ class ModalResponse(Response):
         return weights[0] * self._at_rest.bonds + weights[1] * self._at_rest.springs
 
 
-@dataclass(frozen=True, eq=False)
-class UnevenResponse(ModalResponse):
-    """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
-
-    interactions, at_impacts = Response.interactions, Response.at_impacts
-
-    @cached_property
-    def own(self) -> tuple[Medium, float]:
-        """The medium in its own time, and how many of its units of time are one of the drive's: the
-        same one, but for rounding, at every frequency of the drive."""
-        from contbreather.lattice.uneven import medium_of  # even lattices need none
-
-        pace = math.sqrt(self.gamma + self.spring) or 1.0
-        held = self.gamma / pace**2, self.spring / pace**2, self.damping / pace
-        own = (float(f"{value:.{PRECISION}g}") for value in held)
-        return medium_of(self.lattice, *own), pace
-
-    def _after(self, times: FloatArray, by: str) -> FloatArray:
-        return _site_place(self, times.tobytes(), by if by != PACE else "")[by == PACE].copy()
-
-    def slopes_at_impacts(
-        self, times: FloatArray, rates: Mapping[str, float]
-    ) -> tuple[FloatArray, FloatArray]:
-        state = 2.0 * self.gamma, 2.0 * self.spring, self.damping
-        ways = [(rates.get(name, 0.0), value) for name, value in zip(HELD, state, strict=True)]
-        square = sum(value * value for value in state)
-        pace = sum(rate * value for rate, value in ways) / (square or 1.0)
-        along = all(abs(rate - pace * value) <= 4.0 * EPS * abs(rate) for rate, value in ways)
-        if along and rates.keys().isdisjoint(self.drive.params):
-            rates = {PACE: pace}
-        return Response.slopes_at_impacts(self, times, rates)
-
-    def _spectrum(self, by: str) -> DrivenSpectrum:
-        return _site_spectra(self, by if by != PACE else "")[by == PACE]
-
-    @cached_property
-    def basis(self) -> Basis:
-        size = self.lattice.sites
-        return NormalModes(np.zeros(size), np.empty(0), np.eye(size), np.ones(size))
-
-    def table(self, sites: Sites, by: str = "") -> Responses:
-        return _site_table(self, sites, by)
-
-    def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
-        """Displacement, velocity and acceleration of all sites, see `ModalResponse.modes`."""
-        waves, hits = _site_waves(self, ""), list(self.hits)
-        laps, past = self._since(at[:, None] - times)
-        J = np.where(laps % 2 != 0, float(self.sign), 1.0) * impulses
-        turned = np.exp(np.multiply.outer(past, waves.rates))
-        moved = (turned * J[..., None] * waves.right.T[hits]).sum(axis=1)
-        orders = [((moved * waves.rates**order) @ waves.left).real for order in range(3)]
-        return np.array([orders[0] + J @ waves.level[:, hits].T, *orders[1:]])
-
-
-@lru_cache(maxsize=64)
-def _site_spectra(of: UnevenResponse, by: str) -> list[DrivenSpectrum]:
-    """Answers to the drive, or to what a parameter changes, and their slopes along the pace."""
-    from contbreather.lattice.modal_flow import DrivenSpectrum, forces_of
-
-    own, pace = by in of.drive.params, of.own[1]
-    m, F = forces_of(of.drive, by if own else "")
-    modes = _modes(of, "" if own else by)
-    unit = pace ** (_UNITS["" if own else by] - 1)
-    return [DrivenSpectrum(m, unit * F * A) for A in modes.driven(m / pace, of.lattice.drive)]
-
-
-@lru_cache(maxsize=64)
-def _site_table(of: UnevenResponse, sites: Sites, by: str) -> Responses:
-    waves, each, hit = _site_waves(of, by), list(sites), list(of.hit)
-    level = waves.level[each][:, hit].ravel()
-    grown = (waves.left.T[each][:, None] * waves.right.T[hit]).reshape(level.size, -1)
-    return _as_table(of, sites, level, waves.rates, grown)
-
-
-# A velocity in a medium's own time is less by the pace, and so are parameters: powers of it in
-# answers to impulses, and in their slopes.
-_UNITS = {"": -1, "damping": -2, "gamma": -3, "spring": -3}
-
-
-@lru_cache(maxsize=16)
-def _site_place(of: UnevenResponse, times: bytes, by: str) -> tuple[FloatArray, FloatArray]:
-    """Answers just after impacts, or what a parameter changes, and their slopes along the pace, of
-    ``h(e t)/e`` at e = 1."""
-    at, modes, hits, pace = np.frombuffer(times), _modes(of, by), list(of.hits), of.own[1]
-    laps, age = of._since(at[:, None] - at)
-    recurring, longer = modes.recurring(pace * of.length, of.sign)
-    moved = recurring[:, None, None] * np.exp(np.multiply.outer(modes.rates, pace * age))
-    moved *= modes.values[:, hits, None] * modes.kicks[:, None, hits]
-    units = pace ** (_UNITS[by] + np.arange(4.0)[:, None, None]) * np.where(laps % 2, of.sign, 1.0)
-    K, shape = modes.rates.size, (4, *age.shape)
-    rows = modes.orders @ moved.reshape(K, -1), (modes.orders * longer) @ moved.reshape(K, -1)
-    h, grown = (units * part.real.reshape(shape) for part in rows)
-    if of.sign > 0:
-        level = pace ** (_UNITS[by] - 1) / of.length * modes.level[hits][:, hits]
-        h[0], grown[0] = h[0] + level, grown[0] - level
-    for order in range(3):
-        grown[order] += (order - 1) * h[order] + age * h[order + 1]
-    return h, grown
-
-
-@lru_cache(maxsize=64)
-def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
-    modes, pace = _modes(of, by), of.own[1]
-    length, unit = pace * of.length, pace ** _UNITS[by]
-    left = unit * modes.values * modes.recurring(length, of.sign)[0][:, None]
-    level = unit * modes.level / length if of.sign > 0 else np.zeros((of.lattice.sites,) * 2)
-    return SiteWaves(pace * modes.rates, left, modes.kicks, level)
-
-
-@lru_cache(maxsize=64)
-def _modes(of: UnevenResponse, by: str) -> SiteModes:
-    from contbreather.lattice.uneven import modes_of
-
-    medium, pace = of.own
-    first, step = harmonics(of.turns, of.sign)
-    room = medium.room(first / pace, step / pace, by)
-    if not room * pace * pace > RESONANT:
-        raise of._resonance()
-    return modes_of(medium, 2.0 ** math.floor(math.log2(RADIUS * room)), by)
-
-
 @lru_cache(maxsize=16)
 def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
     """What it answers at the impacts, and what that changes by: kept, as equations and their slopes
@@ -641,10 +507,10 @@ def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     if by == "gamma":
         weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes
-    return _as_table(of, sites, weights @ level, waves.rates, grown)
+    return as_table(of, sites, weights @ level, waves.rates, grown)
 
 
-def _as_table(
+def as_table(
     of: ModalResponse, sites: Sites, level: FloatArray, waves: Array, grown: Array
 ) -> Responses:
     """Arguments of kernels, of constants and of sizes of waves by their rates."""
@@ -732,45 +598,3 @@ def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
     own = lattice.masses[list(hit)][:, None]
     bonds = profile.T @ (stiffness_of(lattice) @ profile) / own
     return AtRest(profile, slope, bonds, profile.T @ (held * profile) / own)
-
-
-# --- which it is --------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=256)
-def resonant_modes(
-    lattice: Any, hit: Sites, turns: int, sign: int, gamma: float, spring: float
-) -> Resonant:
-    """Modes of a finite lattice beyond half the lowest harmonic of an orbit, if its coupling can
-    bring them to one: their amplitudes are unknowns."""
-    if lattice.sites is None or not lattice.even:
-        return ()
-    lam, (first, step) = lattice.basis(hit).lam, harmonics(turns, sign)
-    w = np.sqrt(gamma * lam + spring)
-    nearest = first + step * np.maximum(0.0, np.round((w - first) / step))
-    top = np.where(lam > 0.0, lattice.highest_gamma, 0.0) * lam
-    within = (top > nearest * nearest) | (spring > 0.0)
-    found = np.flatnonzero((w > 0.5 * first) & within)
-    return tuple((int(i), float(nearest[i])) for i in found)
-
-
-@lru_cache(maxsize=256)
-def answers_of(
-    lattice: Any,
-    drive: Forcing,
-    held: tuple[float, float, float],
-    hits: Sites,
-    turns: int,
-    sign: int,
-    resonant: Resonant = (),
-) -> UniformResponse | ModalResponse:
-    """The response of a lattice with these gamma, spring and damping: in closed form where it
-    can be."""
-    gamma, spring, damping = held
-    more = damping or spring or resonant or 0 in even_harmonics(drive)
-    chain = isinstance(lattice, InfiniteChain | Ring) and not more
-    slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
-    local = sign > 0 or (turns == 1 and len({*hits}) == 1)
-    kind = UniformResponse if chain and (slow or lattice.sites is None) and local else ModalResponse
-    kind = UnevenResponse if not chain and not lattice.even else kind
-    return kind(lattice, drive, *held, hits, turns, sign, resonant)

@@ -23,11 +23,12 @@ from contbreather.continuation.curve.point import DefiningSystem, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice.answers import resonant_modes
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import check_coupling
-from contbreather.lattice.response import Resonant, resonant_modes
+from contbreather.lattice.response import Resonant
 from contbreather.orbits.asymmetric_breather import (
     EQUAL,
     asymmetric_problem,

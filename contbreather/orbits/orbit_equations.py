@@ -31,10 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
+from contbreather.lattice.answers import answers_of
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, even_harmonics
-from contbreather.lattice.response import HELD, Resonant, answers_of
+from contbreather.lattice.response import HELD, Resonant
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls
 

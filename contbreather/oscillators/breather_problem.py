@@ -157,7 +157,7 @@ class Breather(Cycle):
         return float(self.chain.damping is None)
 
     def unstable_multipliers(self) -> NDArray[np.complex128]:
-        return self.multipliers()[: self.unstable]
+        return self.multipliers[: self.unstable]
 
     def stability(self, threshold: float | None = None) -> Verdict:
         """Is it stable? By the multipliers outside of the unit circle, or beyond a threshold."""

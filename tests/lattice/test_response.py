@@ -11,13 +11,12 @@ from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
+from contbreather.lattice.answers import answers_of, resonant_modes
 from contbreather.lattice.finite import Grid, Lattice, OpenChain, stiffness_of
 from contbreather.lattice.response import (
     ModalResponse,
     Response,
     UniformResponse,
-    answers_of,
-    resonant_modes,
 )
 from tests.stability.by_hand import slope
 
