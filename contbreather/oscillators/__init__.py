@@ -7,8 +7,7 @@ from contbreather.fronts import front
 __all__ = front(
     __name__,
     {
-        "breather_constructors": "breather",
-        "breather_catalogue": "CodedBreather breathers",
+        "breather_constructors": "CodedBreather breather breathers",
         "breather_problem": "Breather BreatherProblem",
         "oscillator_lattice": "Oscillators",
     },

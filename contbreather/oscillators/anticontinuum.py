@@ -23,9 +23,9 @@ from ..continuation.algebra.newton import Array
 from ..errors import BadInput, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.flow import Flow
+from ..flows.functions import Params
 from .half_orbit import Resting
 from .oscillator_lattice import SHARE, Oscillators
-from .potentials import Params
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi

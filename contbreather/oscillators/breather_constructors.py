@@ -1,28 +1,36 @@
-"""Constructors of breathers: from the limit without coupling to the coupling that is asked for."""
+"""Constructors of breathers: from the limit without coupling to the coupling that is asked for; and
+a catalogue of them, one code of each class of codes that symmetries make alike."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+import networkx as nx
 import numpy as np
+from scipy import sparse
 
-from ..checks import check_kind, number
+from ..checks import check_kind, number, whole
 from ..continuation.algebra.newton import Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.branch import Branch
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
-from ..errors import BadInput, NoSolution, NotConverged
+from ..errors import BadInput, NoSolution, NotConverged, partial_result
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.cycle_constructors import named_state
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
+from ..flows.functions import Params
 from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
+from ..orbits.multibreathers import exchanges_of_sites
 from ..storage.serialise import serialised
+from ..tables import HtmlRepr, Sheet
 from .anticontinuum import (
     Uncoupled,
     coded,
@@ -42,7 +50,6 @@ from .impacting import (
     refuse_impacts_apart,
 )
 from .oscillator_lattice import SHARE, Oscillators
-from .potentials import Params
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
 _RESOLVED, _TAIL = 1e-10, 1e-4
@@ -113,7 +120,7 @@ def breather(
     1.477892933
     """
     check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
-    values = _params(chain, {} if params is None else params, omega)
+    values = _checked(chain, {} if params is None else params, omega)
     code = coded(chain, code)
     scheme = collocation or WHOLE
     if chain.walls is not None or not chain.dissipative:  # it is made of two halves
@@ -124,12 +131,8 @@ def breather(
     reached = reached or _walked(chain, code, values, scheme)
     # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
-    sizes = sizes_of(flights)
-    start = tuple(
-        flight.on(flight.knots, scheme).adapted(size)
-        for flight, size in zip(flights, sizes, strict=True)
-    )
-    equations = replace(reached.residual, start=start, sizes=sizes)
+    flights = [flight.on(flight.knots, scheme) for flight in flights]
+    equations = _equations(chain, reached.residual.flows, flights)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
@@ -146,7 +149,7 @@ def _coarse(orbit: Breather) -> bool:
     return max(flight.unresolved()[0] for flight in orbit.flights) > _TAIL
 
 
-def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
+def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
     """Check parameters, and what the lattice does with them at rest."""
     _, values = named_state({"u": 0.0}, params, *COLUMNS, "unstable")
     values["omega"] = number("omega", omega, 1e-300, 1e300, "a frequency above 0")
@@ -165,39 +168,46 @@ def _params(chain: Oscillators, params: Mapping[str, float], omega: float) -> di
             "potentials so that all sites rest at 0"
         )
     refuse_other_period(chain, values)
-    if chain.walls is None and not chain.dissipative:
-        u = np.linspace(0.1, 0.4, chain.sites)  # anywhere, and shifted as a whole
-        here, there = chain.gradient(u, values), chain.gradient(u + 0.3, values)
-        if abs(there - here).max() <= 1e-12 * abs(here).max():
-            raise BadInput(
-                "all sites may be shifted together, so that no breather stands alone: hold the "
-                "ends, OpenChain(n, ends='fixed'), or give the sites a potential V"
-            )
+    u = np.linspace(0.1, 0.4, chain.sites)  # anywhere, and shifted as a whole
+    here, there = chain.gradient(u, values), chain.gradient(u + 0.3, values)
+    if not chain.dissipative and abs(there - here).max() <= 1e-12 * abs(here).max():
+        raise BadInput(
+            "all sites may be shifted together, so that no breather stands alone: hold the "
+            "ends, OpenChain(n, ends='fixed'), or give the sites a potential V"
+        )
     return values
+
+
+# --- the walk in the coupling -------------------------------------------------------------------
 
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it."""
-    walls = chain.walls is not None
-    alone = driven_without_coupling if chain.dissipative else half_without_coupling
-    start = (between_walls_without_coupling if walls else alone)(chain, code, params, scheme)
-    while (branch := _with_more_coupling(chain, code, start, params))[-1][SHARE] < 1.0:
-        other = in_another_order(branch[-1].solution, chain, tuple(code), scheme)
-        if other is None:
-            raise _refusal(chain, code, branch, params["omega"])
-        start = other
-    if walls:
-        refuse_impacts_apart(branch[-1].solution)
-    problem: Any = branch[-1].problem
-    return problem
+    alone = half_without_coupling
+    if chain.dissipative:
+        alone = between_walls_without_coupling if chain.walls else driven_without_coupling
+    start: Uncoupled | None = alone(chain, code, params, scheme)
+    while start is not None:
+        branch = _with_more_coupling(chain, code, start, params)
+        end: Any = branch[-1]
+        if end[SHARE] == 1.0:
+            if chain.walls is not None:
+                refuse_impacts_apart(end.solution)
+            return end.problem
+        start = in_another_order(end.solution, chain, tuple(code), scheme)
+    end, omega = max((*branch.special, end), key=lambda point: float(point[SHARE])), params["omega"]
+    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
+    raise CouplingEnds(
+        f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
+        f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
+        float(end[SHARE]),
+    )
 
 
 def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params: Params) -> Branch:
     """Walk from a share of the coupling, as far as this orbit goes."""
     flows, flights, share = begin
-    params, sizes = {**params, SHARE: share}, sizes_of(flights)
-    start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    equations = _equations(chain, flows, start, sizes)
+    equations, params = _equations(chain, flows, flights), {**params, SHARE: share}
     try:
         first = BreatherProblem.of(equations, params, (), "").solve(tolerance=1e-11)[0]
     except NotConverged as error:
@@ -210,14 +220,18 @@ def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params:
 
 
 def _equations(
-    chain: Oscillators, flows: tuple[Flow, ...], start: tuple[TrajectorySegment, ...],
-    sizes: tuple[Array, ...], turns: int = 1,
+    chain: Oscillators, flows: tuple[Flow, ...], flights: Sequence[TrajectorySegment],
+    sizes: tuple[Array, ...] = (), turns: int = 1,
 ) -> FlowEquations:  # fmt: skip
+    """Make the equations of an orbit; without sizes on meshes that follow it."""
+    if not sizes:
+        sizes = sizes_of(flights)
+        flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
     kind, period = FlowEquations, forcing_period
     if not chain.dissipative:
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-    return kind(flows, start, period, turns, names, sizes)
+    return kind(flows, tuple(flights), period, turns, names, sizes)
 
 
 @serialised("breather")
@@ -226,32 +240,146 @@ def _from_dict(
     start: Mapping[str, Any], params: Params,
 ) -> BreatherProblem:  # fmt: skip
     """Make the equations of a breather again, which begin at these unknowns."""
-    unknowns, t = [np.ravel(value) for value in start.values()], start.get("phase", begin)
-    intervals, n = np.cumsum([count for count, *_ in flights]), 2 * chain.sites
-    (orbit, mesh, durations), flows, segments = unknowns[:3], [], []
     smooth = Flow(chain, reset=None if chain.dissipative else Resting("vv"))
-    pieces = np.split(orbit, n * intervals), np.split(mesh, intervals), durations
-    for flight, states, inner, duration in zip(flights, *pieces, strict=False):
-        count, points, rounds, _, walls, sites = flight
+    flows, segments, n = list[Flow](), list[TrajectorySegment](), 2 * chain.sites
+    for count, points, rounds, _, walls, sites in flights:
         flows.append(between_walls(chain, walls, sites) if walls else smooth)
-        knots, none = np.concatenate([[0.0], inner[:-1], [1.0]]), np.zeros((count, points, n))
-        scheme, x = Collocation(count, points), states.reshape(-1, n)
-        segments.append(TrajectorySegment(scheme, knots, t, duration, x, none, rounds))
-        t += duration
+        knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
+        states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
+        scheme = Collocation(count, points)
+        segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
     sizes = tuple(np.array(flight[3]) for flight in flights)
-    equations = _equations(chain, tuple(flows), tuple(segments), sizes, turns)
+    equations = _equations(chain, tuple(flows), segments, sizes, turns)
     if isinstance(equations, HalfOrbit) and "energy" in params:
         equations = equations.holding("energy")
-    equations = replace(equations, start=equations.flights(np.concatenate(unknowns), params))
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    equations = replace(equations, start=equations.flights(x, params))
     return BreatherProblem.of(equations, params, events_of_breather(equations), label)
 
 
-def _refusal(chain: Oscillators, code: Any, branch: Branch, omega: float) -> CouplingEnds:
-    """Say how far a breather reaches, and why not farther."""
-    end = max((*branch.special, branch[-1]), key=lambda point: float(point[SHARE]))
-    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
-    return CouplingEnds(
-        f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
-        f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
-        float(end[SHARE]),
-    )
+# --- catalogue ----------------------------------------------------------------------------------
+
+Code = tuple[tuple[int, Any], ...]
+
+
+@dataclass(frozen=True)
+class CodedBreather(HtmlRepr):
+    """One entry of the catalogue: a code, and what becomes of it.
+
+    Attributes
+    ----------
+    code : dict
+        One representative of all codes that are alike.
+    copies : int
+        How many those are.
+    share : float
+        The share of the coupling that it reaches, 1 where it exists.
+    ended : str
+        The sentence that says what ends it; empty where it exists.
+    breather : BreatherProblem or None
+    """
+
+    code: Mapping[int, Any]
+    copies: int
+    share: float
+    ended: str
+    breather: BreatherProblem | None
+
+    @property
+    def exists(self) -> bool:
+        """True where it lives at the coupling that was asked for."""
+        return self.breather is not None
+
+    @property
+    def unstable(self) -> int | None:
+        """How many multipliers of it are outside of the unit circle."""
+        return None if self.breather is None else self.breather.solution.unstable
+
+    def table(self) -> Sheet:
+        """Its code, how far it goes, and what ends it."""
+        code = ", ".join(f"{site}: {value}" for site, value in self.code.items())
+        rows: list[tuple[str, Any]] = [("code", code), ("codes alike", self.copies)]
+        rows += [("share of the coupling", self.share), ("unstable", self.unstable)]
+        return Sheet.of([*rows, ("ends with", self.ended or None)])
+
+
+def breathers(
+    chain: Oscillators,
+    *,
+    omega: float,
+    sites: int | Iterable[int] = 2,
+    params: Params | None = None,
+    **how: Any,
+) -> tuple[CodedBreather, ...]:
+    """Breathers of all codes of some sites, one for each class of codes that a symmetry of the
+    lattice, or a shift by half of the period, maps into each other.
+
+    Parameters
+    ----------
+    chain, omega, params
+        As for `breather`.
+    sites : int or iterable of int
+        How many sites are coded at most; or which.
+    **how
+        What else `breather` takes.
+
+    Returns
+    -------
+    tuple of CodedBreather
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(5))
+    >>> for entry in breathers(chain, omega=1.5, sites=2, params={"c": 0.03}):
+    ...     print(entry.code, entry.copies, entry.exists, entry.unstable)
+    {0: 1} 10 True 0
+    {0: 1, 1: 1} 10 True 0
+    {0: 1, 1: -1} 10 True 1
+    {0: 1, 2: 1} 10 True 1
+    {0: 1, 2: -1} 10 True 0
+    """
+    check_kind(chain, Oscillators, "a lattice of oscillators, Oscillators(V=, W=, lattice=)")
+    catalogue: list[CodedBreather] = []
+    how |= {"omega": omega, "params": params}
+    with partial_result(lambda: tuple(catalogue)):
+        for code, copies in _classes(chain, sites, {**(params or {}), "omega": omega}):
+            entry = partial(CodedBreather, dict(code), copies)
+            try:
+                catalogue.append(entry(1.0, "", breather(chain, dict(code), **how)))
+            except NoSolution as error:
+                share = error.share if isinstance(error, CouplingEnds) else 0.0
+                catalogue.append(entry(share, str(error), None))
+    return tuple(catalogue)
+
+
+def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[Code, int]]:
+    """Codes up to symmetries, with the size of each class, in their order."""
+    if isinstance(sites, Iterable):
+        groups = [tuple(sorted(coded(chain, [*sites])))]
+    else:
+        counts = range(1, min(whole("sites", sites, 1), chain.sites) + 1)
+        groups = [g for n in counts for g in itertools.combinations(range(chain.sites), n)]
+    values = ("high",) if chain.dissipative else (1, -1)
+    codes: list[Code] = [
+        tuple(zip(group, signs, strict=True))
+        for group in groups
+        for signs in itertools.product(values, repeat=len(group))
+    ]
+    joined = abs(chain.bonds).T @ sparse.diags_array(chain.couplings) @ abs(chain.bonds)
+    own = chain.masses, chain.onsite, chain.lattice.dampings, chain.lattice.drive
+    r = np.linspace(0.1, 1.0, 5)
+    pull, push = chain.W.slope(r, params), chain.W.slope(-r, params)
+    # of bonds that tell their ends apart no exchanges are looked for
+    even = abs(pull + push).max() <= 1e-12 * abs(pull).max()
+    exchanges = [*exchanges_of_sites(joined.toarray(), own)] if even else []
+    alike = nx.Graph()
+    alike.add_nodes_from(codes)
+    for code in codes:
+        # half a period later, and at other sites
+        later = tuple((n, value if isinstance(value, str) else -value) for n, value in code)
+        moved = (tuple(sorted((to[n], value) for n, value in code)) for to in exchanges)
+        alike.add_edges_from((code, image) for image in (later, *moved) if image in alike)
+    order = {code: i for i, code in enumerate(codes)}
+    for images in nx.connected_components(alike):
+        yield min(images, key=order.__getitem__), len(images)

@@ -21,12 +21,13 @@ from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
+from ..flows.functions import Params
 from .anticontinuum import Uncoupled, UncoupledSites
 from .oscillator_lattice import SHARE, Oscillators
-from .potentials import Params
 
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
 _SETTLES, _SETTLED = 60, 0.8  # periods; and the restitution up to which these do
+_LEAST = 0.02  # share of the coupling from which it is walked
 _LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
 _SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
 _AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
@@ -100,7 +101,8 @@ def between_walls_without_coupling(
         x[[n, chain.sites + n]] = orbit.states(begin)
     share = _LITTLE if len(code) > 1 else 0.0
     pieces = _from_impact_to_impact(chain, tuple(code), {**given, SHARE: share}, begin, x, scheme)
-    return *pieces, max(share, chain.least_share)
+    # without any, sites that no potential and no damping holds would be free
+    return *pieces, max(share, _LEAST if chain.bare and chain.damping is None else 0.0)
 
 
 def in_another_order(

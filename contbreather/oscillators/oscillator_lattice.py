@@ -9,9 +9,10 @@ to the higher one. Ends that are fixed have bonds to the ground.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +22,90 @@ from ..checks import brief, numbers, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
+from ..flows.flow import STENCIL
+from ..flows.functions import Params
 from ..flows.jacobian import Coloured
 from ..lattice.finite import Lattice, finite, stiffness_of
+from ..lattice.formula import FUNCTIONS, read_formula
 from ..storage.serialise import NotSerialisable, serialised, to_dict
-from .potentials import Params, SmoothFunction
 
 Array = NDArray[np.float64]
 
+_STEP = 2e-3  # of differences of order 8, relative to 1 + |u|: rounding 1e-13, truncation 1e-15
 _NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
 _VARIABLES = {"V": "u", "W": "r", "drive": "t"} | dict.fromkeys(_NUMBERS, "_")
 SHARE = "share of the coupling"  # no name that a formula may have: 1 where it is not given
 
 
-class Bonds(NamedTuple):
-    """Bonds of a lattice: ``r = ends @ u``, one row with +1 and -1 for each, or one of both for a
-    bond to the ground; and their stiffness."""
+# --- functions of one variable ------------------------------------------------------------------
 
-    ends: Any  # sparse, (bonds, N)
-    weights: Array
+
+@dataclass(frozen=True)
+class SmoothFunction:
+    """A formula in one variable, a letter, or ``f(u, p)``, with its derivative.
+
+    A formula is read as that of a forcing is, never executed, and differentiated by SymPy; all
+    other letters in it are parameters. A function is differentiated by differences, which are as
+    analytic as it is: slopes are differentiated once more by complex steps.
+
+    Examples
+    --------
+    >>> quartic = SmoothFunction("u**2/2 + b*u**4/4", "u")
+    >>> quartic.names, float(quartic.slope(2.0, {"b": 0.5}))
+    (('b',), 6.0)
+    """
+
+    given: Any
+    variable: str
+
+    def __post_init__(self) -> None:
+        if not callable(self.given):
+            object.__setattr__(self, "given", read_formula(str(self.given)).text)
+            _compiled(self.given, self.variable)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters of a formula; of a callable they are not known."""
+        return () if callable(self.given) else _compiled(self.given, self.variable)[0]
+
+    def __call__(self, u: Any, p: Params, order: int = 0) -> NDArray[Any]:
+        if callable(self.given):
+            return self.given(u, p)
+        names, derivatives = _compiled(self.given, self.variable)
+        value: NDArray[Any] = derivatives[order](u, *(p[name] for name in names))
+        return value + 0.0 * u  # as many, if constant
+
+    def slope(self, u: Any, p: Params) -> NDArray[Any]:
+        """The derivative in the variable."""
+        if not callable(self.given):
+            return self(u, p, order=1)
+        V, h = self.given, _STEP * (1 + abs(np.real(u)))
+        return np.asarray(sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in STENCIL) / h)
+
+    def __str__(self) -> str:
+        return str(getattr(self.given, "__name__", self.given))
+
+
+@lru_cache(maxsize=64)
+def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Callable[..., Any], ...]]:
+    """The parameters of a formula, and functions of arrays of it and of its derivative."""
+    import sympy  # dear to import
+
+    letters = read_formula(text).letters
+    symbols = {name: sympy.Symbol(name, real=True) for name in {*letters, variable}}
+    # what was read holds numbers, names and functions alone
+    formula = sympy.sympify(text, locals=symbols)
+    names = sorted(str(symbol) for symbol in formula.free_symbols if str(symbol) != variable)
+    if "t" in names or (names and variable not in (*letters, "t", "_")):
+        on = "t" if "t" in names else ", ".join(names)
+        raise BadInput(f"{brief(text)} depends on {on}: a function of {variable} was expected.")
+    arguments = [symbols[variable], *(symbols[name] for name in names)]
+    modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
+    both = formula, sympy.simplify(sympy.diff(formula, symbols[variable]))
+    return tuple(names), tuple(sympy.lambdify(arguments, f, modules, cse=True) for f in both)
+
+
+# --- lattices -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +118,7 @@ class Oscillators:
     V : str or callable, optional
         Potential of each site, a formula in ``u``, or ``V(u, p)``; none unless given. Other names
         in a formula are parameters. Nothing is executed; derivatives are those of SymPy, those of a
-        callable complex steps: it has to be analytic.
+        callable differences, to 1e-13: it has to be analytic.
     W : str or callable
         Potential of each bond, a formula in the difference ``r`` of its ends, or ``W(r, p)``.
     lattice : Ring or Lattice
@@ -68,6 +135,11 @@ class Oscillators:
         Mass, and share of V, of each site, in place of those of the lattice.
     couplings : array_like, optional
         Share of W of each bond, in the order of `bonds`, in place of the stiffness of the lattice.
+
+    Attributes
+    ----------
+    bonds : sparse array, shape (bonds, N)
+        One row for each, with -1 and +1 where it begins and ends; those to the ground come last.
 
     Raises
     ------
@@ -94,10 +166,13 @@ class Oscillators:
     masses: Any = None
     onsite: Any = None
     couplings: Any = None
+    bonds: Any = field(init=False)
 
     def __post_init__(self) -> None:
         lattice = finite(self.lattice)
-        own = {"masses": lattice.masses, "onsite": lattice.springs, "couplings": self.bonds.weights}
+        bonds, stiffness = _bonds(lattice)
+        object.__setattr__(self, "bonds", bonds)
+        own = {"masses": lattice.masses, "onsite": lattice.springs, "couplings": stiffness}
         for name, values in own.items():
             given = getattr(self, name)
             row = np.asarray(values if given is None else numbers(name, given), dtype=float)
@@ -150,15 +225,9 @@ class Oscillators:
         return tuple(dict.fromkeys(every))
 
     @cached_property
-    def bonds(self) -> Bonds:
-        """Its bonds in order, those to the ground last."""
-        first, second, weights, ground = _oriented(self.lattice)
-        sites, one = np.flatnonzero(ground), sparse.eye_array(ground.size, format="csr")
-        ties = one[sites]
-        if sites.size > 1 and (abs(first - second) == 1).all():  # a chain: to its other end
-            ties.data[-1] = -1.0
-        ends = sparse.vstack([one[second] - one[first], ties], format="csr")
-        return Bonds(ends, np.append(weights, ground[sites]))
+    def bare(self) -> bool:
+        """Tell whether it has no potential at the sites: bonds alone hold them."""
+        return not callable(self.V.given) and self.V.given == "0"
 
     # --- forces -------------------------------------------------------------------------------
 
@@ -182,7 +251,7 @@ class Oscillators:
     @cached_property
     def jacobian(self) -> Coloured:
         """Its derivative in the states, as flows ask for it: by its pattern."""
-        one, ends = sparse.eye_array(self.sites), abs(self.bonds.ends)
+        one, ends = sparse.eye_array(self.sites), abs(self.bonds)
         lost = one if self.damping is not None else None
         blocks: Any = [[None, one], [ends.T @ ends + one, lost]]
         return Coloured(Pattern(sparse.block_array(blocks)))
@@ -190,32 +259,18 @@ class Oscillators:
     def parts(self, p: Params) -> list[tuple[tuple[Any, Any], Any]]:
         """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
         be left at 0, the rest holds each of both ends as if the other one were at rest."""
-        share = p.get(SHARE, 1.0)
-        if isinstance(share, float) and share == 0.0 and not self.bare:
-            return []
-        if not self.bare or self.walls or (isinstance(share, float) and share == 1.0):
-            return [(self._ends[0], share * self.couplings)]
-        two = np.diff(self.bonds.ends.indptr) == 2  # those to the ground stay
+        share, (whole, *halves) = p.get(SHARE, 1.0), self._ends
+        if SHARE not in p or not self.bare or self.walls:
+            return [(whole, share * self.couplings)]
+        two = np.diff(self.bonds.indptr) == 2  # those to the ground stay
         rest = np.where(two, 1.0 - share, 0.0) * self.couplings
-        weights = np.where(two, share, 1.0) * self.couplings, rest, rest
-        return list(zip(self._ends, weights, strict=True))
+        return [(whole, self.couplings - rest), *((half, rest) for half in halves)]
 
     @cached_property
     def _ends(self) -> list[tuple[Any, Any]]:
         """Ends of bonds, and of each the one and the other alone, each with its transpose."""
-        ends = self.bonds.ends
+        ends = self.bonds
         return [(e, e.T.tocsr()) for e in (ends, ends.maximum(0), ends.minimum(0))]
-
-    @property
-    def least_share(self) -> float:
-        """Share of the coupling from which it is walked: without any, sites between walls that no
-        potential and no damping holds would be free."""
-        return 0.02 if self.bare and self.walls and self.damping is None else 0.0
-
-    @cached_property
-    def bare(self) -> bool:
-        """Tell whether it has no potential at the sites: bonds alone hold them."""
-        return not callable(self.V.given) and self.V.given == "0"
 
     def run(self, times: tuple[float, float], x: Array, p: Params, **how: Any) -> Any:
         """Simulate from a state: what `scipy.integrate.solve_ivp` returns."""
@@ -256,23 +311,28 @@ def _beside(row: Any, x: Any) -> Any:
     return row if np.ndim(x) == 1 else row[:, None]
 
 
-def _oriented(lattice: Any) -> tuple[Any, Any, Any, Any]:
-    """From where each bond leads, and where to; its stiffness; and that to the ground by site."""
+def _bonds(lattice: Any) -> tuple[Any, Array]:
+    """The bonds of a lattice, and their stiffness."""
     n = lattice.sites
-    if not isinstance(lattice, Lattice):  # a ring: of two sites it has two bonds
-        every = np.arange(n if n > 1 else 0)
-        return every, np.roll(every, -1), np.ones(every.size), np.zeros(n)
-    matrix = stiffness_of(lattice)
-    upper = sparse.triu(matrix, 1).tocoo()
-    first, second = upper.coords
-    ground = np.asarray(matrix.sum(axis=1)).ravel()
-    ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
-    line = np.isin(second - first, (1, n - 1)).all()
-    if shape := lattice.shape or ((1, n) if line else None):  # bonds that close a row or a column
-        (row, column), (below, right) = (np.divmod(ends, shape[1]) for ends in (first, second))
-        closing = (right - column > 1) | (below - row > 1)
-        first, second = np.where(closing, second, first), np.where(closing, first, second)
-    return first, second, -upper.data, ground
+    if isinstance(lattice, Lattice):
+        matrix = stiffness_of(lattice)
+        upper, ground = sparse.triu(matrix, 1).tocoo(), np.ravel(matrix.sum(axis=1))
+        (first, second), weights = upper.coords, -upper.data
+        ground[abs(ground) <= 1e-12 * abs(matrix).max()] = 0.0
+        line = np.isin(second - first, (1, n - 1)).all()
+        if shape := lattice.shape or ((1, n) if line else None):  # what closes a row or a column
+            (row, column), (below, right) = (np.divmod(ends, shape[1]) for ends in (first, second))
+            closing = (right - column > 1) | (below - row > 1)
+            first, second = np.where(closing, second, first), np.where(closing, first, second)
+    else:  # a ring: of two sites it has two bonds
+        first, ground = np.arange(n if n > 1 else 0), np.zeros(n)
+        second, weights = np.roll(first, -1), np.ones(first.size)
+    sites, one = np.flatnonzero(ground), sparse.eye_array(n, format="csr")
+    ties = one[sites]
+    if sites.size > 1 and (abs(first - second) == 1).all():  # a chain: to its other end
+        ties.data[-1] = -1.0
+    ends = sparse.vstack([one[second] - one[first], ties], format="csr")
+    return ends, np.append(weights, ground[sites])
 
 
 def _to_dict(chain: Oscillators) -> dict[str, Any]:
