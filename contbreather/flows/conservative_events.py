@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -119,17 +119,10 @@ def _examine_collision(point: Point) -> Examined:
     distance, middle = _nearest(point)
     if distance > math.sqrt(_NEAR) or abs(middle) == 1:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
-    orbit, signatures = point.base_point.solution, _UNKNOWN
-    matrix, form = orbit.index_form
-    if form is not None:  # on the space of both
-        values = np.linalg.eigvals(matrix)
-        each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
-        met = values[abs(values - middle).argsort()[: 2 * each]]
-        off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
-        space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
-        signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]
-        signatures = " ".join("+" if sign > 0 else "-" for sign in signs)
-    return unresolved(point) or {"angle": math.acos(middle), "signatures": signatures}
+    # those of one signature pass through each other
+    known = point.base_point.solution.index_form[1] is not None
+    detail = {"angle": math.acos(middle), "signatures": "+ -" if known else _UNKNOWN}
+    return unresolved(point) or detail
 
 
 def meeting(number: Callable[..., Any], slope: Callable[..., Any], point: Point) -> DefiningSystem:

@@ -38,24 +38,21 @@ Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
 
 
 class SingleOscillator:
-    """One site without coupling: its potential, by its slope and value, over its mass."""
+    """One site without coupling, by its potential over its mass."""
 
     def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
-        self.site, self.params = site, {**p, SHARE: 0.0}
-        self.mass, held = chain.masses[site], {1: 0.0, -1: 0.0}
-        # the bonds that hold it even without coupling, by their sign
-        for (ends, _), weights in chain.parts(self.params):
+        self.site, self.params, self.mass = site, {**p, SHARE: 0.0}, chain.masses[site]
+        # potentials, with the sign and the weight with which they act
+        self.terms = [(chain.V, 1, chain.onsite[site])]
+        for (ends, _), weights in chain.parts(self.params):  # the bonds that hold it even so
             column = ends[:, [site]].toarray().ravel()
-            held = {sign: held[sign] + weights[column == sign].sum() for sign in held}
-        self.kind = self.mass, chain.onsite[site], *held.values()
-        self._terms = [(chain.V, 1, chain.onsite[site])]
-        self._terms += [(chain.W, sign, weight) for sign, weight in held.items() if weight]
+            self.terms += [(chain.W, sign, weights[column == sign].sum()) for sign in (1, -1)]
 
     def __call__(self, u: Any) -> NDArray[Any]:
-        """The potential, over the mass, at positions of this site."""
         p, total = self.params, 0.0 * u
-        for potential, sign, weight in self._terms:
-            total = total + weight * (potential(sign * u, p) - potential(0.0, p))
+        for potential, sign, weight in self.terms:
+            if weight:
+                total = total + weight * (potential(sign * u, p) - potential(0.0, p))
         return np.asarray(total / self.mass)
 
     def pull(self, u: Any) -> NDArray[Any]:
@@ -89,28 +86,26 @@ class SingleOscillator:
         over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
-        pairs = _AMPLITUDES[at].tolist(), _AMPLITUDES[at + 1].tolist()
-        return [brentq(off, low, high, xtol=1e-14) for low, high in zip(*pairs, strict=True)]
+        return [brentq(off, *_AMPLITUDES[[i, i + 1]], xtol=1e-14) for i in at]
 
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
         others that which is nearest."""
         sign = math.copysign(1.0, code)
-        found = self.amplitudes(omega, sign)
-        if not found:
-            small = self.half_periods(_AMPLITUDES[:1], sign)[0]
-            if not math.isfinite(small):
-                raise NoSolution(
-                    f"site {self.site}: it does not oscillate about u = 0, which has to be a "
-                    "minimum of its potential"
-                )
+        if found := self.amplitudes(omega, sign):
+            wanted = 0.0 if abs(code) == 1.0 else abs(code)
+            return sign * min(found, key=lambda a: abs(a - wanted))
+        small = self.half_periods(_AMPLITUDES[:1], sign)[0]
+        if not math.isfinite(small):
             raise NoSolution(
-                f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
-                f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
-                "one that softens smaller ones."
+                f"site {self.site}: it does not oscillate about u = 0, which has to be a minimum "
+                "of its potential"
             )
-        wanted = 0.0 if abs(code) == 1.0 else abs(code)
-        return sign * min(found, key=lambda a: abs(a - wanted))
+        raise NoSolution(
+            f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
+            f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
+            "one that softens smaller ones."
+        )
 
 
 def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
@@ -201,31 +196,29 @@ class UncoupledSites:
         """States at times, the last axis; what comes too far has escaped, and stays there."""
         from scipy.integrate import solve_ivp
 
-        far = _ESCAPED * self.sizes
+        far, size = _ESCAPED * self.sizes, abs(x).max() or 1.0
 
         def rates(t: float, y: Array) -> Array:
             field = self.chain(t, y.reshape(2 * self.chain.sites, -1), self.params)
             inside = abs(y.reshape(x.shape)[0]) < far
             return np.ravel(np.where(inside, field.reshape(x.shape), 0.0))
 
-        how: dict[str, Any] = {"method": "DOP853", "t_eval": times, "rtol": tolerance}
-        how["atol"] = tolerance * (abs(x).max() or 1.0)
-        ends: Array = solve_ivp(rates, (0.0, times[-1]), x.ravel(), **how).y
+        how: Any = {"t_eval": times, "rtol": tolerance, "atol": tolerance * size}
+        ends: Array = solve_ivp(rates, (0.0, times[-1]), x.ravel(), "DOP853", **how).y
         return ends.reshape(*x.shape, -1)
 
     @cached_property
     def sizes(self) -> Array:
         """The largest amplitude at which each site by itself has the frequency of the drive; where
         there is none, that of a free mass."""
-        chain, omega = self.chain, self.params["omega"]
+        chain, omega, sizes = self.chain, self.params["omega"], dict[Any, float]()
         drive = abs(chain.drive(np.linspace(0, self.period, 64), self.params)).max()
         every = [SingleOscillator(chain, n, self.params) for n in range(chain.sites)]
-        sizes = {
-            kind: max(one.amplitudes(omega, 1.0) + one.amplitudes(omega, -1.0),
-                      default=drive / one.mass / omega**2)
-            for kind, one in {alone.kind: alone for alone in every}.items()
-        }  # fmt: skip
-        return np.array([[sizes[alone.kind]] for alone in every])
+        kinds = [(one.mass, *one.terms) for one in every]
+        for kind, one in dict(zip(kinds, every, strict=True)).items():
+            amplitudes = one.amplitudes(omega, 1.0) + one.amplitudes(omega, -1.0)
+            sizes[kind] = max(amplitudes, default=drive / one.mass / omega**2)
+        return np.array([[sizes[kind]] for kind in kinds])
 
     def attractors(self) -> list[list[Attractor]]:
         """Those of each site that are found from phases and sizes up to beyond where it resonates,

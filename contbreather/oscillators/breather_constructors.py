@@ -40,9 +40,8 @@ from .anticontinuum import (
     refuse_other_period,
     resonance,
 )
-from .breather_events import events_of_breather
 from .breather_problem import COLUMNS, Breather, BreatherProblem
-from .half_orbit import HalfOrbit, Resting, SparseHalfOrbit, half_period
+from .half_orbit import HalfOrbit, Resting, SparseHalfOrbit, events_of_breather, half_period
 from .impacting import (
     between_walls,
     between_walls_without_coupling,

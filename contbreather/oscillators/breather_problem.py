@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import attrgetter
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,11 +69,9 @@ class Breather(Cycle):
     def lattice(self) -> Any:
         return self.chain.lattice
 
-    @cached_property
-    def swings(self) -> Array:
-        """How far each site moves, from end to end."""
-        states = np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
-        return np.asarray(np.ptp(states, axis=1))
+    @property
+    def omega(self) -> float:
+        return 2 * math.pi / self.period
 
     @property
     def begin_of_orbit(self) -> Any:
@@ -87,25 +85,36 @@ class Breather(Cycle):
     def displacement(self, n: Any, t: Any) -> Any:
         """The position of a site, or of several, at a time or at times; on a ring modulo its number
         of sites."""
-        return self.states(t)[self._at(n)]
+        return self.state(t)[0][self._at(n)]
 
     def velocity(self, n: Any, t: Any) -> Any:
         """The velocity of a site, or of several, at a time or at times."""
-        return self.states(t)[self.chain.sites + self._at(n)]
+        return self.state(t)[1][self._at(n)]
 
     def _at(self, n: Any) -> NDArray[np.int64]:
         ring, count = isinstance(self.lattice, Ring), self.chain.sites
         n = np.arange(count)[n] if isinstance(n, slice) else n
         return whole_sites(n) % count if ring else whole_sites(n, count)
 
-    def state(self, t: float = 0.0) -> tuple[Array, Array]:
-        """Positions and velocities of all sites at a time."""
+    def state(self, t: Any = 0.0) -> tuple[Array, Array]:
+        """Positions and velocities of all sites at a time, or at times."""
         u, v = np.split(self.states(t), 2)
         return u, v
 
+    @cached_property
+    def _sampled(self) -> Array:
+        """Positions of all sites, where they are at rest among them: there intervals begin."""
+        return np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
+
     @property
-    def omega(self) -> float:
-        return 2 * math.pi / self.period
+    def swings(self) -> Array:
+        """How far each site moves, from end to end."""
+        return np.asarray(np.ptp(self._sampled, axis=1))
+
+    @property
+    def farthest(self) -> float:
+        """The largest displacement of any site at any time."""
+        return float(abs(self._sampled).max())
 
     # --- its columns --------------------------------------------------------------------------
 
@@ -122,7 +131,7 @@ class Breather(Cycle):
     def _energies(self) -> Array:
         return self._means(lambda x: self.chain.site_energies(x, self.params))
 
-    @cached_property
+    @property
     def energy(self) -> float:
         return float(self._energies.sum())
 
@@ -131,15 +140,9 @@ class Breather(Cycle):
         living = self._means(lambda x: self.chain.masses @ x[self.chain.sites :] ** 2)
         return float(living) / self.omega
 
-    @cached_property
+    @property
     def participation(self) -> float:
         return float(self._energies.sum() ** 2 / (self._energies**2).sum())
-
-    @cached_property
-    def farthest(self) -> float:
-        """The largest displacement of any site at any time."""
-        n = self.chain.sites  # where it is at rest an interval begins
-        return float(max(abs(f.sampled(4)[1][:n]).max() for f in self.flights))
 
     @property
     def largest(self) -> float:
@@ -169,27 +172,19 @@ class Breather(Cycle):
         return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
 
 
-class HalfBlocks(NamedTuple):
-    """The four blocks of the map of small perturbations over the half, in positions and momenta;
-    and the forces on the orbit at its start and at its end."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    start: Array
-    end: Array
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ReversibleBreather(Breather):
     """A time-reversible one: its equations are those of half of it."""
 
     @cached_property
+    def half(self) -> TrajectorySegment:
+        (half,) = self.equations.flights(self.x, self.params)
+        return half
+
+    @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         """The half, and the way back."""
-        (half,) = self.equations.flights(self.x, self.params)
-        reversor = np.repeat([1.0, -1.0], self.chain.sites)
+        half, reversor = self.half, np.repeat([1.0, -1.0], self.chain.sites)
         ends = np.vstack([half.states[1:], half.end])
         knots = np.concatenate([0.5 * half.knots, 1 - 0.5 * half.knots[-2::-1]])
         states = np.vstack([half.states, reversor * ends[::-1]])
@@ -199,36 +194,40 @@ class ReversibleBreather(Breather):
 
     @cached_property
     @one_thread
-    def half_map(self) -> HalfBlocks:
-        (half,), chain = self.equations.flights(self.x, self.params), self.chain
-        (piece,) = self.equations.linearised(self.x, self.params).linear
-        m = np.append(np.ones(chain.sites), chain.masses)  # to momenta
-        factors = piece.slopes.ends[:, :, : half.dimension]
+    def half_map(self) -> Array:
+        """The blocks A, B and C, D of small perturbations, in positions and momenta."""
+        (piece,), n = self.equations.linearised(self.x, self.params).linear, self.chain.sites
+        factors = piece.slopes.ends[:, :, : 2 * n]
+        m = np.append(np.ones(n), self.chain.masses)  # to momenta
         whole = m[:, None] * reduce(np.matmul, factors[::-1]) / m
-        blocks = (block for rows in np.vsplit(whole, 2) for block in np.hsplit(rows, 2))
-        ends = (x[: chain.sites] for x in (half.states[0], half.end))
-        return HalfBlocks(*blocks, *(chain.gradient(u, self.params) for u in ends))
+        return np.asarray(whole.reshape(2, n, 2, n).swapaxes(1, 2))
+
+    @cached_property
+    def forces(self) -> tuple[Array, Array]:
+        """Those on the orbit where the half begins and ends."""
+        first, last = (x[: self.chain.sites] for x in (self.half.states[0], self.half.end))
+        return self.chain.gradient(first, self.params), self.chain.gradient(last, self.params)
 
     @cached_property
     @one_thread
     def indices(self) -> NDArray[np.complex128]:
         # 1 + 2 B^T C without the pair that is trivial: that of the orbit's own velocity, which ends
         # as such, so that forces at the start are at right angles to all of B^T
-        half = self.half_map
-        across = np.linalg.qr(half.start[:, None], mode="complete")[0][:, 1:]
-        others = np.eye(self.chain.sites - 1) + 2 * across.T @ half.B.T @ (half.C @ across)
+        (_, B), (C, _) = self.half_map
+        across = np.linalg.qr(self.forces[0][:, None], mode="complete")[0][:, 1:]
+        others = np.eye(self.chain.sites - 1) + 2 * across.T @ B.T @ (C @ across)
         return on_axis(np.linalg.eigvals(others))
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], Array]:
-        root, half = np.sqrt(self.indices**2 - 1), self.half_map
+        root, (start, end) = np.sqrt(self.indices**2 - 1), self.forces
         # by how much the orbit's own velocity grows, 1 but for what the mesh does not resolve
-        one = half.end @ (half.D @ half.start) / (half.end @ half.end)
+        one = end @ (self.half_map[1, 1] @ start) / (end @ end)
         return np.concatenate([self.indices + root, self.indices - root]), np.array([one, 1 / one])
 
     @cached_property
     def index_form(self) -> tuple[Array, Array | None]:
-        A, B, C, *_ = self.half_map
+        (A, B), (C, _) = self.half_map
         form = -A.T @ C
         return np.eye(len(form)) + 2 * B.T @ C, (form + form.T) / 2
 
@@ -250,19 +249,16 @@ class BreatherProblem(CycleProblem):
     @property
     def serialised(self) -> Mapping[str, Any] | None:
         equations, chain = self.residual, self.solution.chain
-        flows: Any = equations.flows
         if equations.conservation:  # whose phase is that of the orbit it began with
             return None
         # of each flow intervals and points, how many times around, sizes for its mesh; the wall at
         # which it ends before others that are watched, and the sites that impact there
-        flights = [
-            [
-                *(len(flight.states), flight.scheme.points, flight.rounds, sizes.tolist()),
-                [[wall.site, wall.side] for wall in flow.guards.values() if chain.walls],
-                list(flow.reset.sites) if chain.walls else [],
-            ]
-            for flow, flight, sizes in zip(flows, equations.start, equations.sizes, strict=True)
-        ]
+        flights = []
+        for flow, f, sizes in zip(equations.flows, equations.start, equations.sizes, strict=True):
+            walls: Any = flow.guards.values() if chain.walls else ()
+            sites = [*flow.reset.sites] if chain.walls else []  # type: ignore[union-attr]
+            ends = [[[wall.site, wall.side] for wall in walls], sites]
+            flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), *ends])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
         return {"kind": "breather", **about, "chain": chain, "flights": flights}
 
@@ -299,12 +295,10 @@ def _doubled_half(point: Point) -> SwitchingProblem:
     problem, half = point.curve.problem, point.curve.problem.residual
     (whole,), k = point.solution.flights, len(half.start[0].states)
     # at rest where the half begins and without displacement where it ends, or the other way around
-    blocks = point.solution.half_map.A, point.solution.half_map.D
-    least = [np.linalg.svd(block, compute_uv=False)[-1] for block in blocks]
-    if least[1] < least[0]:
-        states, slopes, steps = (
-            np.roll(part, -k, axis=0) for part in (whole.states, whole.slopes, whole.steps)
-        )
+    A, D = (point.solution.half_map[i, i] for i in range(2))
+    if np.linalg.svd(D, compute_uv=False)[-1] < np.linalg.svd(A, compute_uv=False)[-1]:
+        parts = whole.states, whole.slopes, whole.steps
+        states, slopes, steps = (np.roll(part, -k, axis=0) for part in parts)
         knots = np.append(0.0, np.cumsum(steps))
         whole = replace(whole, knots=knots / knots[-1], states=states, slopes=slopes)
     params = dict(point.params)

@@ -1,4 +1,4 @@
-"""Half of a time-reversible orbit: from rest to rest.
+"""Half of a time-reversible orbit: from rest to rest; and the events of such orbits.
 
 Where x(t) is a motion of x' = f(x), so is R x(-t), with R what turns velocities around. An orbit
 that is at rest as a whole twice a period is its own image: half of it, with
@@ -15,6 +15,10 @@ indices that are the eigenvalues of one of them,
 
     M_half = | A  B |,   M = | 1 + 2 B^T C    2 D^T B   |
              | C  D |        |   2 A^T C    1 + 2 C^T B |.
+
+Events are those of pairs of multipliers, as of cycles where something is conserved: at +1 LP, where
+the energy of the family turns (or at a given energy its parameter), BP, and PF, where orbits that
+are not time-reversible branch off; at -1 PD; KC.
 """
 
 from __future__ import annotations
@@ -29,10 +33,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from ..continuation.algebra.linear_algebra import least_singular
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import Matrix
+from ..continuation.algebra.sparse import Matrix, canonical
+from ..continuation.bifurcations.multiplier_events import vanishing
+from ..continuation.curve.curve import Curve
+from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
+from ..continuation.systems.branch_points import bordered_matrix
+from ..continuation.systems.defining_systems import (
+    Singular,
+    along_by_difference,
+    rank_locus,
+    signed_smallest,
+)
 from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
+from ..flows.conservative_events import conservative_events, examine_place, meeting
+from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
@@ -80,9 +97,11 @@ class HalfOrbit(FlowEquations):
         start = super().unknowns(flights, p)
         return {"held" if name == "period" else name: value for name, value in start.items()}
 
+    givens = ("omega", "energy")
+
     @property
-    def givens(self) -> tuple[str, ...]:
-        return "omega", "energy"
+    def held(self) -> str:
+        return "omega" if self.period else "energy"
 
     def longer(self, x: Array, p: Params) -> tuple[int, Array] | None:
         if self.held == "energy":
@@ -91,16 +110,9 @@ class HalfOrbit(FlowEquations):
         change[u] = self.chain.gradient(x[u], p)
         return int(self.layout.lengths[0]), change
 
-    @property
-    def held(self) -> str:
-        return "omega" if self.period else "energy"
-
-    def holding(self, name: str) -> HalfOrbit:
-        return self._with(self.rest, name)
-
     @lru_cache(maxsize=64)  # noqa: B019 - as for a property
-    def _with(self, rest: str, held: str) -> HalfOrbit:
-        until = None if held == "omega" else partial(_energy_above, self.chain)
+    def holding(self, name: str, rest: str = "vv") -> HalfOrbit:
+        until = None if name == "omega" else partial(_energy_above, self.chain)
         flow = Flow(self.chain, until=until, reset=Resting(rest) if rest else None)
         return replace(self, flows=(flow,), period=None if until else half_period, rest=rest)
 
@@ -110,7 +122,7 @@ class HalfOrbit(FlowEquations):
         """Differentiate in unknowns and named parameters the equations of perturbations of which
         these parts vanish at both of their ends: "uu" and, at a given energy, "vv" have the
         multiplier 1, "uv" and "vu" -1. For "" none does, the first rows are ``-x(T/2)``."""
-        closed = self._with(rest, "energy" if rest == "vv" else "omega")
+        closed = self.holding("energy" if rest == "vv" else "omega", rest)
         matrix: Any = closed.derivatives(x, p, names)
         if rest == "uu":  # the orbit's own velocity is one of them: across that alone
             first, n, ends = self.layout.nodes[0][0], self.chain.sites, self.flights(x, p)[0].end
@@ -157,8 +169,105 @@ def whole_orbit(
 ) -> FlowEquations:
     """Equations of a conservative orbit that need not be time-reversible, at a given frequency or
     energy."""
-    energies, states = quantities_of(half.chain.energy), flights[0].states.T
-    flow = Flow(Unfolded.near(half.chain, {"lambda": energies["energy"]}, states))
-    kept = Conservation(energies, half.held, np.empty((0, len(states))), "omega")
+    energies, across = quantities_of(half.chain.energy), np.empty((0, flights[0].dimension))
+    flow = Flow(Unfolded(half.chain, {"lambda": energies["energy"]}))
+    kept = Conservation(energies, half.held, across, "omega")
     whole = FlowEquations((flow,), flights, None, 1, half.states, half.sizes, kept)
     return sparse_where_large(whole, p)
+
+
+# --- events -------------------------------------------------------------------------------------
+
+
+def _closed(rest: str, curve: Curve, z: Array) -> Matrix:
+    """The equations of other perturbations than those of the orbit."""
+    half: HalfOrbit = curve.problem.residual
+    return half.closed_by(rest, z[: curve.size], curve.params(z), curve.free)
+
+
+def _weak(rest: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The least singular value of these, and its vectors."""
+
+    def make(z: Array) -> tuple[float, Array, Array]:
+        weak = least_singular(_closed(rest, curve, z)[:, : curve.size])
+        return weak.sign * weak.size, weak.sign * weak.left, weak.right
+
+    found: tuple[float, Array, Array] = curve.cached(f"closed by {rest}", z, make)
+    return found
+
+
+def _locus(rest: str) -> DefiningSystem:
+    """Where these equations lose rank."""
+    return rank_locus(partial(_weak, rest), partial(_closed, rest))
+
+
+def _turned_around(point: Point) -> float:
+    """Measure how near the map from v to u is to another null vector than the orbit's own."""
+    orbit = point.base_point.solution
+    (_, B), (start, end) = orbit.half_map[0], orbit.forces
+    return signed_smallest(np.block([[B, end[:, None]], [start, np.zeros(1)]]))
+
+
+def _at_minus_one(point: Point) -> DefiningSystem:
+    """Perturbations that change their sign are at rest at one end of the half or at the other."""
+    curve, z = point.base_point.curve, point.base_point.z
+    return _locus(min(("vu", "uv"), key=lambda rest: abs(_weak(rest, curve, z)[0])))
+
+
+def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[float, Array, Array]:
+    """A number that vanishes where a pair of multipliers is at an angle, and the vectors of its
+    derivative, as `multiplier_events.bordered` has them."""
+
+    def make(place: Array) -> tuple[float, Array, Array]:
+        rows, rest = curve.problem.residual.pairs(math.cos(place[-1]))
+        ends = _closed("", curve, z)[:, : curve.size]
+        return vanishing(canonical(rows @ sparse.block_diag([ends, ends]) + rest))
+
+    found: tuple[float, Array, Array] = curve.cached("pair", np.append(z, extra), make)
+    return found
+
+
+def _slope_of_bordered(curve: Curve, z: Array, extra: Array) -> Array:
+    pairs, (_, right, left) = curve.problem.residual.pairs, _bordered(curve, z, extra)
+    parts, ends = np.split(right, 2), partial(_closed, "")
+    ways = zip(np.split(pairs(math.cos(extra[0]))[0].T @ left, 2), parts, strict=True)
+    in_z: Any = sum(along_by_difference(curve, z, one, other, ends) for one, other in ways)
+    moved = np.concatenate([ends(curve, z)[:, : curve.size] @ part for part in parts])
+    in_index = left @ ((pairs(1.0)[0] - pairs(0.0)[0]) @ moved)
+    return -np.append(in_z, -math.sin(extra[0]) * in_index)
+
+
+def _crosses(point: Point) -> float:
+    """The test of BP; NaN where its sign is rounding. Next to the band a breather may move along a
+    ring all but freely: anywhere there is a solution, to the error of Newton's iteration."""
+    assert BRANCH_POINT.test is not None
+    off = abs(point.base_point.solution.indices - 1).min(initial=math.inf)
+    # an index less off 1 is that of a motion which nothing holds back
+    return math.nan if off < 1e-8 else BRANCH_POINT.test(point)
+
+
+def _born(point: Point) -> Examined:
+    """The end of a family at rest, and the mode of which it is there."""
+    if reason := examine_swing(FLAT, point):
+        return reason
+    orbit = point.base_point.solution
+    modes = orbit.chain.frequencies(orbit.params)
+    nearest = int(abs(modes - orbit.omega).argmin())
+    edges = {0: "the lower edge of the band", modes.size - 1: "the upper edge of the band"}
+    mode = f"the mode of frequency {modes[nearest]:.9g}, {edges.get(nearest, 'in the band')}"
+    return {"said": f"it shrinks to rest: the family is born there from {mode}"}
+
+
+def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
+    """List the events of a breather of these equations."""
+    if not isinstance(equations, HalfOrbit):
+        return events_of_cycle(equations)
+    crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
+    lp, turn, branch_point, pd, kc = conservative_events(crossing)
+    turn = replace(turn, locus=Always(_locus("vv")))
+    said = {"said": "orbits branch off that are not their own images under a reversal of time"}
+    found = partial(examine_place, 1.0, said)
+    pf = Event("PF", _turned_around, examine=found, locus=Always(_locus("uu")))
+    kc = replace(kc, locus=partial(meeting, _bordered, _slope_of_bordered))
+    born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
+    return lp, turn, branch_point, pf, replace(pd, locus=_at_minus_one), kc, born
