@@ -162,6 +162,7 @@ class FlowEquations:
 
     # --- the unknowns -----------------------------------------------------------------------------
 
+    length = "period"  # its name, of one flow
     condensed = True  # whether all multipliers are had, or the leading ones only
 
     @cached_property
@@ -210,7 +211,7 @@ class FlowEquations:
                 ]
             ),
         }
-        start |= {"durations": durations} if len(flights) > 1 else {"period": float(durations[0])}
+        start |= {"durations": durations} if len(flights) > 1 else {self.length: durations[0]}
         start |= {"phase": flights[0].start} if self.phased else {}
         return start if self.conservation is None else self._kept(self.conservation, start, p)
 

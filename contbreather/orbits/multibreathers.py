@@ -367,14 +367,22 @@ def _entry(
 def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int, ...], int]]:
     """Choices of sites up to the symmetries of the lattice and its walls, with the size of each
     class."""
-    alike = nx.Graph()
-    alike.add_nodes_from(itertools.combinations(range(lattice.sites), count))
     own = [getattr(lattice, name) for name in ROWS]
     own += zip(*map(walls.at, range(lattice.sites)), strict=True)
-    for places in exchanges_of_sites(stiffness_of(lattice).toarray(), own):
-        images = [(sites, tuple(sorted(places[n] for n in sites))) for sites in alike]
-        alike.add_edges_from(images)
-    return [(min(images), len(images)) for images in nx.connected_components(alike)]
+    exchanges = [*exchanges_of_sites(stiffness_of(lattice).toarray(), own)]
+    choices = itertools.combinations(range(lattice.sites), count)
+    return classes_of(
+        {sites: [tuple(sorted(to[n] for n in sites)) for to in exchanges] for sites in choices}
+    )
+
+
+def classes_of(images: Mapping[Any, Iterable[Any]]) -> list[tuple[Any, int]]:
+    """The first of each class of choices that are images of each other, and how many it has."""
+    alike, order = nx.Graph(), {choice: i for i, choice in enumerate(images)}
+    alike.add_nodes_from(images)
+    alike.add_edges_from((a, b) for a, others in images.items() for b in others if b in order)
+    classes = nx.connected_components(alike)
+    return [(min(choices, key=order.__getitem__), len(choices)) for choices in classes]
 
 
 def exchanges_of_sites(bonds: FloatArray, own: Iterable[Any]) -> Iterator[Mapping[int, int]]:

@@ -24,7 +24,6 @@ from ..errors import BadInput, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.flow import Flow
 from ..flows.functions import Params
-from .half_orbit import Resting
 from .oscillator_lattice import SHARE, Oscillators
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
@@ -33,7 +32,7 @@ _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it reson
 _ESCAPED = 10.0  # relative to the same
 _MOST = 400  # periods after which it has settled, or never will
 
-# flows, an orbit of them, and the share of the coupling at which it is one
+# flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
 Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
 
 
@@ -136,7 +135,7 @@ def half_without_coupling(
         x[site] = SingleOscillator(chain, site, p).amplitude(real(value), p["omega"])
     half = math.pi / p["omega"]
     flight = fitted(scheme, 0.0, half, chain.run((0.0, half), x, {**p, SHARE: 0.0}).sol)
-    return (Flow(chain, reset=Resting("vv")),), (flight,), 0.0
+    return (), (flight,), 0.0
 
 
 def resonance(chain: Oscillators, omega: float, p: Params) -> str:
@@ -313,4 +312,4 @@ def driven_without_coupling(
     found = enumerate(alone.attractors())
     states = [_chosen(site, code.get(site, "low"), of) for site, of in found]
     flight = fitted(scheme, 0.0, alone.period, alone.motion(np.transpose(states)))
-    return (Flow(chain),), (flight,), 0.0
+    return (), (flight,), 0.0

@@ -4,20 +4,18 @@ a catalogue of them, one code of each class of codes that symmetries make alike.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from scipy import sparse
 
 from ..checks import check_kind, number, whole
 from ..continuation.algebra.newton import Array
 from ..continuation.bifurcations.equilibria import fold
-from ..continuation.curve.branch import Branch
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged, partial_result
@@ -28,7 +26,7 @@ from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
-from ..orbits.multibreathers import exchanges_of_sites
+from ..orbits.multibreathers import classes_of, exchanges_of_sites
 from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .anticontinuum import (
@@ -181,20 +179,30 @@ def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> d
 
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
-    """Walk from no coupling to all of it."""
-    alone = half_without_coupling
+    """Walk from no coupling to all of it, beyond where the order of impacts changes."""
+    alone, omega = half_without_coupling, params["omega"]
     if chain.dissipative:
         alone = between_walls_without_coupling if chain.walls else driven_without_coupling
     start: Uncoupled | None = alone(chain, code, params, scheme)
     while start is not None:
-        branch = _with_more_coupling(chain, code, start, params)
-        end: Any = branch[-1]
-        if end[SHARE] == 1.0:
+        *of, share = start
+        first: Any = BreatherProblem.of(_equations(chain, *of), {**params, SHARE: share}, (), "")
+        try:
+            first, _ = first.solve(tolerance=1e-11)
+        except NotConverged as error:
+            raise NoSolution(
+                f"{code}: without coupling it cannot be continued; "
+                f"{resonance(chain, omega, first.params)}"
+            ) from error
+        ends = (replace(fold(), ends="branch"),)
+        branch = trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+        last: Any = branch[-1]
+        if last[SHARE] == 1.0:
             if chain.walls is not None:
-                refuse_impacts_apart(end.solution)
-            return end.problem
-        start = in_another_order(end.solution, chain, tuple(code), scheme)
-    end, omega = max((*branch.special, end), key=lambda point: float(point[SHARE])), params["omega"]
+                refuse_impacts_apart(last.solution)
+            return last.problem
+        start = in_another_order(last.solution, chain, tuple(code), scheme)
+    end = max((*branch.special, last), key=lambda point: float(point[SHARE]))
     turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     raise CouplingEnds(
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
@@ -203,33 +211,21 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     )
 
 
-def _with_more_coupling(chain: Oscillators, code: Any, begin: Uncoupled, params: Params) -> Branch:
-    """Walk from a share of the coupling, as far as this orbit goes."""
-    flows, flights, share = begin
-    equations, params = _equations(chain, flows, flights), {**params, SHARE: share}
-    try:
-        first = BreatherProblem.of(equations, params, (), "").solve(tolerance=1e-11)[0]
-    except NotConverged as error:
-        raise NoSolution(
-            f"{code}: without coupling it cannot be continued; "
-            f"{resonance(chain, params['omega'], params)}"
-        ) from error
-    ends = (replace(fold(), ends="branch"),)
-    return trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
-
-
 def _equations(
-    chain: Oscillators, flows: tuple[Flow, ...], flights: Sequence[TrajectorySegment],
+    chain: Oscillators, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
     sizes: tuple[Array, ...] = (), turns: int = 1,
 ) -> FlowEquations:  # fmt: skip
-    """Make the equations of an orbit; without sizes on meshes that follow it."""
+    """Make the equations of an orbit, a smooth one without flows; without sizes on meshes that
+    follow it."""
     if not sizes:
         sizes = sizes_of(flights)
         flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    kind, period = FlowEquations, forcing_period
+    kind, period, reset = FlowEquations, forcing_period, None
     if not chain.dissipative:
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
+        reset = Resting("vv")
+    flows = tuple(flows) or (Flow(chain, reset=reset),)
     return kind(flows, tuple(flights), period, turns, names, sizes)
 
 
@@ -239,16 +235,15 @@ def _from_dict(
     start: Mapping[str, Any], params: Params,
 ) -> BreatherProblem:  # fmt: skip
     """Make the equations of a breather again, which begin at these unknowns."""
-    smooth = Flow(chain, reset=None if chain.dissipative else Resting("vv"))
     flows, segments, n = list[Flow](), list[TrajectorySegment](), 2 * chain.sites
     for count, points, rounds, _, walls, sites in flights:
-        flows.append(between_walls(chain, walls, sites) if walls else smooth)
+        flows += [between_walls(chain, walls, sites)] if walls else []
         knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
         states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
         scheme = Collocation(count, points)
         segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
     sizes = tuple(np.array(flight[3]) for flight in flights)
-    equations = _equations(chain, tuple(flows), segments, sizes, turns)
+    equations = _equations(chain, flows, segments, sizes, turns)
     if isinstance(equations, HalfOrbit) and "energy" in params:
         equations = equations.holding("energy")
     x = np.concatenate([np.ravel(value) for value in start.values()])
@@ -352,7 +347,7 @@ def breathers(
     return tuple(catalogue)
 
 
-def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[Code, int]]:
+def _classes(chain: Oscillators, sites: Any, params: Params) -> list[tuple[Code, int]]:
     """Codes up to symmetries, with the size of each class, in their order."""
     if isinstance(sites, Iterable):
         groups = [tuple(sorted(coded(chain, [*sites])))]
@@ -372,13 +367,9 @@ def _classes(chain: Oscillators, sites: Any, params: Params) -> Iterator[tuple[C
     # of bonds that tell their ends apart no exchanges are looked for
     even = abs(pull + push).max() <= 1e-12 * abs(pull).max()
     exchanges = [*exchanges_of_sites(joined.toarray(), own)] if even else []
-    alike = nx.Graph()
-    alike.add_nodes_from(codes)
-    for code in codes:
-        # half a period later, and at other sites
+    images: dict[Code, list[Code]] = {}
+    for code in codes:  # half a period later, and at other sites
         later = tuple((n, value if isinstance(value, str) else -value) for n, value in code)
         moved = (tuple(sorted((to[n], value) for n, value in code)) for to in exchanges)
-        alike.add_edges_from((code, image) for image in (later, *moved) if image in alike)
-    order = {code: i for i, code in enumerate(codes)}
-    for images in nx.connected_components(alike):
-        yield min(images, key=order.__getitem__), len(images)
+        images[code] = [later, *moved]
+    return classes_of(images)

@@ -177,14 +177,10 @@ class ReversibleBreather(Breather):
     """A time-reversible one: its equations are those of half of it."""
 
     @cached_property
-    def half(self) -> TrajectorySegment:
-        (half,) = self.equations.flights(self.x, self.params)
-        return half
-
-    @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         """The half, and the way back."""
-        half, reversor = self.half, np.repeat([1.0, -1.0], self.chain.sites)
+        (half,) = self.equations.flights(self.x, self.params)
+        reversor = np.repeat([1.0, -1.0], self.chain.sites)
         ends = np.vstack([half.states[1:], half.end])
         knots = np.concatenate([0.5 * half.knots, 1 - 0.5 * half.knots[-2::-1]])
         states = np.vstack([half.states, reversor * ends[::-1]])
@@ -203,10 +199,10 @@ class ReversibleBreather(Breather):
         return np.asarray(whole.reshape(2, n, 2, n).swapaxes(1, 2))
 
     @cached_property
-    def forces(self) -> tuple[Array, Array]:
+    def forces(self) -> Array:
         """Those on the orbit where the half begins and ends."""
-        first, last = (x[: self.chain.sites] for x in (self.half.states[0], self.half.end))
-        return self.chain.gradient(first, self.params), self.chain.gradient(last, self.params)
+        u, _ = self.state(self.times[0] + np.array([0.0, 0.5 * self.period]))
+        return self.chain.gradient(u, self.params).T
 
     @cached_property
     @one_thread
@@ -255,9 +251,10 @@ class BreatherProblem(CycleProblem):
         # which it ends before others that are watched, and the sites that impact there
         flights = []
         for flow, f, sizes in zip(equations.flows, equations.start, equations.sizes, strict=True):
-            walls: Any = flow.guards.values() if chain.walls else ()
-            sites = [*flow.reset.sites] if chain.walls else []  # type: ignore[union-attr]
-            ends = [[[wall.site, wall.side] for wall in walls], sites]
+            ends: Any = [], []
+            if chain.walls:
+                walls: Any = flow.guards.values()
+                ends = [[wall.site, wall.side] for wall in walls], [*flow.reset.sites]
             flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), *ends])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
         return {"kind": "breather", **about, "chain": chain, "flights": flights}
@@ -292,11 +289,11 @@ class BreatherProblem(CycleProblem):
 def _doubled_half(point: Point) -> SwitchingProblem:
     """Make half of the orbit of twice the period: once around, from where the perturbation that
     changes its sign is at rest, which is at one end of the half or at the other."""
-    problem, half = point.curve.problem, point.curve.problem.residual
-    (whole,), k = point.solution.flights, len(half.start[0].states)
+    problem, half, orbit = point.curve.problem, point.curve.problem.residual, point.solution
+    (whole,), k = orbit.flights, len(half.start[0].states)
     # at rest where the half begins and without displacement where it ends, or the other way around
-    A, D = (point.solution.half_map[i, i] for i in range(2))
-    if np.linalg.svd(D, compute_uv=False)[-1] < np.linalg.svd(A, compute_uv=False)[-1]:
+    A, D = (np.linalg.svd(orbit.half_map[i, i], compute_uv=False)[-1] for i in range(2))
+    if D < A:
         parts = whole.states, whole.slopes, whole.steps
         states, slopes, steps = (np.roll(part, -k, axis=0) for part in parts)
         knots = np.append(0.0, np.cumsum(steps))

@@ -24,7 +24,6 @@ are not time-reversible branch off; at -1 PD; KC.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, cast
@@ -50,7 +49,7 @@ from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.conservative_events import conservative_events, examine_place, meeting
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
-from ..flows.equations import FlowEquations
+from ..flows.equations import FlowEquations, Places
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.sparse_equations import SparseFlowEquations, sparse_where_large
@@ -65,8 +64,14 @@ class Resting:
     parts: str
 
     def __call__(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-        end = np.split(x, 2)["uv".index(self.parts[1])]
-        return np.concatenate([end, 0.0 * end] if self.parts[0] == "v" else [0.0 * end, end])
+        after, (to, of) = np.zeros_like(x), self.closing(len(x))
+        after[to] = x[of]
+        return after
+
+    def closing(self, count: int) -> tuple[Places, Places]:
+        """Into which entries of so many which ones go."""
+        halves, (start, end) = np.arange(count).reshape(2, -1), map("uv".index, self.parts)
+        return halves[1 - start], halves[end]
 
 
 def half_period(t: Any, x: Any, p: Params) -> Any:
@@ -81,23 +86,16 @@ def _energy_above(chain: Oscillators, t: Any, x: Any, p: Params) -> Any:
 class HalfOrbit(FlowEquations):
     """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
 
-    rest: str = "vv"  # which part vanishes at its start, and where it ends
-
     @property
     def chain(self) -> Oscillators:
         return cast("Oscillators", self.flows[0].f)
 
     @property
     def standing(self) -> Array:
-        return np.repeat([float(part == self.rest[:1]) for part in "uv"], self.chain.sites)
+        parts = getattr(self.flows[0].reset, "parts", " ")  # which vanish where it begins and ends
+        return np.repeat([float(part == parts[0]) for part in "uv"], self.chain.sites)
 
-    def unknowns(
-        self, flights: Sequence[TrajectorySegment], p: Params | None = None
-    ) -> dict[str, Any]:
-        start = super().unknowns(flights, p)
-        return {"held" if name == "period" else name: value for name, value in start.items()}
-
-    givens = ("omega", "energy")
+    length, givens = "held", ("omega", "energy")
 
     @property
     def held(self) -> str:
@@ -114,27 +112,11 @@ class HalfOrbit(FlowEquations):
     def holding(self, name: str, rest: str = "vv") -> HalfOrbit:
         until = None if name == "omega" else partial(_energy_above, self.chain)
         flow = Flow(self.chain, until=until, reset=Resting(rest) if rest else None)
-        return replace(self, flows=(flow,), period=None if until else half_period, rest=rest)
-
-    # --- where a multiplier is 1 or -1, and where two meet --------------------------------------
-
-    def closed_by(self, rest: str, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
-        """Differentiate in unknowns and named parameters the equations of perturbations of which
-        these parts vanish at both of their ends: "uu" and, at a given energy, "vv" have the
-        multiplier 1, "uv" and "vu" -1. For "" none does, the first rows are ``-x(T/2)``."""
-        closed = self.holding("energy" if rest == "vv" else "omega", rest)
-        matrix: Any = closed.derivatives(x, p, names)
-        if rest == "uu":  # the orbit's own velocity is one of them: across that alone
-            first, n, ends = self.layout.nodes[0][0], self.chain.sites, self.flights(x, p)[0].end
-            v, last = first[n:], np.full(n, self.layout.lengths[0])
-            start, end = (self.chain(0.0, state, p)[n:] for state in (x[first], ends))
-            speeds = _entries(matrix.shape, last, v, start), _entries(matrix.shape, v, last, end)
-            matrix = matrix + speeds[0] + speeds[1]
-        return matrix
+        return replace(self, flows=(flow,), period=None if until else half_period)
 
     def pairs(self, index: float) -> tuple[Any, Any]:
         """Matrices L, affine in the index, and E of what is singular where a pair of multipliers
-        has a stability index, ``L (1 x O) + E`` with O that of ``closed_by("")``.
+        has a stability index, ``L (1 x O) + E`` with O that of ``_closed("")``.
 
         Of two perturbations, one from rest and one without displacement, positions end opposite,
         ``A u + B w = 0``, and velocities with ``(1 + I) C u = (1 - I) D w``.
@@ -149,14 +131,6 @@ class HalfOrbit(FlowEquations):
 @dataclass(frozen=True, eq=False)
 class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
     """Half of an orbit of many sites, of which nothing is eliminated."""
-
-    @property
-    def closing(self) -> tuple[Any, Any]:
-        if not self.rest:
-            return super().closing
-        both = np.arange(2 * self.chain.sites).reshape(2, -1)
-        start, end = ("uv".index(part) for part in self.rest)
-        return both[1 - start], both[end]
 
 
 def _entries(shape: tuple[int, int], rows: Array, columns: Array, values: Any = 1.0) -> Any:
@@ -180,9 +154,19 @@ def whole_orbit(
 
 
 def _closed(rest: str, curve: Curve, z: Array) -> Matrix:
-    """The equations of other perturbations than those of the orbit."""
-    half: HalfOrbit = curve.problem.residual
-    return half.closed_by(rest, z[: curve.size], curve.params(z), curve.free)
+    """Differentiate in unknowns and free parameters the equations of perturbations of which these
+    parts vanish at both of their ends: "uu" and, at a given energy, "vv" have the multiplier 1,
+    "uv" and "vu" -1. For "" none does, the first rows are ``-x(T/2)``."""
+    half, x, p = curve.problem.residual, z[: curve.size], curve.params(z)
+    closed = half.holding("energy" if rest == "vv" else "omega", rest)
+    matrix: Any = closed.derivatives(x, p, curve.free)
+    if rest == "uu":  # the orbit's own velocity is one of them: across that alone
+        first, n = half.layout.nodes[0][0], half.chain.sites
+        v, last = first[n:], np.full(n, half.layout.lengths[0])
+        begin, end = (half.chain(0.0, at, p)[n:] for at in (x[first], half.flights(x, p)[0].end))
+        speeds = _entries(matrix.shape, last, v, begin), _entries(matrix.shape, v, last, end)
+        matrix = matrix + speeds[0] + speeds[1]
+    return matrix
 
 
 def _weak(rest: str, curve: Curve, z: Array) -> tuple[float, Array, Array]:

@@ -187,20 +187,19 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
         whole[[site, n + site]] = x
         return chain(t, whole, p)[[site, n + site]]
 
-    def bounce(t: Any, x: Any, p: Params) -> Any:
-        return [x[0], -p["k"] * x[1]]
-
     flows = [
-        Flow(field, until=lambda t, x, p: wall - x[0], reset=bounce),
-        Flow(field, until=lambda t, x, p: wall + x[0], reset=bounce),
-    ]
+        Flow(
+            field, until=lambda t, x, p, side=side: wall - side * x[0],
+            reset=lambda t, x, p: [x[0], -p["k"] * x[1]],
+        )
+        for side in (1, -1)
+    ]  # fmt: skip
     how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
+    how["collocation"] = Collocation(6, 6)
     for velocity in _VELOCITIES:
         start = {"u": 0.0, "v": velocity * wall * p["omega"]}
         with suppress(ContbreatherError):
-            found = cycle(
-                flows, start, {"k": min(k, _SETTLED)}, collocation=Collocation(6, 6), **how
-            )
+            found = cycle(flows, start, {"k": min(k, _SETTLED)}, **how)
             twice = len(cycle_of(found).flights) == 2
             if twice and k > _SETTLED:
                 found = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1].problem
