@@ -21,20 +21,14 @@ from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import is_sparse
 from ..continuation.bifurcations.equilibria import fold
-from ..continuation.bifurcations.multiplier_events import (
-    bordered,
-    singular_with,
-    slope_of_bordered,
-    unresolved,
-)
+from ..continuation.bifurcations.multiplier_events import unresolved
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import Always, DefiningSystem, Event, Examined, Point
-from ..continuation.systems.defining_systems import rank_locus
+from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
 
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
-_OFF, _BY_SIDE = 1e-6, 1e-2  # of the angle of a meeting: where both multipliers are, and neither
+_STEP = 1e-5  # of differences along solutions, in the metric of a curve
 _NEAR = 1e-6  # how far off its place the index of a located event may be
 _MET = 1e-5  # the form of a unit vector, relative, that has no sign
 _UNKNOWN = "unknown: the field is no constant matrix times the gradient of what is conserved"
@@ -70,11 +64,6 @@ def turn_of_energy(point: Point) -> float:
         if abs(matrix @ change - right).max() > math.sqrt(_LOST):
             return math.inf
     return float(places[1] @ change)
-
-
-def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
-    assert plain.locus is not None
-    return replace(plain.locus(point), meets={})
 
 
 # --- on the circle ------------------------------------------------------------------------------
@@ -125,40 +114,69 @@ def _examine_collision(point: Point) -> Examined:
     return unresolved(point) or detail
 
 
-def meeting(number: Callable[..., Any], slope: Callable[..., Any], point: Point) -> DefiningSystem:
-    """Equations for two multipliers that meet: both are at one angle, but for a little.
+def _meeting(point: Point) -> tuple[float, float]:
+    """The squared distance of the two indices that meet, and the angle at which they do."""
+    return _apart(point), math.acos(_nearest(point)[1])
 
-    By a number that vanishes where one is at an angle, with vectors, and its slope. On the circle
-    ``det(M - exp(i angle))`` is real but for a factor that does not vanish, and so is the number
-    that stands for it here: its phase is that beside the meeting. Next to where it has a double
-    zero in the angle it has two of them, 2e-6 apart.
-    """
-    angle, base = math.acos(_nearest(point)[1]), point.base_point
-    beside = complex(number(base.curve, base.z, np.array([angle + _BY_SIDE]))[0])
-    both = partial(_at_both, abs(beside) / beside)
+
+# --- as equations -------------------------------------------------------------------------------
+
+
+def followed(test: Callable[[Point], Any], point: Point) -> DefiningSystem:
+    """Equations for where a test of orbits vanishes; what else it returns is the angle."""
+    extra = np.atleast_1d(test(point))[1:].tolist()
     return DefiningSystem(
-        {"angle": angle}, partial(both, lambda *at: complex(number(*at)[0])), partial(both, slope)
+        dict(zip(["angle"], extra, strict=False)), partial(_left, test), partial(_slopes, test)
     )
 
 
-def _at_both(unit: complex, of: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
-    one, other = (unit * of(curve, z, extra + off) for off in (_OFF, -_OFF))
-    return np.array([(one + other).real / 2, (one - other).real / (2 * _OFF)])
+def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
+    """Evaluate it at the nearest orbit, so that across solutions nothing changes."""
+    nearest = z - _beside(curve, z)[1] / np.sqrt(curve.metric)
+    return np.atleast_1d(test(Point(curve, nearest))) - np.append(0.0, extra)
+
+
+def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
+    units, ways = np.sqrt(curve.metric), _beside(curve, z)[0].T
+    places = (z + sign * _STEP * way / units for sign in (1, -1) for way in ways)
+    ahead, behind = np.split(np.array([_left(test, curve, at, extra) for at in places]), 2)
+    slopes = (ahead - behind).T / (2 * _STEP) @ (ways * units)
+    return np.hstack([slopes, -np.eye(1 + extra.size)[:, 1:]])
+
+
+def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
+    """Directions along solutions near by, orthonormal in the metric, and how far off these z is."""
+
+    def make(z: Array) -> tuple[Array, Array]:
+        n, units = curve.size, np.sqrt(curve.metric)
+        others: Any = curve.jacobian(z)[:, n:]
+        others = others.toarray() if is_sparse(others) else others
+        right = np.column_stack([-others, curve.equations(z)])
+        both = np.eye(z.size, right.shape[1], -n)
+        both[:n] = solved(curve.in_unknowns(z), right, "a fold in both parameters")
+        ways, off = np.linalg.qr(units[:, None] * both[:, :-1])[0], units * both[:, -1]
+        return ways, off - ways @ (ways.T @ off)
+
+    found: tuple[Array, Array] = curve.cached("beside", z, make)
+    return found
+
+
+def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
+    assert plain.locus is not None
+    return replace(plain.locus(point), meets={})
 
 
 def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     """List the events of pairs of multipliers, with that of crossing branches among them."""
-    plain = fold()
+    plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(_fold_locus, plain))
-    said = {"said": "a fold in the energy, not in the period"}
     turn = Event(
-        "LP", turn_of_energy, examine=partial(examine_place, 1.0, said),
-        locus=Always(rank_locus(partial(singular_with, 1.0))), may_jump=True,
+        "LP", turn_of_energy, examine=partial(examine_place, 1.0, beside),
+        locus=partial(followed, turn_of_energy), may_jump=True,
     )  # fmt: skip
     pd = Event(
         "PD", nearest_to_minus_one, examine=partial(examine_place, -1.0, ""),
-        locus=Always(rank_locus(partial(singular_with, -1.0))),
+        locus=partial(followed, nearest_to_minus_one),
     )  # fmt: skip
-    locus = partial(meeting, bordered, slope_of_bordered)
-    kc = Event("KC", _apart, locus=locus, examine=_examine_collision)
+    kc = Event("KC", _apart, locus=partial(followed, _meeting), examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

@@ -224,7 +224,7 @@ def _equations(
     kind, period, reset = FlowEquations, forcing_period, None
     if not chain.dissipative:
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-        reset = Resting("vv")
+        reset = Resting()
     flows = tuple(flows) or (Flow(chain, reset=reset),)
     return kind(flows, tuple(flights), period, turns, names, sizes)
 
