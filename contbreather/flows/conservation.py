@@ -37,6 +37,7 @@ from .functions import (
 )
 
 _DRIFTS = 1e-7  # of what its terms add up to: a rate of change that is no rounding
+_ASIDE = 1e-3  # of the size of a state: how far off it the gradient of the unfolding looks
 _LEAVES = 1e-8  # imaginary part of an index that is none of rounding where two of them meet
 _CONSTANT = 1e-8  # relative error of a Poisson matrix that is the same at all states
 
@@ -47,19 +48,28 @@ Quantities = Mapping[str, Function]  # of (t, x, p), by name
 class Unfolded:
     """A field plus lambda times the gradient of each quantity, by the name of that lambda.
 
-    Near any solution lambda is rounding: so of the product only lambda is differentiated.
+    Near any solution lambda is rounding: so the gradient, over steps of these sizes, need not be
+    exact, but analytic, as it is differentiated by complex steps.
     """
 
     f: Any  # (t, x, p), perhaps with a `jacobian`
     quantities: Quantities
+    steps: Array
+
+    @classmethod
+    def near(cls, f: Function, quantities: Quantities, states: Array) -> Unfolded:
+        sizes = abs(states).max(axis=1)
+        return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        field, states = rows_of(self.f(t, x, p), x), np.real(x).reshape(len(x), -1)
-        plain = {name: np.real(value) for name, value in p.items()}
+        field, n = rows_of(self.f(t, x, p), x), len(x)
+        one = (1,) * (x.ndim - 1)
+        ways = np.diag(self.steps).reshape(n, n, *one)
         for name, quantity in self.quantities.items():
-            if np.any(p.get(name, 0.0)):
-                gradient = slopes(quantity, 0.0, states, plain)[1][0, :-1]
-                field = field + p[name] * gradient.reshape(x.shape)
+            if p.get(name):
+                both = np.stack([x[:, None] + ways, x[:, None] - ways], axis=1)
+                ahead, behind = values(quantity, 0.0, both.reshape(n, -1), p).reshape(2, *x.shape)
+                field = field + p[name] * (ahead - behind) / (2 * self.steps.reshape(n, *one))
         return field
 
     # --- its derivative, where one was given of the field: as that, for lambda adds rounding ------

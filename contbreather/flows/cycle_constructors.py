@@ -230,7 +230,7 @@ def _conserving(
     across = np.linalg.svd(null - null @ along.T @ along)[2][: count - 1]
     kept = Conservation(conserved, first, across)
     named = dict(zip(kept.lambdas, conserved.values(), strict=True))
-    flows = (replace(flow, f=Unfolded(flow.f, named)),)
+    flows = (replace(flow, f=Unfolded.near(flow.f, named, states)),)
     return replace(equations, flows=flows, conservation=kept), {**params, first: energy}
 
 

@@ -85,7 +85,7 @@ class SingleOscillator:
         over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
-        return [brentq(off, *_AMPLITUDES[[i, i + 1]], xtol=1e-14) for i in at]
+        return [brentq(off, _AMPLITUDES[i], _AMPLITUDES[i + 1], xtol=1e-14) for i in at]
 
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of

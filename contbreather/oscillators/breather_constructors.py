@@ -128,8 +128,8 @@ def breather(
     reached = reached or _walked(chain, code, values, scheme)
     # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
-    flights = [flight.on(flight.knots, scheme) for flight in flights]
-    equations = _equations(chain, reached.residual.flows, flights)
+    finer = [flight.on(flight.knots, scheme) for flight in flights]
+    equations = _equations(chain, reached.residual.flows, finer)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
@@ -180,19 +180,18 @@ def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> d
 
 def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
     """Walk from no coupling to all of it, beyond where the order of impacts changes."""
-    alone, omega = half_without_coupling, params["omega"]
-    if chain.dissipative:
-        alone = between_walls_without_coupling if chain.walls else driven_without_coupling
+    alone: Any = driven_without_coupling if chain.dissipative else half_without_coupling
+    alone, omega = between_walls_without_coupling if chain.walls else alone, params["omega"]
     start: Uncoupled | None = alone(chain, code, params, scheme)
     while start is not None:
-        *of, share = start
-        first: Any = BreatherProblem.of(_equations(chain, *of), {**params, SHARE: share}, (), "")
+        flows, flights, share = start
+        equations, at = _equations(chain, flows, flights), {**params, SHARE: share}
+        first: Any = BreatherProblem.of(equations, at, (), "")
         try:
             first, _ = first.solve(tolerance=1e-11)
         except NotConverged as error:
             raise NoSolution(
-                f"{code}: without coupling it cannot be continued; "
-                f"{resonance(chain, omega, first.params)}"
+                f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)}"
             ) from error
         ends = (replace(fold(), ends="branch"),)
         branch = trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)

@@ -253,8 +253,8 @@ class BreatherProblem(CycleProblem):
         for flow, f, sizes in zip(equations.flows, equations.start, equations.sizes, strict=True):
             ends: Any = [], []
             if chain.walls:
-                walls: Any = flow.guards.values()
-                ends = [[wall.site, wall.side] for wall in walls], [*flow.reset.sites]
+                walls, reset = cast("Any", flow.guards.values()), cast("Any", flow.reset)
+                ends = [[wall.site, wall.side] for wall in walls], [*reset.sites]
             flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), *ends])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
         return {"kind": "breather", **about, "chain": chain, "flights": flights}

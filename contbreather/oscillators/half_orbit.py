@@ -112,9 +112,9 @@ def whole_orbit(
 ) -> FlowEquations:
     """Equations of a conservative orbit that need not be time-reversible, at a given frequency or
     energy."""
-    energies, across = quantities_of(half.chain.energy), np.empty((0, flights[0].dimension))
-    flow = Flow(Unfolded(half.chain, {"lambda": energies["energy"]}))
-    kept = Conservation(energies, half.held, across, "omega")
+    energies, states = quantities_of(half.chain.energy), flights[0].states.T
+    flow = Flow(Unfolded.near(half.chain, {"lambda": energies["energy"]}, states))
+    kept = Conservation(energies, half.held, np.empty((0, len(states))), "omega")
     whole = FlowEquations((flow,), flights, None, 1, half.states, half.sizes, kept)
     return sparse_where_large(whole, p)
 

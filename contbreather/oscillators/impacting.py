@@ -187,13 +187,13 @@ def _single(alone: UncoupledSites, site: int) -> Cycle:
         whole[[site, n + site]] = x
         return chain(t, whole, p)[[site, n + site]]
 
-    flows = [
-        Flow(
-            field, until=lambda t, x, p, side=side: wall - side * x[0],
+    def up_to(side: int) -> Flow:
+        return Flow(
+            field, until=lambda t, x, p: wall - side * x[0],
             reset=lambda t, x, p: [x[0], -p["k"] * x[1]],
-        )
-        for side in (1, -1)
-    ]  # fmt: skip
+        )  # fmt: skip
+
+    flows = [up_to(1), up_to(-1)]
     how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
     how["collocation"] = Collocation(6, 6)
     for velocity in _VELOCITIES:
