@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -85,38 +84,32 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 
 
-def _apart(point: Point) -> float:
+def _meeting(point: Point) -> tuple[float, float]:
     """Square of the distance of the nearest two indices that may leave the real axis together, less
-    than zero where an odd number of twos has left it."""
+    than zero where an odd number of twos has left it; and the angle at which these pairs are."""
     orbit = point.base_point.solution
     on, signs = signatures(orbit) if orbit.indices.size > 1 else (np.empty(0), np.empty(0))
     i, j = np.triu_indices(on.size, 1)
-    meeting = (on[i] - on[j])[signs[i] * signs[j] <= 0]
-    left = orbit.indices.imag[orbit.indices.imag > 0]
-    squares = np.concatenate([meeting**2, 4 * left**2])
-    return float((-1) ** left.size * squares.min()) if squares.size else math.nan
+    may, left = signs[i] * signs[j] <= 0, orbit.indices[orbit.indices.imag > 0]
+    squares = np.concatenate([(on[i] - on[j])[may] ** 2, 4 * left.imag**2])
+    if not squares.size:
+        return math.nan, math.nan
+    middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
+    angle = math.acos(max(-1.0, min(middles[k], 1.0)))
+    return float((-1) ** left.size * squares[k]), angle
 
 
-def _nearest(point: Point) -> tuple[float, float]:
-    """The distance of the nearest two indices, and where they are, on the circle."""
-    pairs = combinations(point.base_point.solution.indices.tolist(), 2)
-    one, other = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
-    return abs(one - other), max(-1.0, min(0.5 * (one + other).real, 1.0))
+def _apart(point: Point) -> float:
+    return _meeting(point)[0]
 
 
 def _examine_collision(point: Point) -> Examined:
-    distance, middle = _nearest(point)
-    if distance > math.sqrt(_NEAR) or abs(middle) == 1:
+    square, angle = _meeting(point)
+    if not abs(square) < _NEAR or angle in (0.0, math.pi):
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
     # those of one signature pass through each other
     known = point.base_point.solution.index_form[1] is not None
-    detail = {"angle": math.acos(middle), "signatures": "+ -" if known else _UNKNOWN}
-    return unresolved(point) or detail
-
-
-def _meeting(point: Point) -> tuple[float, float]:
-    """The squared distance of the two indices that meet, and the angle at which they do."""
-    return _apart(point), math.acos(_nearest(point)[1])
+    return unresolved(point) or {"angle": angle, "signatures": "+ -" if known else _UNKNOWN}
 
 
 # --- as equations -------------------------------------------------------------------------------
@@ -157,8 +150,7 @@ def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
         ways, off = np.linalg.qr(units[:, None] * both[:, :-1])[0], units * both[:, -1]
         return ways, off - ways @ (ways.T @ off)
 
-    found: tuple[Array, Array] = curve.cached("beside", z, make)
-    return found
+    return curve.cached("beside", z, make)
 
 
 def _fold_locus(plain: Event, point: Point) -> DefiningSystem:

@@ -133,6 +133,8 @@ def _from_impact_to_impact(
     flights = [*_flown(chain, walls, p, *start, period * (1 + _AT_ONCE))]
     flows, fits, (_, before, _) = [], [], flights[-1]
     for motion, met, bounce in flights:
+        if not met:
+            raise NoSolution(f"sites {sites}: from impact to impact they do not return")
         near = (*met, *before[1:])  # met with another: it is there to begin with
         watched = (met[0], *(wall for wall in ends if wall not in near))
         flows.append(between_walls(chain, [(w.site, w.side) for w in watched], bounce.sites))
