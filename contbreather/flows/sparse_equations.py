@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,8 +189,8 @@ class SparseFlowEquations(FlowEquations):
     @property
     def closing(self) -> tuple[Any, Any]:
         """Tell which of the equations that close have which entries of the last state."""
-        every, reset = np.arange(self.start[0].dimension), cast("Any", self.flows[0].reset)
-        return (every, every) if reset is None else reset.closing(every.size)
+        every = np.arange(self.start[0].dimension)
+        return every, every
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> Matrix:
         from scipy.sparse import csc_array

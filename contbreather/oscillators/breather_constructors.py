@@ -39,7 +39,7 @@ from .anticontinuum import (
     resonance,
 )
 from .breather_problem import COLUMNS, Breather, BreatherProblem
-from .half_orbit import HalfOrbit, Resting, SparseHalfOrbit, events_of_breather, half_period
+from .half_orbit import HalfOrbit, SparseHalfOrbit, events_of_breather, half_period, resting
 from .impacting import (
     between_walls,
     between_walls_without_coupling,
@@ -220,11 +220,10 @@ def _equations(
         sizes = sizes_of(flights)
         flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
     names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    kind, period, reset = FlowEquations, forcing_period, None
+    kind, period = FlowEquations, forcing_period
     if not chain.dissipative:
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-        reset = Resting()
-    flows = tuple(flows) or (Flow(chain, reset=reset),)
+    flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
     return kind(flows, tuple(flights), period, turns, names, sizes)
 
 

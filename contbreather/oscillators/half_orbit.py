@@ -42,25 +42,18 @@ from ..flows.collocation import TrajectorySegment
 from ..flows.conservation import Conservation, Unfolded, quantities_of
 from ..flows.conservative_events import conservative_events, examine_place, followed
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
-from ..flows.equations import FlowEquations, Places
+from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.sparse_equations import SparseFlowEquations, sparse_where_large
 from .oscillator_lattice import Oscillators
 
 
-class Resting:
+def resting(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
     """Reset that puts the velocities where all ends, which vanish there, in the rows of positions,
     and those where it begins in their own."""
-
-    def __call__(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-        _, v = np.split(x, 2)
-        return np.concatenate([v, 0.0 * v])
-
-    def closing(self, count: int) -> tuple[Places, Places]:
-        """Into which entries of so many which ones go."""
-        u, v = np.arange(count).reshape(2, -1)
-        return u, v
+    v = x[len(x) // 2 :]
+    return np.concatenate([v, 0.0 * v])
 
 
 def half_period(t: Any, x: Any, p: Params) -> Any:
@@ -98,13 +91,18 @@ class HalfOrbit(FlowEquations):
 
     def holding(self, name: str) -> HalfOrbit:
         until = None if name == "omega" else partial(_energy_above, self.chain)
-        flow = Flow(self.chain, until=until, reset=self.flows[0].reset)
+        flow = Flow(self.chain, until=until, reset=resting)
         return replace(self, flows=(flow,), period=None if until else half_period)
 
 
 @dataclass(frozen=True, eq=False)
 class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
     """Half of an orbit of many sites, of which nothing is eliminated."""
+
+    @property
+    def closing(self) -> tuple[Any, Any]:
+        u, v = np.split(np.arange(2 * self.chain.sites), 2)
+        return u, v
 
 
 def whole_orbit(
