@@ -64,7 +64,7 @@ class SiteModes:
         gaps = 1.0 / (s - self.rates)
         shares = self.push * gaps
         both = np.concatenate([shares, shares * (s * gaps - 2.0)]) @ self.values
-        there, conjugate = both.reshape(2, 2, w.size, -1).swapaxes(0, 1)
+        there, conjugate = both.reshape(2, 2, *w.shape, both.shape[1]).swapaxes(0, 1)
         return np.asarray(0.5 * (there + conjugate.conj()).swapaxes(1, 2))
 
 
