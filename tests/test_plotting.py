@@ -198,8 +198,6 @@ def test_small_changes_are_not_taken_for_rounding() -> None:
 
 
 def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> None:
-    from dataclasses import replace
-
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in in_a)
     shown = {text.get_text() for text in words(plots.plot(replace(in_a, points=doubtful)).axes)}
     assert "PF1?" in shown
@@ -441,14 +439,6 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
 
 
 # --- multipliers --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("half", "labels"), [(True, {"1.0628", "0.6158"}), (False, {"1.1294", "0.3792"})]
-)
-def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, labels: set) -> None:
-    ax = plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half).axes
-    assert {text.get_text() for text in words(ax)} == labels
 
 
 def test_no_word_stands_nearer_to_another_multiplier() -> None:
