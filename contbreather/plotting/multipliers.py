@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 FAR = 2.0  # from 0: what is farther out is shown at the edge of the figure
-
-
 _ON_CIRCLE = 1 + 1e-9  # closer than that is on it, as for counts of cycles
 
 
