@@ -179,7 +179,7 @@ def _chain_of(run: Trajectory) -> Oscillators:
 
 
 def _record_of(run: Trajectory) -> Record:
-    """All sites of a run of oscillators, over the phase of what moves at the frequency omega."""
+    """Record all sites of a run of oscillators, over the phase of what moves at omega."""
     omega, sites = run.params.get("omega", 1.0), _chain_of(run).sites
     count = math.ceil(SAMPLES * omega * np.ptp(run.t) / PERIOD)
     times = np.linspace(run.t[0], run.t[-1], count + 1)
