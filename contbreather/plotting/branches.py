@@ -441,8 +441,7 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
     ----------
     *branches : Branch
         Of conservative breathers, in "omega" or in "energy".
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Examples
     --------
@@ -481,8 +480,7 @@ def plot_diagram(
     y : str or callable, optional
         A column, or ``y(point)``, the number to draw. By default the first unknown that all
         branches have; of breathers as in `plot`. Branches without the column are left out.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------
