@@ -29,7 +29,7 @@ from ..algebra.linear_algebra import (
     inverses_between,
     least_singular,
 )
-from ..algebra.newton import Array, Undefined
+from ..algebra.newton import Array
 from ..algebra.sparse import Dense, Matrix, above, beside, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
@@ -235,72 +235,6 @@ def along_by_difference(
 # --- problem and defining system together -------------------------------------------------------
 
 
-def with_conditions(locus: DefiningSystem, curve: Curve, z: Array, extra: Array) -> Array:
-    """The equations of a curve and behind them the conditions of a locus."""
-    values = curve.equations(z)
-    if locus.unfolding is not None:
-        values = values + locus.unfolding(extra)[0]
-    conditions = np.asarray(locus.conditions(curve, z, extra))
-    if conditions.shape != (extra.size + 1,):
-        raise BadInput(
-            f"a locus with {extra.size} extra unknowns needs {extra.size + 1} conditions, "
-            f"it gave {conditions.shape}"
-        )
-    return np.concatenate([values, conditions])
-
-
-def with_slopes(locus: DefiningSystem, curve: Curve, z: Array, extra: Array) -> Matrix:
-    """Their derivative, columns in the order: unknowns, extra, parameters."""
-    matrix, conditions, n = curve.jacobian(z), locus.conditions, curve.size
-    if locus.derivative is not None:
-        rows = np.asarray(locus.derivative(curve, z, extra))
-    else:
-        # apart: conditions that ask for derivatives of the problem at one z get those they had
-        difference, ones = partial(derivatives.differences, one_sided=True), np.ones(extra.size)
-        rows = difference(lambda y: conditions(curve, y, extra), z, scales=curve.scales)
-        if extra.size:
-            in_extra = difference(lambda y: conditions(curve, z, y), extra, scales=ones)
-            rows = np.hstack([rows, in_extra])
-    middle = np.zeros((n, extra.size))
-    if locus.unfolding is not None:
-        middle = locus.unfolding(extra)[1]
-    # y the extra unknowns, r the released parameter, u the unfolding
-    # | F_x  u_y  F_r  F_p |
-    # | g_x  g_y  g_r  g_p |
-    below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-    return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
-
-
-class Joined:
-    """Equations for where an event happens on a curve, in (x, y, p): its own and those of a locus,
-    for Newton's method."""
-
-    def __init__(self, curve: Curve, locus: DefiningSystem) -> None:
-        self.curve, self.locus = curve, locus
-        weights = [curve.metric[: curve.size]]
-        for value in locus.extra.values():
-            size = np.size(value)  # in the units that `extended` has
-            weights.append(np.full(size, 1 / (size if np.ndim(value) else _scale(value) ** 2)))
-        self.metric = np.concatenate([*weights, curve.metric[curve.size :]])
-
-    def apart(self, at: Array) -> tuple[Array, Array]:
-        """The point on the curve, and the unknowns of the locus."""
-        n = self.curve.size
-        return np.append(at[:n], at[-1]), at[n:-1]
-
-    def equations(self, at: Array) -> Array:
-        value = with_conditions(self.locus, self.curve, *self.apart(at))
-        if not math.isfinite(value.sum()):
-            raise Undefined("the conditions are not finite")
-        return value
-
-    def jacobian(self, at: Array) -> Matrix:
-        return with_slopes(self.locus, self.curve, *self.apart(at))
-
-    def length(self, at: Array) -> float:
-        return math.sqrt(at.dot(self.metric * at))
-
-
 def _scale(value: Any) -> float:
     # an angle or a squared frequency is measured by its size: it is not what the steps are about
     return max(1.0, abs(float(value)))
@@ -336,7 +270,40 @@ class Extended:
         return curve, z
 
     def __call__(self, x: Array, params: Params) -> Array:
-        return with_conditions(self.locus, *self.beneath(x, params, self.free), x[self.n : -1])
+        """The equations of the curve and behind them the conditions."""
+        (curve, z), extra = self.beneath(x, params, self.free), x[self.n : -1]
+        values = curve.equations(z)
+        if self.locus.unfolding is not None:
+            values = values + self.locus.unfolding(extra)[0]
+        conditions = np.asarray(self.locus.conditions(curve, z, extra))
+        if conditions.shape != (extra.size + 1,):
+            raise BadInput(
+                f"a locus with {extra.size} extra unknowns needs {extra.size + 1} conditions, "
+                f"it gave {conditions.shape}"
+            )
+        return np.concatenate([values, conditions])
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
+        """Their derivative, columns in the order: unknowns, extra, parameters."""
+        (curve, z), extra, n = self.beneath(x, params, free), x[self.n : -1], self.n
+        matrix, locus = curve.jacobian(z), self.locus
+        if locus.derivative is not None:
+            rows = np.asarray(locus.derivative(curve, z, extra))
+        else:
+            # apart: conditions that ask for derivatives of the problem at one z get those they had
+            difference = partial(derivatives.differences, one_sided=True)
+            rows = difference(lambda y: locus.conditions(curve, y, extra), z, scales=curve.scales)
+            if extra.size:
+                in_extra = difference(lambda y: locus.conditions(curve, z, y), extra)
+                rows = np.hstack([rows, in_extra])
+        middle = np.zeros((n, extra.size))
+        if locus.unfolding is not None:
+            middle = locus.unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -352,8 +319,7 @@ class ExtendedProblem(Problem):
         return self.residual.problem.internals | vectors
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        both = self.residual
-        return with_slopes(both.locus, *both.beneath(x, params, free), x[both.n : -1])
+        return self.residual.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Params) -> Any:
         both = self.residual
