@@ -45,7 +45,10 @@ def differences(
     slopes, kinked = list[Array](), {*map(int, kinks)}
 
     def to_one_side(part: float) -> Array:
-        return np.asarray(ahead(function, z, unit * (part * step)) / (part * step))
+        # over {0..4} h; off by h^4 / 5 of the fifth derivative
+        weights, h = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25), part * step
+        rows = (w * np.array(function(z + j * h * unit)) for j, w in enumerate(weights))
+        return np.asarray(sum(rows) / h)
 
     for i in range(z.size) if columns is None else columns:
         unit, step = np.eye(1, z.size, i)[0], steps[i]
@@ -68,12 +71,6 @@ def differences(
                 break
         slopes.append(column)
     return np.stack(slopes, axis=-1)
-
-
-def ahead(function: Function, z: Array, step: Array) -> Array:
-    """As `directional`, over ``z + {0..4} step``; off by h^4 / 5 of the fifth derivative."""
-    weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
-    return np.asarray(sum(w * np.array(function(z + j * step)) for j, w in enumerate(weights)))
 
 
 def directional(function: Function, z: Array, step: Array) -> Array:

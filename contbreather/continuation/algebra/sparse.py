@@ -468,12 +468,7 @@ def _small(matrix: Array, right: Array) -> Array:
 
 def _shifted(matrix: Matrix) -> Matrix:
     """A matrix moved off a singular one by as much as rounding might."""
-    from scipy.sparse import diags_array
-
-    shifts = 1e-14 * (1.5 + np.cos(np.arange(matrix.shape[0])))
-    if not is_sparse(matrix):
-        return matrix + np.diag(shifts)
-    return (matrix + diags_array(shifts)).tocsc()
+    return plus_diagonal(matrix, 1e-14 * (1.5 + np.cos(np.arange(matrix.shape[0]))))
 
 
 def _odd(permutation: NDArray[np.intp]) -> bool:
@@ -497,14 +492,13 @@ def any_vector(n: int) -> Array:
     return vector
 
 
-def plus_diagonal(matrix: Matrix, value: complex) -> Matrix:
-    """A square matrix, dense or sparse, with a number added to its diagonal."""
+def plus_diagonal(matrix: Matrix, values: Any) -> Matrix:
+    """A square matrix, dense or sparse, with a number, or a row of them, added to its diagonal."""
     if not is_sparse(matrix):
-        return matrix + value * np.eye(len(matrix))
-    from scipy.sparse import eye_array
+        return matrix + values * np.eye(len(matrix))
+    from scipy.sparse import diags_array
 
-    identity: Matrix = eye_array(matrix.shape[0], format="csc")
-    return matrix + value * identity
+    return (matrix + diags_array(np.full(matrix.shape[0], values))).tocsc()
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:

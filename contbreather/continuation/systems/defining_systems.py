@@ -12,7 +12,8 @@ of n + m + 1 equations for x, y and p: the points of that curve are regular ones
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -34,8 +35,6 @@ from ..algebra.sparse import Dense, Matrix, above, beside, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
-
-Values = NDArray[np.complex128]
 
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
@@ -67,19 +66,18 @@ def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
     return point.curve.cached(matrix, np.concatenate([point.z, point.direction]), make)
 
 
-def regular_step(first: Dense, last: Array) -> bool:
-    """Tell whether no interpolation between two small matrices is singular."""
-    change = first.solve(first.whole - last)
-    return change is not None and bool(_reaches_nothing(change[None])[0])
-
-
-def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
-    """Tell on which steps between small matrices no interpolation is singular."""
-    stack = np.concatenate([[first], stack])
-    try:
-        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
-    except np.linalg.LinAlgError:
-        return np.zeros(len(stack) - 1, dtype=bool)
+def stay_regular(
+    matrix: Callable[[Point], Matrix], first: Point, points: Iterable[Point]
+) -> NDArray[np.bool_]:
+    """Tell on which steps no interpolation of the matrix of an event is singular; of a large one
+    nobody knows."""
+    factors = [factors_at(matrix, point) for point in (first, *points)]
+    regular = np.zeros(len(factors) - 1, dtype=bool)
+    if all(isinstance(each, Dense) for each in factors):
+        stack = np.array([each.whole for each in factors])
+        with suppress(np.linalg.LinAlgError):
+            regular = _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
+    return regular
 
 
 def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
