@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -303,6 +303,32 @@ class Extended:
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
         return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
+    # --- events of the shorter problem, asked at places of the longer one ---
+
+    def lifted(self, locus: DefiningSystem, suffix: str) -> DefiningSystem:
+        """The locus of such an event as one on the longer problem, its unknowns renamed."""
+        return replace(
+            locus,
+            extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
+            conditions=partial(self._beneath, locus.conditions),
+            derivative=locus.derivative and partial(self._slopes_beneath, locus.derivative),
+            events=(),
+            walker=None,
+        )
+
+    def _beneath(
+        self, function: Callable[..., Array], curve: Curve, z: Array, extra: Array
+    ) -> Array:
+        base, place = self.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(function(base, place, extra))
+
+    def _slopes_beneath(
+        self, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
+    ) -> Array:
+        rows, n = self._beneath(derivative, curve, z, extra), self.n
+        between = np.zeros((len(rows), curve.size - n - 1))  # its extra unknowns
+        return np.hstack([rows[:, :n], between, rows[:, n:]])
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExtendedProblem(Problem):
@@ -365,29 +391,3 @@ def extended(
 def event_of(problem: Problem) -> Event | None:
     """The event whose boundary a problem is of, if it is one."""
     return problem.residual.event if isinstance(problem, ExtendedProblem) else None
-
-
-def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
-    """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    slopes = locus.derivative and partial(_derivative_beneath, together, locus.derivative)
-    return DefiningSystem(
-        {f"{name}{suffix}": value for name, value in locus.extra.items()},
-        partial(_asked_beneath, together, locus.conditions), slopes,
-        domain=locus.domain, meets=locus.meets, unfolding=locus.unfolding,
-    )  # fmt: skip
-
-
-def _asked_beneath(
-    together: Extended, conditions: Callable[..., Array], curve: Curve, z: Array, extra: Array
-) -> Array:
-    base, place = together.beneath(z[: curve.size], curve.params(z), curve.free)
-    return np.asarray(conditions(base, place, extra))
-
-
-def _derivative_beneath(
-    together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
-) -> Array:
-    rows = _asked_beneath(together, derivative, curve, z, extra)
-    n = together.n
-    between = np.zeros((len(rows), curve.size - n - 1))  # its extra unknowns
-    return np.hstack([rows[:, :n], between, rows[:, n:]])
