@@ -188,7 +188,7 @@ def off_cubic(data: Any, rules: Rules, room: Room, length: float) -> float:
         between[i] = (20.0 * room.z[i] + 7.0 * room.end[i] + bow) / 27.0
     if residual(between, data, room.value) != 0:
         return math.inf
-    return norm(rules, room.right) if solve(data, rules, room, room.end, 0.0) != 0 else 0.0
+    return norm(rules, room.right) if solve(data, rules, room, between, 0.0) != 0 else 0.0
 
 
 @inlined

@@ -235,8 +235,12 @@ def _unstable_pairs(point: Point) -> int:
 
 
 def _hopf_locus(point: Point) -> DefiningSystem:
-    in_plane = spectrum.conditions_in_plane(eigenvalues_at(point).square_of_pair())
-    return replace(in_plane, events=_ON_HOPF, meets=_AXIS.meetings("HB"))
+    start = {"omega2": eigenvalues_at(point).square_of_pair()}
+    # trace and determinant within the plane of a pair are 0 and omega2: smooth at zero
+    return DefiningSystem(
+        start, spectrum.plane_conditions, spectrum.plane_slopes, events=_ON_HOPF,
+        meets=_AXIS.meetings("HB"),
+    )  # fmt: skip
 
 
 def _examine_hopf(point: Point) -> Examined:

@@ -203,6 +203,12 @@ def with_period(problem: Problem, period: int) -> Problem:
     )
 
 
+def multiplier_matrix(point: Point) -> Array:
+    n = point.curve.size
+    # F = G - x: its derivative is that of G but for 1
+    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
+
+
 def beside(mu: float, point: Point) -> Array:
     """The derivative of the iterate, between unknowns in their scales, less mu."""
     return np.asarray(closed(point.curve, point.curve.jacobian(point.z), mu))
@@ -229,9 +235,8 @@ class MapCycleProblem(Problem):
         return replace(self, residual=iterate, jacobian=slopes and iterate.jacobian, **same)
 
     def interpret(self, point: Point) -> Any:  # type: ignore[override]
-        points, n = np.array(self.residual.phases(point.x, point.params)), point.curve.size
-        # F = G - x: its derivative is that of G but for 1
-        return MapCycle(points, point.jacobian()[:, :n] + np.eye(n), point.params)
+        points = np.array(self.residual.phases(point.x, point.params))
+        return MapCycle(points, multiplier_matrix(point), point.params)
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)[1:]

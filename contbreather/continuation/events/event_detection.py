@@ -31,7 +31,7 @@ from .event_location import (
     separated,
     special,
 )
-from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at, counts_apart
+from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at
 
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
@@ -120,11 +120,10 @@ def quiet_steps(
             quiet[i] = start[i] == end[i]
         elif int in map(type, tests[i]):
             quiet[i] = blank[i]
-        elif event.count is not None and math.isnan(counts[i, 0]):
-            for j in np.flatnonzero(quiet[i]).tolist():
-                quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
-        elif event.count is not None:
-            quiet[i] &= ~(abs(np.diff(counts[i], prepend=count_at(event, first))) > 1)
+        elif event.count is not None and quiet[i].any():
+            known = not math.isnan(counts[i, 0])
+            row = counts[i] if known else [count_at(event, point) for point in points]
+            quiet[i] &= ~(abs(np.diff(row, prepend=count_at(event, first))) > 1)
     return quiet
 
 

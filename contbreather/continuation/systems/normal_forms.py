@@ -164,7 +164,7 @@ class Forms:
         with suppress(Undefined):
             self.curve.prepare([z for i in range(count) for z in around(first / 2**i)])
         agreed = 1e-7 if exact else 1e-4
-        B, C = extrapolated(differences, partial(self._apart, reach), first, agreed)
+        B, C = extrapolated(differences, partial(self._apart, reach), first, agreed, most=7)
         return B, C
 
     def _apart(self, reach: float, jet: Sequence[Matrix], other: Sequence[Matrix]) -> float:
@@ -206,17 +206,16 @@ def lyapunov_coefficient(point: Point, omega: float, agreed: float = AGREED) -> 
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    forms = Forms(point, agreed)
-    critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
-    coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
+    # those of F_x + 1, as of a map
+    values = (1.0 + 1j * omega, 1.0 + 2j * omega, 1.0)
+    coefficient = _of_pair(Forms(point, agreed), values, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
 
 
-def _of_pair(
-    forms: Forms, critical: Matrix, double: Matrix, steady: Matrix, unit: complex
-) -> Coefficient:
-    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude, of the
+def _of_pair(forms: Forms, values: Sequence[complex], unit: complex) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues, from these values of its amplitude, of the
     square of that, which turns twice as fast, and of its size, which does not turn."""
+    critical, double, steady = map(forms.closed, values)
     q, p = forms.eigenvectors(critical)
     (B_real, C_real), (B_imag, C_imag) = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
@@ -318,6 +317,5 @@ def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> 
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    critical, double, steady = (forms.closed(power) for power in (mu, mu**2, 1.0))
-    coefficient = _of_pair(forms, critical, double, steady, 2 * mu)
+    coefficient = _of_pair(forms, (mu, mu**2, 1.0), 2 * mu)
     return replace(coefficient, rounding=max(_ROUNDING, agreed))

@@ -351,10 +351,12 @@ class Stepper:
         # (20, 7, 4, -2) / 27
         bow = (4 * way - 2 * tangent) * length
         between = (20 * point.z + 7 * z + bow) / 27
-        # H = J dz + O(dz^2): one correction is the distance to first order, by the factors at the
-        # end: no more than the size of the answer is asked for
+        row = curve.metric * way
+        # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems by
+        # the factors at the end: no more than the size of the answer is asked for
         value = curve.equations(between, curve.problem.roughly)
-        change, singular = factors.correction(value, curve.metric * way)
+        factors = factors if z.size > FEW else curve.factors(between, row)
+        change, singular = factors.correction(value, row)
         # beside a branch point the residual says nothing
         if not singular and curve.length(change) > CUBIC_ERROR * length:
             raise StepFailed("the curve is not smooth at the smallest step")
