@@ -87,9 +87,14 @@ class Dense:
 
 def shortest(matrix: Array, right: Array) -> Array:
     """The shortest vector that comes closest to a solution."""
+    return np.asarray(np.linalg.lstsq(finite(matrix), right)[0])
+
+
+def finite(matrix: Matrix) -> Matrix:
+    """A derivative, dense or sparse, refused where an entry is none."""
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
-    return np.asarray(np.linalg.lstsq(matrix, right)[0])
+    return matrix
 
 
 # --- large ones -------------------------------------------------------------------------------

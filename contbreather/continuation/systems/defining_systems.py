@@ -55,26 +55,15 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
-def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
-    """A matrix of an event factorised, once for the test at a point of a walk and for both steps
-    that meet there; a large one as it is."""
-
-    def make(_: Array) -> Any:
-        whole = matrix(point)
-        return Dense(whole) if isinstance(whole, np.ndarray) else whole
-
-    return point.curve.cached(matrix, np.concatenate([point.z, point.direction]), make)
-
-
 def stay_regular(
     matrix: Callable[[Point], Matrix], first: Point, points: Iterable[Point]
 ) -> NDArray[np.bool_]:
     """Tell on which steps no interpolation of the matrix of an event is singular; of a large one
     nobody knows."""
-    factors = [factors_at(matrix, point) for point in (first, *points)]
-    regular = np.zeros(len(factors) - 1, dtype=bool)
-    if all(isinstance(each, Dense) for each in factors):
-        stack = np.array([each.whole for each in factors])
+    matrices = [matrix(point) for point in (first, *points)]
+    regular = np.zeros(len(matrices) - 1, dtype=bool)
+    if isinstance(matrices[0], np.ndarray):
+        stack = np.array(matrices)
         with suppress(np.linalg.LinAlgError):
             regular = _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
     return regular
