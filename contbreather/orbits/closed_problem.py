@@ -100,11 +100,6 @@ class Closure:
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: UniformLattice = field(default_factory=InfiniteChain)
 
-    @property
-    def params(self) -> tuple[str, ...]:
-        """The names this closure can be continued in."""
-        return ("a", "gamma", "k", *self.forcing.params)
-
     def residual(self, x: Array, params: Mapping[str, float]) -> Array:
         """The two equations, shape (2,)."""
         return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
@@ -119,10 +114,6 @@ class Closure:
 
     def derivatives(self, x: Array, params: Mapping[str, float], names: tuple[str, ...]) -> Array:
         """Derivatives in both and in parameters, beside each other."""
-        if unknown := [name for name in names if name not in self.params]:
-            raise BadInput(
-                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
-            )
         at = self._at(x, params)
         t, columns = terms_at(at, "chi"), ("p", "phi", *names)
         slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]

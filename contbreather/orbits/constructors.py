@@ -4,7 +4,7 @@ shot from impact to impact, from whatever is known of them."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,12 +23,11 @@ from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
-from contbreather.orbits.by_impacts import impact_problem
+from contbreather.orbits.by_impacts import ByImpacts, impact_problem
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
-from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.orbits.section import Section, checked_impacts
@@ -90,7 +89,7 @@ def asymmetric(
     for point in (p for p in branch.special if p.kind == "PF"):
         # (t2 - t1 - pi)^2 = coefficient (a - a_PF) to leading order: its sign has the side of the
         # arms
-        coefficient = pitchfork_form(point.solution).coefficient / start.omega**2
+        coefficient = point.detail["coefficient"]
         up = coefficient > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:
@@ -282,40 +281,40 @@ def _guess(
         seed = orbit_at(seed)
     if isinstance(seed, Point):
         seed = seed.solution
+    guess: Callable[[Conditions], ByImpacts]
     if isinstance(seed, Orbit):
-        if lattice is None and seed.lattice.sites is None:
+        lattice = lattice or seed.lattice
+        if lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
-        on = _conditions(overrides, lattice or seed.lattice, seed)
-        with in_time_of_drive(on) as scaled:
-            return Orbit(from_orbit(seed, scaled, sequence, sign), on.omega, on.params)
-    if isinstance(seed, Mapping):
+        guess = partial(from_orbit, seed, sequence, sign)
+    elif isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
-        on = _conditions(overrides, lattice)
-        with in_time_of_drive(on) as scaled:
-            return Orbit(from_times(scaled, section, seed), on.omega, on.params)
-    listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
-    if isinstance(seed, str) or not listed or len(seed) != 2:
-        raise BadInput(
-            f"a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact times; "
-            f"got {kind_of(seed)}."
-        )
-    size = np.size(seed[0])
-    if lattice is not None and lattice.sites != size:
-        raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
-    on = _conditions(overrides, lattice or Ring(size))
+        guess = partial(from_times, seed, section)
+    else:
+        listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
+        if isinstance(seed, str) or not listed or len(seed) != 2:
+            raise BadInput(
+                "a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact "
+                f"times; got {kind_of(seed)}."
+            )
+        size = np.size(seed[0])
+        if lattice is not None and lattice.sites != size:
+            raise BadInput(
+                f"the state has {size} sites, but sites = {lattice.sites} was asked for."
+            )
+        lattice = lattice or Ring(size)
+        guess = partial(from_state, tuple(seed), t, sequence, turns, sign or 1)
+    on = _conditions(overrides, lattice, seed)
     with in_time_of_drive(on) as scaled:
-        flight = from_state(scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
-        return Orbit(flight, on.omega, on.params)
+        return Orbit(guess(scaled), on.omega, on.params)
 
 
-def _conditions(
-    overrides: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None
-) -> Conditions:
+def _conditions(overrides: Mapping[str, Any], lattice: Finite, seed: Any) -> Conditions:
     values: dict[str, Any] = {
-        name: getattr(seed, name, None) if value is None else value
+        name: getattr(seed, name, None) if value is None and isinstance(seed, Orbit) else value
         for name, value in overrides.items()
     }
     missing = [name for name in NEEDED if values[name] is None]

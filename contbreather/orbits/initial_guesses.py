@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import state_rows
+from contbreather.checks import number, state_rows
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite
@@ -36,13 +36,7 @@ TOGETHER = 8  # digits to which the times of impacts are compared
 
 
 def from_state(
-    on: Conditions,
-    state: Any,
-    time: float,
-    sequence: Sequence[Any] | None,
-    *,
-    turns: int = 1,
-    sign: int = 1,
+    state: Any, time: float, sequence: Sequence[Any] | None, turns: int, sign: int, on: Conditions
 ) -> ByImpacts:
     """A state of the lattice, simulated over one section: its impacts in order."""
     # dear to import
@@ -112,7 +106,7 @@ def _start(
     )
 
 
-def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> ByImpacts:
+def from_times(times: Mapping[str, float], section: Section, on: Conditions) -> ByImpacts:
     """Guess from impact times alone, ``{"t1": ..., "t2": ...}``."""
     names = [f"t{j + 1}" for j in range(section.count)]
     unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
@@ -121,17 +115,13 @@ def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> 
             f"a seed by hand has one time for each impact, {names}: "
             f"missing {missing}, not known {unknown}."
         )
-    try:
-        t = np.array([float(times[name]) for name in names])
-    except (TypeError, ValueError):
-        t = np.array([math.nan])
-    if not np.isfinite(t).all():
-        raise BadInput(f"impact times {dict(times)}: finite numbers were expected.")
+    wanted = "a time of impact"
+    t = [number(name, times[name], -math.inf, math.inf, wanted) for name in names]
     return ByImpacts.closest(on, section, t)
 
 
 def from_orbit(
-    orbit: Orbit, on: Conditions, sequence: Sequence[Any] | None, sign: int | None
+    orbit: Orbit, sequence: Sequence[Any] | None, sign: int | None, on: Conditions
 ) -> ByImpacts:
     """Put an orbit under conditions of a finite lattice, opened up or by its half if asked for."""
     if sign == -1 and not orbit.symmetric:

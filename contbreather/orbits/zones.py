@@ -207,26 +207,23 @@ def model_of(
     forcing, checked before anything is looked for: with `site` and the others they are evaluated by
     exact modes."""
     place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
-    place, held = per_site(place, {"damping": damping, "spring": spring})
-    site, damping = whole("site", site, -MOST), parameter("damping", held["damping"])
-    spring = None if spring is None else parameter("spring", held["spring"])
-    if place.sites is None:
-        if site or damping or spring or walls is not None:
-            raise BadInput(
-                "on the infinite chain site 0 impacts, between walls at -1 and 1, without damping, "
-                "and zones are without springs; name a lattice, Ring(20) or 'ring:20'"
-            )
-        return {"lattice": place}
-    # chain and ring without losses have closed forms; spring=0.0 asks for exact modes of a ring
-    ringlike = not isinstance(place, Finite) and spring is None
-    if ringlike and not (site or damping or walls is not None):
+    place, held = per_site(place, {"damping": damping, "spring": 0.0 if spring is None else spring})
+    more: dict[str, Any] = {name: parameter(name, value) for name, value in held.items()}
+    more["site"] = whole("site", site, -MOST)
+    own = any(more.values()) or walls is not None
+    if place.sites is None and own:
+        raise BadInput(
+            "on the infinite chain site 0 impacts, between walls at -1 and 1, without damping, "
+            "and zones are without springs; name a lattice, Ring(20) or 'ring:20'"
+        )
+    if not (own or isinstance(place, Finite)):  # chain and ring without losses have closed forms
         return {"lattice": place}
     if past_folds:
         raise BadInput(
             "past_folds: lower breathers are drawn on the infinite chain, or on a ring without "
             "damping, springs and walls of its own; leave it out"
         )
-    more: dict[str, Any] = {"damping": damping, "spring": 0.0 if spring is None else spring}
+    site = more.pop("site")
     # a, gamma and k are stand-ins here: each breather of the diagram brings its own
     on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=place).checked()
     check_walls(Section(((site, 1),), sign=-1).placed(place), on)

@@ -252,7 +252,7 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
     assert abs(beyond.displacement(1, error.time)) > 1.09
     with pytest.raises(BadInput, match="arm must be 1 or -1, got 2"):
         asymmetric(0.82, 0.04, 0.8, arm=2)
-    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+    with pytest.raises(BadInput, match="unknown forcing parameter 'c3'"):
         AsymmetricEquations().sensitivity(
             np.array([1.0, 0.0, 3.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}, "c3"
         )
