@@ -34,11 +34,9 @@ from contbreather.orbits.closure import (
     ClosureTerms,
     closure_derivative,
     closure_equations,
-    crests,
     fold_derivative,
     fold_scalar,
     forcing_at,
-    level_crossing,
     pitchfork_derivative,
     pitchfork_scalar,
     reduced,
@@ -131,11 +129,11 @@ class Closure:
     ) -> Iterator[tuple[float, float]]:
         """Intervals of phases on which a falls to a fold, from the largest a or a fold on."""
         series, q = self._without_momentum(params)
-        extrema, level = crests(series), q / largest
+        extrema, level = series.extrema(), q / largest
         for start, end in pairwise([extrema[-1] - 2.0 * math.pi, *extrema]):
             if series.at(end, 0) > max(level, series.at(start, 0)):
                 rises = series.at(start, 0) < level
-                yield (level_crossing(series, level, start, end) if rises else start), end
+                yield (series.crossing(level, start, end) if rises else start), end
 
     def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
         """``chi f' + q f`` and q."""
