@@ -24,7 +24,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.by_impacts import ByImpacts, impact_problem
-from contbreather.orbits.clearance import LIMIT, Inadmissible
+from contbreather.orbits.clearance import check_admissible
 from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
@@ -125,13 +125,8 @@ def started_on_arm(lifted: OrbitSwitching, asymmetry: float) -> Problem:
 def _solved(problem: Problem, inadmissible: bool) -> Orbit:
     solved, _ = problem.solve(tolerance=1e-11)
     orbit = orbit_at(solved)
-    verdict = orbit.admissibility()
-    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
-        raise Inadmissible(
-            f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
-            f"{verdict.reason} With inadmissible=True it is returned nevertheless.",
-            orbit=orbit,
-        )
+    at = f"a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k})"
+    check_admissible(orbit, inadmissible, f"no asymmetric breather at {at}: ")
     return orbit
 
 
@@ -237,12 +232,7 @@ def shooting(
     orbit = orbit_at(solved)
     # the equations hold, too, with impacts out of order, or from outside of a wall
     in_order(orbit, convergence.iterations)
-    verdict = orbit.admissibility()
-    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
-        raise Inadmissible(
-            f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
-            orbit=orbit,
-        )
+    check_admissible(orbit, inadmissible)
     return solved
 
 
