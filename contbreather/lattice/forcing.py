@@ -222,6 +222,10 @@ class Periodic:
     def d3f(self, t: Any) -> Any:
         return self._series.at(t, 3)
 
+    def on_grid(self, size: int) -> FloatArray:
+        """F at ``2 pi j/size``; size exceeds twice the highest harmonic."""
+        return self._series.second().on_grid(size) + self._series.mean
+
     def motion(self, t: float) -> tuple[float, float, float]:
         """f, f' and f'' at one time."""
         f, df, d2f, _ = self._series.motion(t)
@@ -616,12 +620,15 @@ class Samples(Periodic):
                 "so that every sample has its partner half a period later."
             )
         if harmonics is not None:
-            highest = whole("harmonics", harmonics, 1)
-            kept = _reduced(samples, highest, odd := flag("symmetric", symmetric))
-            other, mean = "is not sampled over one whole period", float(samples.mean())
-            left = _left_by(kept, samples, highest, mean, odd, other)
-            object.__setattr__(self, "residual", left)
-            samples = kept
+            if 4 * whole("harmonics", harmonics, 1) > samples.size:
+                raise BadInput(
+                    f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and "
+                    f"{harmonics} were asked for: sample finer, or keep fewer."
+                )
+            t = 2.0 * math.pi * np.arange(samples.size) / samples.size
+            drive = Fourier.fit(t, samples, harmonics, symmetric=symmetric)
+            object.__setattr__(self, "residual", drive.residual)
+            samples = drive.on_grid(samples.size)
         object.__setattr__(self, "values", tuple(samples.tolist()))
         object.__setattr__(self, "_series", TrigonometricSeries(self._resolve(samples)))
 
@@ -682,20 +689,6 @@ def _left_by(
             f"{lopsided * odd}needs more harmonics."
         )
     return left
-
-
-def _reduced(samples: FloatArray, highest: int, symmetric: bool) -> FloatArray:
-    """Their harmonics, or odd ones, up to the highest."""
-    if 4 * highest > samples.size:
-        raise BadInput(
-            f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and {highest} "
-            "were asked for: sample finer, or keep fewer."
-        )
-    spectrum = np.fft.rfft(samples)
-    spectrum[highest + 1 :] = 0.0
-    if symmetric:
-        spectrum[::2] = 0.0
-    return np.fft.irfft(spectrum, samples.size)
 
 
 def spectrum_of(values: FloatArray) -> ComplexArray:
