@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import flag, kind_of, number, one_of, real
+from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.walk.trace import trace
@@ -22,7 +23,6 @@ from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
-from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.by_impacts import ByImpacts, impact_problem
 from contbreather.orbits.clearance import check_admissible
 from contbreather.orbits.closed_form import symmetric as symmetric
@@ -83,42 +83,27 @@ def asymmetric(
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, omega=omega, root=1)
     a, gamma, k = start.a, start.gamma, start.k
     reach = {"a": (0.05 * a, 20.0 * a)}
-    walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
-    branch = walked(start, events=[pitchfork()], within=reach)
+    # with walls lifted, there and on the arms: the end is judged below
+    branch = trace(
+        start, "a", within=reach, events=[pitchfork()], inadmissible=True, progress=False
+    )
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
         # (t2 - t1 - pi)^2 = coefficient (a - a_PF) to leading order: its sign has the side of the
         # arms
-        coefficient = point.detail["coefficient"]
-        up = coefficient > 0.0
+        up = point.detail.get("coefficient", a - point["a"]) > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:
             continue
         window = {"a": (point["a"], a) if up else (a, point["a"])}
-        lifted = lift(point)
-        seed = started_on_arm(lifted, arm * 2e-3)  # asymmetry of a start beside a pitchfork
-        if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
-            # between the pitchfork and the usual start: set out on the parabola, at this a
-            seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * coefficient))
-            return _solved(seed.at(a=a), inadmissible)
-        side = "up" if up else "down"
-        last = walked(seed, events=(), within=window, towards=side)[-1]
-        # the edge of the window is met to rounding, whatever else ends the branch comes before
-        if abs(last["a"] - a) <= 1e-12 * a:
-            return _solved(last.problem.at(a=a), inadmissible)
+        for last in (one[-1] for one in switch(point, within=window, events=(), progress=False)):
+            # the edge of the window is met to rounding, whatever else ends the branch comes before
+            if arm * last.solution.asymmetry > 0.0 and abs(last["a"] - a) <= 1e-12 * a:
+                return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
     raise NoSolution(
         f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}) "
         f"on the arms that leave the symmetric branch: {where}."
-    )
-
-
-def started_on_arm(lifted: OrbitSwitching, asymmetry: float) -> Problem:
-    """The problem started on the arm where t2 - t1 - pi is about as given, small."""
-    # along the null vector t2 - t1 changes by the difference of its entries
-    slots = lifted.problem.slots
-    return lifted.arm(
-        asymmetry / float(lifted.direction[slots["t2"]] - lifted.direction[slots["t1"]])
     )
 
 

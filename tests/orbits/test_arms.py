@@ -18,14 +18,14 @@ from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symm
 from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
+from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.runs import load, save
 
-from .by_hand import derivatives
+from .by_hand import derivatives, started_on_arm
 
 RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
 
