@@ -118,9 +118,7 @@ def bends(point: Point) -> Mapping[str, Any]:
         form = _form(point)
     except OUT_OF_DOMAIN as error:
         return {"criticality": f"unknown: {error}"}
-    return {
-        "criticality": form.criticality, "coefficient": form.coefficient, "power": form.power
-    }  # fmt: skip
+    return {name: getattr(form, name) for name in ("criticality", "coefficient", "power")}
 
 
 def _form(point: Point) -> PitchforkForm:
