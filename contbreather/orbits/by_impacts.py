@@ -41,7 +41,7 @@ from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
 from contbreather.orbits.orbit_events import events_of, from_arms
 from contbreather.orbits.orbit_problem import (
     OnCircle,
-    OrbitProblemByEquations,
+    OrbitProblem,
     momentum,
     of_whole_period,
     read_by,
@@ -363,15 +363,14 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         motion = ByImpacts.closest(on, section, orbit.times, orbit.impulses)
     equations, endless = motion.equations, on.lattice.sites is None
     params = {"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params}
-    return OrbitProblemByEquations.of(
+    return OrbitProblem.of(
         "orbit with impacts",
         partial(ByImpacts.of, on, section),
         orbit,
         threshold,
-        residual=equations.residual,
+        equations,
         start=equations.named(motion.x),
         params=params if endless else on.params,
-        equations=equations,
         events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
