@@ -275,7 +275,7 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         ({"k": []}, r"zones need a value of k, or several; got none"),
         ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
         *(
-            ({"k": 0.8, **more}, "name a lattice")
+            ({"k": 0.8, **more}, "name a lattice|take a ring or another finite lattice")
             for more in ({"damping": 0.1}, {"spring": 0.1}, {"site": 1}, {"walls": (-2, 2)})
         ),
         (
