@@ -180,7 +180,7 @@ class TrigonometricSeries:
         return x if abs(x - phi) < 1.0 else phi
 
     def crossing(self, level: float, left: float, right: float) -> float:
-        """Where it has a value, between two neighbouring extrema."""
+        """Find where it has a value, between two neighbouring extrema."""
         rises = self.at(right, 0) > self.at(left, 0)
         # by bisection, as scipy.optimize is dear to import
         while right - left > 1e-14 * (1.0 + abs(right)):
