@@ -150,12 +150,7 @@ class ClosedForm:
 
         Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
         """
-        return "upper" if self.determinant >= 0.0 else "lower"
-
-    @property
-    def determinant(self) -> float:
-        """Determinant of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
-        return float(fold_scalar(terms_at(self, "chi")))
+        return "upper" if fold_scalar(terms_at(self, "chi")) >= 0.0 else "lower"
 
     @property
     def accelerations(self) -> FloatArray:
