@@ -237,6 +237,22 @@ def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count:
     assert legend.get_window_extent().y0 >= ax.bbox.y1
 
 
+@pytest.mark.parametrize("names", [("c", "d", "e"), ("c", "d", "e", "stiffness")])
+def test_values_for_whose_words_there_is_no_room_leave_the_axes_large(names: tuple[str, ...]):
+    # as of an ensemble of uneven chains, which differ in all their means
+    several = [
+        cb.trace(cb.Problem(lambda x, p: p["mu"] * p["c"] - x, {"x": c}, {"mu": 1.0, **params}),
+                 "mu", within={"mu": (0.9, 1.1)}, events=[cb.hopf()])
+        for c, params in ((c, dict.fromkeys(names, c)) for c in np.sqrt(range(2, 12)))
+    ]  # fmt: skip
+    ax = plots.plot(*several).axes
+    ax.figure.draw_without_rendering()
+    assert ax.bbox.height > 0.5 * ax.figure.bbox.height
+    assert (legend := ax.get_legend()) is None or (
+        ax.figure.bbox.width > legend.get_window_extent().width
+    )
+
+
 def test_beyond_some_names_a_legend_of_kinds_takes_their_place() -> None:
     """A dozen branches have forty special points: no name of one is read among the others."""
     several = [

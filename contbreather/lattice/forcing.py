@@ -650,7 +650,7 @@ class Samples(Periodic):
             raise BadInput(
                 f"{values.size} samples do not resolve this forcing: harmonics above "
                 f"{values.size // 4} still reach {tail / largest:.1e} of the largest, so it may be "
-                "aliased; sample finer, or smooth it, or give its harmonics with Fourier."
+                "aliased; sample finer, or say with harmonics= how many are kept of noisy ones."
             )
         return response_of(spectrum, 2e-16 * largest)  # below it is rounding of the transform
 

@@ -286,12 +286,12 @@ class ModalResponse(Response):
     def _check_apart(self, waves: ModeWaves) -> None:
         if not waves.apart.min() > RESONANT:
             w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise self.resonance(f" with the frequency {w:.9g}")
+            raise self.resonance(f" with {w:.9g} times the frequency of the drive")
 
     def resonance(self, which: str = "") -> Resonance:
         return Resonance(
             f"a mode of the {self.lattice.describe()}{which} is in resonance with the orbit: "
-            "change gamma or spring, or give it damping."
+            "change gamma, spring or omega, or give it damping."
         )
 
     @property

@@ -359,7 +359,7 @@ def symmetric_roots(
     """
     held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
     lattice, held = per_site(lattice, held)
-    k, damping, stiff = held["k"], held["damping"], real(held["spring"])
+    k, damping, stiff = held["k"], held["damping"], parameter("spring", held["spring"])
     drive = forcing_of(forcing)
     check_symmetric(drive)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None

@@ -311,7 +311,7 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
         why = " was loaded without its equations; load(path, problem=...) attaches them"
     elif point.event is None:
         what = "where a branch ends" if point.kind else "not a special point"
-        why = f" is {what}; switch at a BP, PF or PD of a branch"
+        why = f" is {what}; switch at a BP, PF, PD, GR or VI of a branch"
     elif not branches_leave(point):
         reason = look_of(point.kind).nothing_leaves
         more = f"; {reason}" if reason else ""
