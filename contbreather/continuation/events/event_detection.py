@@ -115,7 +115,7 @@ def quiet_steps(
     known: these are asked at `first`, the second place, and the points that follow."""
     values, steps = tests.astype(float), np.diff(places)
     start, end = values[:, 1:-1], values[:, 2:]
-    blank, several = np.isnan(start) & np.isnan(end), len(points) > 1  # no value to change from
+    blank, several = np.isnan(start) & np.isnan(end), steps.size > 2  # no value to change from
     quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
     for i, event in enumerate(events):
         if event.test is None:

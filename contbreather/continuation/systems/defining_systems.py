@@ -64,7 +64,7 @@ def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
         whole = matrix(point)
         return Dense(whole) if isinstance(whole, np.ndarray) else whole
 
-    return point.curve.cached(matrix, np.concatenate([point.z, point.direction]), make)
+    return point.curve.cached(matrix, np.array([point.z, point.direction]), make)
 
 
 def regular_step(first: Dense, last: Array) -> bool:

@@ -412,7 +412,7 @@ class ContinuationIterator:
         quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not more
-        if len(points) == 1:
+        if clear.size == 1:
             regular = partial(stays_regular, first=self.point, last=points[0])
             clear[0] = clear[0] and all(map(regular, self.matrices))
         n = len(clear) if clear.all() else int(clear.argmin())
