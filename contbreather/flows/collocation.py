@@ -289,7 +289,7 @@ class Slopes(NamedTuple):
     ends: Array  # (intervals, n, n + 2 + parameters)
     inside: Array  # (intervals, points n, n + 2 + parameters)
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
-    inverse: Array | None = None  # (intervals, points n, points n), of the equations for these
+    inverse: Any = None  # (intervals, points n, points n), of the equations for these
 
     def beside(
         self, flight: TrajectorySegment, p: Params, other: TrajectorySegment, q: Params,

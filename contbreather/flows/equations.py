@@ -536,7 +536,7 @@ class FlowEquations:
         ended = self.flows[i].reset or self.flows[i].until
         for j, place in enumerate(places):
             of = slice(j * many, (j + 1) * many)
-            parts = derivative if many == len(ends) else (part[of] for part in derivative[:3])
+            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:3])
             own = Slopes(*parts)  # of several no inverse is known
             linear = Linear(own, ends[of], ends[of.stop - 1], shares[of], longer[of])
             yield place, self._with_ending(i, place, linear) if ended else linear
