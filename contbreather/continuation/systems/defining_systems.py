@@ -331,6 +331,11 @@ class ExtendedProblem(Problem):
         vectors = {name for name, value in extra if np.ndim(value)}
         return self.residual.problem.internals | vectors
 
+    @property
+    def roughly(self) -> Extended | None:  # type: ignore[override]
+        """Its equations, where derivatives near by are to serve as long as they do."""
+        return self.residual if self.residual.problem.roughly else None
+
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, free)
 
