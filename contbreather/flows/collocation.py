@@ -456,7 +456,9 @@ def _solved(matrix: Array, right: Array | None = None) -> Array:
         raise Undefined("the vector field is not finite")
     try:
         matrix = matrix.reshape(-1, size, size)
-        return np.linalg.inv(matrix) if right is None else np.linalg.solve(matrix, right)
+        return np.asarray(
+            np.linalg.solve(matrix, right) if right is not None else np.linalg.inv(matrix)
+        )
     except np.linalg.LinAlgError as error:
         raise Undefined("an interval of the mesh is too long for its flow") from error
 
