@@ -17,30 +17,21 @@ class Effort(NamedTuple):
 
 
 def effort(work: Callable[[], object]) -> Effort:
-    calls = 0
-
-    def count(_: FrameType, event: str, __: Any) -> None:
-        nonlocal calls
-        calls += event in ("call", "c_call")
-
     tracemalloc.start()
-    sys.setprofile(count)
     try:
-        work()
+        calls = functions_called(work, "call", "c_call")
+        return Effort(calls, tracemalloc.get_traced_memory()[1])
     finally:
-        sys.setprofile(None)
-        peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    return Effort(calls, peak)
 
 
-def functions_called(work: Callable[[], object]) -> int:
-    """Count the functions of Python that were called."""
+def functions_called(work: Callable[[], object], *events: str) -> int:
+    """Count the functions that were called, those of Python unless others are named."""
     calls = 0
 
     def count(_: FrameType, event: str, __: Any) -> None:
         nonlocal calls
-        calls += event == "call"
+        calls += event in (events or ("call",))
 
     sys.setprofile(count)
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,8 @@ import contbreather as cb
 from contbreather.orbits.atlas import save_atlas, words
 from contbreather.plotting import plot_atlas
 from contbreather.plotting import zones as zones_drawn
+
+from .typed import Run
 
 FEW = {"gamma": (0.0, 0.02)}
 DRIVE = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)
@@ -110,7 +111,7 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(3)  # type: ignore[arg-type]
 
 
-def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, str, str]]) -> None:
+def test_the_command_writes_data_and_a_picture(run: Run) -> None:
     line = "atlas --k 0.8:0.8:1,2 --gamma-window 0 0.01 --workers 1 --save atlas.nc"
     status, out, _ = run(f"{line} --json --csv atlas.csv -o atlas.png")
     content = json.loads(out)
@@ -124,7 +125,7 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 
-def test_atlases_are_of_damped_finite_lattices(run: Callable[[str], tuple[int, str, str]]) -> None:
+def test_atlases_are_of_damped_finite_lattices(run: Run) -> None:
     """Curves, file and JSON are of the lattice that was typed."""
     on = "--lattice open:3 --site 1 --damping 0.02 --gamma-window 0.03 0.0301"
     line = f"atlas --k 0.8 {on} --a-window 0.755 0.765 --workers 1 --save a.nc --json"

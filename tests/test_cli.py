@@ -264,15 +264,6 @@ def test_what_ends_in_mx_is_shown_and_has_status_1(
     assert re.search("broke off.*too sharp", err)
 
 
-def test_boundary_shows_where_it_meets_others(run: Run) -> None:
-    status, out, _ = run("boundary PF --k 0.8 --csv pf.csv -o pf.svg")
-    assert status == DONE
-    assert "PF-GR1" in out
-    assert "Wrote pf.csv." in out
-    assert table(Path("pf.csv"))[0]["gamma"] == "0.0"
-    assert "<svg" in Path("pf.svg").read_text()
-
-
 # --- zones --------------------------------------------------------------------------------------
 
 

@@ -35,8 +35,6 @@ from .apart import HUNG
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 LINE: dict[str, Any] = {"residual": lambda x, p: x - p["mu"] * np.arange(1, x.size + 1)}
-
-
 WORDS_ALONE = ("Zones without curves", "an empty folder", "Verdict", "Admissibility")
 
 

@@ -220,20 +220,6 @@ def test_a_file_takes_its_equations_from_a_breather(breather, branch, tmp_path):
         cb.load(tmp_path / "b.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
 
 
-def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
-    sample = cb.simulation.Sample((0, 1), 20)
-    run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
-    assert run.record is not None
-    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run.record).axes.get_lines()]
-    np.testing.assert_array_equal(np.transpose(lines), run.record.u)
-    hits = cb.plotting.plot_motion(run).axes.get_lines()[0]  # what hits is seen to hit
-    assert {*np.round(hits.get_ydata()[abs(hits.get_ydata()) > 1 - 1e-12])} == {-1.0, 1.0}
-    assert hits.get_xdata().size == len(run.record.times) + len(run.at_site(0))
-    bare = cb.simulate(breather.state(6), **HERE, periods=2)
-    with pytest.raises(cb.BadInput, match=r"cb\.simulation\.Sample\("):
-        cb.plotting.plot_motion(bare)
-
-
 PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "plot_localisation",
          "plot_sweep", "plot_basin", "plot_multipliers")  # fmt: skip
 

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FunctionType, SimpleNamespace
 from typing import Any
@@ -281,8 +282,20 @@ def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: Non
     assert name(0.5) == name(0.5) != name(0.25)
 
 
+@pytest.fixture
+def fresh() -> Iterator[Callable[[], None]]:
+    """Forget what is known of the processor, now and in the end."""
+
+    def forget() -> None:
+        for one in (machine_code.processor, machine_code.file_name):
+            one.cache_clear()
+
+    yield forget
+    forget()
+
+
 @pytest.mark.parametrize("what", ["features", "name", "version"])
-def test_code_is_not_taken_to_another_processor_or_python(own, monkeypatch, what):
+def test_code_is_not_taken_to_another_processor_or_python(own, monkeypatch, fresh, what):
     """Also one of the same name that can do less."""
     llvm = pytest.importorskip("llvmlite.binding")
     kernel = Kernel(doubled)
@@ -294,12 +307,8 @@ def test_code_is_not_taken_to_another_processor_or_python(own, monkeypatch, what
         monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
     else:
         monkeypatch.setattr(machine_code.sys, "version_info", (3, 99))
-    caches = machine_code.processor, machine_code.file_name
-    for one in caches:
-        one.cache_clear()
+    fresh()
     assert kernel.file != before
-    for one in caches:
-        one.cache_clear()
 
 
 def test_the_version_says_more_if_it_is_asked(run: Any) -> None:
@@ -309,15 +318,11 @@ def test_the_version_says_more_if_it_is_asked(run: Any) -> None:
     assert re.search(r"\d+ of \d+ loops are compiled|nothing is compiled", out)
 
 
-def test_on_another_processor_the_version_says_what_to_do(run, monkeypatch):
+def test_on_another_processor_the_version_says_what_to_do(run, monkeypatch, fresh):
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
-    caches = machine_code.processor, machine_code.file_name
-    for one in caches:
-        one.cache_clear()
+    fresh()
     _, out, _ = run("--version --verbose")
-    for one in caches:
-        one.cache_clear()
     assert re.search(r"\n0 of \d+ loops are compiled; python -m contbreather\.compiler ", out)
 
 

@@ -265,12 +265,12 @@ def test_a_long_run_over_space_and_time_is_the_largest_displacement_in_a_period(
 
 def test_of_more_periods_than_a_picture_has_rows_several_are_one(state) -> None:
     sample = Sample(range(6), per_period=8)
-    run = simulate_smooth(state, periods=700, m=6, sample=sample, **LONG)
+    run = simulate_smooth(state, periods=310, m=6, sample=sample, **LONG)
     ax = plot_space_time(run).axes
     (mesh,) = ax.collections
     rows = np.reshape(mesh.get_array(), (-1, 6))
     assert 100 <= len(rows) <= 400
-    periods = round(700 / len(rows))
+    periods = round(310 / len(rows))
     assert (
         ax.figure.axes[1].get_ylabel()
         == f"largest $|u_n|$ in {periods} periods ({8 * periods} samples)"

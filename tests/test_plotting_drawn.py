@@ -182,11 +182,13 @@ def dots_of(ax) -> list[tuple[complex, str]]:
     ]
 
 
-def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
-    ax = plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
-    words = {text.get_text(): text.get_color() for text in ax.texts if text.get_text()}
-    assert hue(words["1.0628"]) == REDDISH
-    assert hue(words["0.6158"]) == "grey"
+@pytest.mark.parametrize(
+    ("half", "labels"), [(True, ["0.6158", "1.0628"]), (False, ["0.3792", "1.1294"])]
+)
+def test_multipliers_off_the_band_have_their_values_as_words_of_their_colour(half, labels) -> None:
+    ax = plots.plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half).axes
+    words = sorted((text.get_text(), hue(text.get_color())) for text in ax.texts if text.get_text())
+    assert words == list(zip(labels, ("grey", REDDISH), strict=True))
 
 
 def test_a_motion_that_returns_has_the_dots_of_its_orbit() -> None:
@@ -244,6 +246,12 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
         np.testing.assert_allclose(line.get_xdata(), run.record.times / TURN, rtol=1e-14)
         np.testing.assert_array_equal(line.get_ydata(), run.record.u[:, i])
     assert ax.get_xlim() == pytest.approx((1.0, 12.95))  # no margin beyond the first and last
+    hits = plots.plot_motion(run).axes.get_lines()[0]  # what hits is seen to hit
+    assert {*np.round(hits.get_ydata()[abs(hits.get_ydata()) > 1 - 1e-12])} == {-1.0, 1.0}
+    inside = run.at_site(0)["time"] <= run.record.times[-1]
+    assert hits.get_xdata().size == len(run.record.times) + np.sum(inside)
+    with pytest.raises(cb.BadInput, match=r"cb\.simulation\.Sample\("):
+        plots.plot_motion(run.since(1))
 
 
 def test_a_window_of_a_motion_is_what_was_asked_for_and_recorded(run) -> None:

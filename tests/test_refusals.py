@@ -226,12 +226,21 @@ CASES += [
         r"a = 0\.5, x = \[nan nan nan nan\]: the breather needs finite numbers",
     ),
     (
-        lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
-        "a mode of the open chain with free ends, 9 sites with the frequency 1 is in resonance",
+        lambda: cb.symmetric(**HERE, spring="0.1", lattice=cb.OpenChain(9), site=0),
+        "^spring = '0.1': the on-site stiffness must be a number",
     ),
     (
-        lambda: cb.symmetric(**HERE, lattice=Ring(12_000), damping=0.01).stability(),
-        "^ring of 12000: its impacts move 6001 modes, and how an orbit changes is told by a matrix",
+        lambda: cb.Samples(np.cos(np.arange(64) * np.pi / 32) + 1e-3 * np.cos(np.arange(64) ** 2)),
+        "sample finer, or say with harmonics= how many are kept of noisy ones",
+    ),
+    (
+        lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
+        "9 sites with 1 times the frequency of the drive is in resonance with the orbit: change "
+        "gamma, spring or omega",
+    ),
+    (
+        lambda: cb.symmetric(**HERE, lattice=Ring(10_001), damping=0.01).stability(),
+        "^ring of 10001: its impacts move 5001 modes, and how an orbit changes is told by a matrix",
     ),
     # what is larger than anything, or not even text
     (lambda: cb.OpenChain(10**400), "^sites is above 9007199254740992: no computer counts"),

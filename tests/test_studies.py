@@ -24,8 +24,7 @@ from contbreather.studies import run as conduct
 from contbreather.studies.tasks import tasks_of
 
 from .apart import HUNG
-
-Command = Callable[[str], tuple[int, str, str]]
+from .typed import Run
 
 SMALL = """
 [branch.symmetric]
@@ -156,7 +155,7 @@ def test_what_the_library_refuses_is_the_reason_of_that_part(text: str, tmp_path
     assert f"there is nothing of {name}" in failed["figure f"]
 
 
-def test_what_fails_says_why_and_the_others_go_on(run: Command) -> None:
+def test_what_fails_says_why_and_the_others_go_on(run: Run) -> None:
     text = SMALL.replace("k = 0.8", "k = 0.8\nroot = 5", 1).replace("[0.02, 0.04]", "0.04")
     Path("small.toml").write_text(
         text + '\n[branch.good]\nfree = "a"\ngamma = 0.0\nk = 0.8\nwindow = [0.6, 0.62]\n'
@@ -261,7 +260,7 @@ def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(conducted, par
     assert "1 result computed, 2 were there" in out
 
 
-def test_a_dry_run_lists_what_would_be_computed_and_does_nothing(tmp_path: Path, run: Command):
+def test_a_dry_run_lists_what_would_be_computed_and_does_nothing(tmp_path: Path, run: Run):
     path = tmp_path / "dry.toml"
     path.write_text("[chain]\nlattice = 'ring:6'\ndamping = 0.1\n" + PARTS)
     status, out, err = run(f"run {path} --dry-run --json")
@@ -490,7 +489,7 @@ largest = 0.003
 
 PLANE = """
 [chain]
-lattice = "ring:6"
+lattice = "ring:3"
 threshold = 1.01
 spring = 0.0
 
@@ -502,7 +501,7 @@ window = [0.3, 0.6]
 
 [zones.plane]
 k = 0.8
-within = {gamma = [0.0, 0.02]}
+within = {gamma = [0.005, 0.006], a = [0.7, 0.9]}
 beyond = true
 """
 
@@ -524,7 +523,7 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
     branch = cb.trace(start, "a", within={"a": (0.7, 0.85)}, steps=cb.Steps(largest=0.05))
     one, other = cb.switch(branch.first("PF"), within={"a": (0.75, 0.83)})
     still = find("gamma", (0.03, 0.03), a=0.6, gamma=0.03, k=0.9, **on, forcing=fixed)
-    ring = {"lattice": cb.Ring(6), "spring": 0.0}
+    ring = {"lattice": cb.Ring(3), "spring": 0.0}
     soft = find("a", (0.3, 0.6), gamma=0.04, k=0.7, **ring).problem_beyond(1.01).having("a")
     fork = {"within": {"k": (0.79, 0.81)}, "steps": cb.Steps(largest=0.003)}
     wanted = {
@@ -541,7 +540,8 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
         assert repr(results[name]) == repr(own)
         for column in own.names:
             assert np.array_equal(results[name][column], own[column], equal_nan=True)
-    plane = cb.zones(k=0.8, **ring, threshold=1.01, within={"gamma": (0.0, 0.02)})
+    window = {"gamma": (0.005, 0.006), "a": (0.7, 0.9)}
+    plane = cb.zones(k=0.8, **ring, threshold=1.01, within=window)
     tables = [one.to_csv(tmp_path / "z.csv").read_text() for one in (results["plane"], plane)]
     assert tables[0] == tables[1]
     assert (results["plane"].beyond, plane.beyond) == (True, False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from unicodedata import category
 
@@ -10,7 +9,7 @@ import pytest
 
 import contbreather as cb
 
-Command = Callable[[str], tuple[int, str, str]]
+from .typed import Run
 
 OBEYED = "\x1b]0;mine\x07\x9b31m\x7f\u202e"
 TYPED = r"\u001b]0;mine\u0007\u009b31m\u007f\u202e"  # as TOML has it
@@ -48,7 +47,7 @@ def obeyed(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("where", range(STUDY.count('"{}"')))
-def test_no_word_of_a_study_is_obeyed(where: int, tmp_path: Path, run: Command) -> None:
+def test_no_word_of_a_study_is_obeyed(where: int, tmp_path: Path, run: Run) -> None:
     path, how = tmp_path / "study.toml", ("", "--dry-run", "--json")[where % 3]
     words = ["a"] * STUDY.count('"{}"')
     words[where] = f"a{TYPED}"
@@ -61,7 +60,7 @@ def test_no_word_of_a_study_is_obeyed(where: int, tmp_path: Path, run: Command) 
     assert obeyed(str(refused.value)) == set()
 
 
-def test_no_name_of_a_file_is_obeyed(tmp_path: Path, run: Command) -> None:
+def test_no_name_of_a_file_is_obeyed(tmp_path: Path, run: Run) -> None:
     for command in ("run", "show"):
         status, out, err = run(f"{command} '{tmp_path}/{OBEYED}.toml'")
         assert status == 2
@@ -70,7 +69,7 @@ def test_no_name_of_a_file_is_obeyed(tmp_path: Path, run: Command) -> None:
 
 
 @pytest.mark.parametrize("how", ["", "--json"])
-def test_no_word_of_a_result_is_obeyed(how: str, tmp_path: Path, run: Command) -> None:
+def test_no_word_of_a_result_is_obeyed(how: str, tmp_path: Path, run: Run) -> None:
     line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}, label=f"mine{OBEYED}")
     path = tmp_path / "run.nc"
     cb.save(path, cb.trace(line, "mu", within={"mu": (-1, 1)}))

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -115,22 +115,24 @@ def test_what_cannot_be_sent_is_refused_in_a_sentence(lasting: Any) -> None:
         each(refuses_odd, [1], executor=0)
 
 
-class Losing(ThreadPoolExecutor):
-    """Its workers are killed every third time."""
+class Faulty(ThreadPoolExecutor):
+    """Its futures end with a fault, one of so many."""
 
-    sent = 0
+    def __init__(self, fault: BaseException, among: int = 1) -> None:
+        super().__init__(2)
+        self.fault, self.among, self.sent = fault, among, 0
 
     def submit(self, call: Callable[..., Any], *given: Any, **more: Any) -> Future[Any]:
         self.sent += 1
-        if self.sent % 3:
+        if self.sent % self.among:
             return super().submit(call, *given, **more)
         lost: Future[Any] = Future()
-        lost.set_exception(BrokenExecutor("a worker was terminated abruptly"))
+        lost.set_exception(self.fault)
         return lost
 
 
 def test_an_executor_that_is_given_is_asked_again_for_what_it_lost() -> None:
-    with Losing(2) as pool:
+    with Faulty(BrokenExecutor("a worker was terminated abruptly"), 3) as pool:
         found = list(each(lambda number: number, range(64), executor=pool))
     kept = [one for one in found if not isinstance(one, Failed)]
     assert len(found) == 64
@@ -259,18 +261,6 @@ def test_what_a_script_defines_is_sent_as_it_is_and_needs_no_guard(tmp_path: Pat
 
 class KilledWorker(Exception):
     """As a cluster has it, which is not imported for its sake."""
-
-
-class Faulty(Executor):
-    """Its futures end with a fault."""
-
-    def __init__(self, fault: BaseException) -> None:
-        self.fault = fault
-
-    def submit(self, call: Callable[..., Any], /, *given: Any, **more: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_exception(self.fault)
-        return future
 
 
 @pytest.mark.parametrize("lost", [BrokenExecutor(), CancelledError(), KilledWorker("twice")])

@@ -96,7 +96,10 @@ def _weights() -> arb_mat:
     """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.periodic_green`: the
     coefficient of ``<w^2j cos(n theta)>`` and the (2i+1)-th power of the time from mid flight."""
     with working():
-        gaps = [1 - arb.pi() / 4] + [1 - _beta(2 * m + 1) for m in range(1, J + 1)]
+        quarter, odd = arb(1) / 4, range(3, 2 * J + 2, 2)
+        # Dirichlet's beta, 1 - 3^-s + 5^-s - ...
+        beta = [quarter**s * (arb(s).zeta(quarter) - arb(s).zeta(3 * quarter)) for s in odd]
+        gaps = [1 - arb.pi() / 4] + [1 - value for value in beta]
         rows = [
             [
                 4 / arb.pi() * (-1) ** i / factorial(2 * i + 1) * (gaps[j - i] if j >= i else 1)
@@ -105,11 +108,6 @@ def _weights() -> arb_mat:
             for i in range(POWERS)
         ]
         return arb_mat(rows)
-
-
-def _beta(s: int) -> Ball:
-    """Dirichlet's: 1 - 3^-s + 5^-s - ..."""
-    return arb(4) ** -s * (arb(s).zeta(arb(1) / 4) - arb(s).zeta(arb(3) / 4))
 
 
 def first_harmonic(gamma: Ball, n: int) -> Ball:

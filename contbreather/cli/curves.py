@@ -303,7 +303,9 @@ def _lines(
         yield f"{point.detail['criticality'].capitalize()}: {size}."
     yield _table(arms)
     for i, arm in enumerate(arms, start=1):
-        said = [*_stability_lines(arm), end_sentences(arm)[-1]]
+        start = arm[0].detail  # at GR and VI with what becomes of the orbit
+        said = [f"{point.label}: {start['beyond']}, {start['says']}"] if "says" in start else []
+        said += [*_stability_lines(arm), end_sentences(arm)[-1]]
         said += [] if arm.image_of is None else [f"the mirror image of arm {arm.image_of + 1}"]
         yield from (f"Arm {i}, {line}." for line in said)
 

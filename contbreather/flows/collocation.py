@@ -288,8 +288,8 @@ class Slopes(NamedTuple):
 
     ends: Array  # (intervals, n, n + 2 + parameters)
     inside: Array  # (intervals, points n, n + 2 + parameters)
-    inverse: Array  # (intervals, points n, points n), of the equations for the slopes inside
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
+    inverse: Any = None  # (intervals, points n, points n), of the equations for these
 
     def beside(
         self, flight: TrajectorySegment, p: Params, other: TrajectorySegment, q: Params,
@@ -389,9 +389,11 @@ def _newton(
 
 
 def derivatives(
-    flow: Flow, flight: TrajectorySegment, k: Array, p: Params, names: tuple[str, ...] = ()
-) -> Slopes:
-    """Exact derivatives of a flight with these slopes inside, of all intervals at once."""
+    flow: Flow, flight: TrajectorySegment, k: Array, p: Params, names: tuple[str, ...] = (),
+    once: bool = False,
+) -> Slopes:  # fmt: skip
+    """Exact derivatives of a flight with these slopes inside, of all intervals at once; `once`
+    leaves out the inverse, which takes longer than to solve for them."""
     (count, points, n), scheme, lengths = k.shape, flight.scheme, flight.lengths[:, None, None]
     f, df = slopes(flow.f, flight.inner, reached(flight, k), p, names)
     f = f.T.reshape(k.shape)
@@ -400,12 +402,13 @@ def derivatives(
     longer = f + whole[..., n] * scheme.nodes[:, None]
     # of h f at each Gauss point, in the state, the time, the length of the interval, parameters
     right = np.concatenate([whole[..., : n + 1], longer[..., None], whole[..., n + 1 :]], axis=-1)
-    inverse = _inverse(scheme, right[..., :n])
+    jacobian, right = right[..., :n], right.reshape(count, points * n, -1)
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
-    inside = inverse @ right.reshape(count, points * n, -1)
+    inverse = None if once else _inverse(scheme, jacobian)
+    inside = _solved(_equations(scheme, jacobian), right) if inverse is None else inverse @ right
     ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
     ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
-    return Slopes(ends.reshape(count, n, width), inside, inverse, f * lengths)
+    return Slopes(ends.reshape(count, n, width), inside, f * lengths, inverse)
 
 
 def _inverse(scheme: Collocation, jacobian: Array) -> Array:
@@ -419,13 +422,12 @@ def _inverse(scheme: Collocation, jacobian: Array) -> Array:
     (count, points, n, _), m, A = jacobian.shape, jacobian.shape[2] // 2, scheme.matrix
     long = jacobian[:, :, :1, m : m + 1] if n > 1 else jacobian  # h, if so
     if n % 2 or not (jacobian[:, :, :m] == long * np.eye(m, n, m)).all():
-        # entry (c i, d j) of the equations for dk is delta - a_cd h df_i/dx_j at node c
-        return _inverted(jacobian[:, :, :, None] * -A[:, None, :, None])
+        return _solved(_equations(scheme, jacobian))
     h, of_u, of_v = long[..., None], jacobian[:, :, m:, :m], jacobian[:, :, m:, m:]
     schur = of_u[:, :, :, None] * (-h * (A @ A)[:, None, :, None])
     if of_v.any():
         schur -= of_v[:, :, :, None] * A[:, None, :, None]
-    inner = _inverted(schur).reshape(count, points, m, points, m)
+    inner = _solved(schur).reshape(count, points, m, points, m)
     inverse = np.empty((count, points, n, points, n))
     inverse[:, :, m:, :, m:] = inner
     # S^-1 h A f_u
@@ -439,15 +441,24 @@ def _inverse(scheme: Collocation, jacobian: Array) -> Array:
     return inverse.reshape(count, points * n, points * n)
 
 
-def _inverted(matrix: Array) -> Array:
-    """Invert 1 + matrix, of shape (intervals, points, n, points, n)."""
+def _equations(scheme: Collocation, jacobian: Array) -> Array:
+    """Those for the slopes inside, less 1."""
+    # entry (c i, d j) of the equations for dk is delta - a_cd h df_i/dx_j at node c
+    return jacobian[:, :, :, None] * -scheme.matrix[:, None, :, None]
+
+
+def _solved(matrix: Array, right: Array | None = None) -> Array:
+    """Invert 1 + matrix, of shape (intervals, points, n, points, n), or solve with it."""
     size = matrix.shape[1] * matrix.shape[2]
     matrix = np.ascontiguousarray(matrix).reshape(-1, size * size)
     matrix[:, :: size + 1] += 1.0
     if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:
-        return np.asarray(np.linalg.inv(matrix.reshape(-1, size, size)))
+        matrix = matrix.reshape(-1, size, size)
+        return np.asarray(
+            np.linalg.solve(matrix, right) if right is not None else np.linalg.inv(matrix)
+        )
     except np.linalg.LinAlgError as error:
         raise Undefined("an interval of the mesh is too long for its flow") from error
 

@@ -55,7 +55,8 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
 
 def swing(least: float, point: Point) -> float:
     """Measure the swing, less that of an equilibrium."""
-    return _amplitude(equations_of(point.base_point), point.base_point.x) - least
+    base = point.base_point
+    return _amplitude(equations_of(base), base.x) - least
 
 
 def examine_swing(least: float, point: Point) -> Examined:

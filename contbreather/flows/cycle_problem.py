@@ -327,7 +327,9 @@ class CycleProblem(Problem):
     def invariants(self, point: Point) -> Array | None:
         orbit, free = point.solution, [float(point[name]) for name in point.curve.free]
         extremes = (*orbit.max.values(), *orbit.min.values())
-        return np.array([len(orbit.flights), *free, orbit.period, *extremes])
+        # at GR of a rigid wall the orbit with an impact more has as many flows
+        impacts = sum(flow.until is not None for flow in orbit.equations.flows)
+        return np.array([len(orbit.flights), impacts, *free, orbit.period, *extremes])
 
     def simpler(self, point: Point) -> Problem | None:
         """The orbit a single time around, where it goes around several times."""

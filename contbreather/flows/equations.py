@@ -296,7 +296,7 @@ class FlowEquations:
             whole = as_one_flight(flights := [of[i] for _, of in begun])
             guess = self._guess(i, whole, p, begun[0][0], *near)
             whole = flown(flow, whole, p, self._units[i], guess)
-            many = derivatives(flow, whole, whole.slopes, p, wanted)
+            many = derivatives(flow, whole, whole.slopes, p, wanted, once=True)
             slopes = whole.slopes.reshape(len(places), -1, *whole.slopes.shape[1:])
             for place, flight, k in zip(solved, flights, slopes, strict=True):
                 place.flights += (flight.with_slopes(k, None),)
@@ -537,7 +537,8 @@ class FlowEquations:
         ended = self.flows[i].reset or self.flows[i].until
         for j, place in enumerate(places):
             of = slice(j * many, (j + 1) * many)
-            own = derivative if many == len(ends) else Slopes(*(part[of] for part in derivative))
+            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:3])
+            own = Slopes(*parts)  # of several no inverse is known
             linear = Linear(own, ends[of], ends[of.stop - 1], shares[of], longer[of])
             yield place, self._with_ending(i, place, linear) if ended else linear
 

@@ -221,12 +221,13 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
     directions: list[Array] = []
     for i, (piece, way) in enumerate(zip(place.linear, ways, strict=True)):
         ends = piece.slopes.ends[:, :, : way.shape[1]]
-        last, flow = ends[-1:], equations.flows[i]
+        flow, stacks = equations.flows[i], [ends]
         if flow.reset or flow.until:
-            last = _saltation(equations, place, i, ways) @ last
-        alike = last.shape[1] == last.shape[2]
-        factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
-        directions += [way] if alike else [way[:-1], way[-1:]]
+            last = _saltation(equations, place, i, ways) @ ends[-1:]
+            alike = last.shape[1] == last.shape[2]
+            stacks = [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
+        factors += stacks
+        directions += [way] if len(stacks) == 1 else [way[:-1], way[-1:]]
     return factors, directions
 
 

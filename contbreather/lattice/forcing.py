@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LARGEST = 1e100  # coefficient; sums of their squares stay finite
+EPS = float(np.finfo(float).eps)
 
 # (m, A, B): A cos(m t) + B sin(m t), of f; a mean F0 of F, which f has none of, is (0, F0, 0)
 Harmonics = tuple[tuple[int, float, float], ...]
@@ -130,6 +131,71 @@ class TrigonometricSeries:
             spectrum[m] = 0.5 * size * complex(cosine, -sine)
         return np.fft.irfft(spectrum, size)
 
+    def extrema(self) -> list[float]:
+        """Extrema in [-pi, pi), by the companion matrix of the slope.
+
+        Roots off the unit circle give spurious angles; as points between which to look they do
+        no harm, so none is thrown away and no tolerance decides.
+        """
+        slope = {m: (m * s, -m * c) for m, c, s in self.waves}
+        largest = max(math.hypot(c, s) for c, s in slope.values())
+        # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
+        orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
+        # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
+        if max(orders) > 64:
+            # times next to which the slope is or comes near to zero
+            size, terms = 32 * max(slope), tuple((m, c, s) for m, (c, s) in slope.items())
+            values = TrigonometricSeries(terms).on_grid(size)
+            small, later = np.abs(values), np.roll(values, -1)
+            low = (small <= np.roll(small, 1)) & (small <= abs(later))
+            start = 2.0 * math.pi * np.flatnonzero(low | (values * later <= 0.0)) / size
+        else:
+            # of odd harmonics only: with Z = z^2 the matrix has half the size
+            top, step = max(orders), 2 if all(m % 2 for m in orders) else 1
+            poly = np.zeros(2 * top // step + 1, dtype=complex)
+            for m in orders:
+                # c cos + s sin = Re (c - i s) z^m, z = exp(i phi); times z^top a polynomial
+                c, s = slope[m]
+                poly[(top - m) // step] += 0.5 * complex(c, -s)
+                poly[(top + m) // step] += 0.5 * complex(c, s)
+            turned = np.angle(np.roots(poly)) / step
+            start = np.concatenate([turned + math.pi * i for i in range(step)])
+        extrema = (math.remainder(self._settled(phi), 2.0 * math.pi) for phi in start.tolist())
+        distinct: list[float] = []
+        for phi in sorted(extrema):
+            if not distinct or phi - distinct[-1] > 1e-9:
+                distinct.append(phi)
+        return distinct
+
+    def _settled(self, phi: float) -> float:
+        """The extremum next to ``phi`` by a few Newton steps; where none is, anywhere will do."""
+        x = phi
+        for _ in range(8):
+            _, slope, curvature, _ = self.motion(x)
+            if curvature == 0.0:
+                break
+            x -= slope / curvature
+            if abs(slope) < 1e-15 * abs(curvature):
+                break
+        return x if abs(x - phi) < 1.0 else phi
+
+    def crossing(self, level: float, left: float, right: float) -> float:
+        """Find where it has a value, between two neighbouring extrema."""
+        rises = self.at(right, 0) > self.at(left, 0)
+        # by bisection, as scipy.optimize is dear to import
+        while right - left > 1e-14 * (1.0 + abs(right)):
+            x = 0.5 * (left + right)
+            left, right = (left, x) if (self.at(x, 0) > level) == rises else (x, right)
+        # and one Newton step; next to a double root it would go astray
+        height, steepness, curvature, third = self.motion(right)
+        step = (height - level) / steepness if steepness else 0.0
+        if abs(step) < 1e-9:
+            return right - step
+        # a root of third order is known to EPS^(1/3) by the level, to EPS by its inflection
+        flat = right - curvature / third if third else right
+        solves = abs(self.at(flat, 0) - level) <= 4.0 * EPS * (1.0 + abs(level))
+        return flat if solves and abs(flat - right) < EPS**0.25 else right
+
 
 class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
@@ -155,6 +221,10 @@ class Periodic:
 
     def d3f(self, t: Any) -> Any:
         return self._series.at(t, 3)
+
+    def on_grid(self, size: int) -> FloatArray:
+        """F at ``2 pi j/size``; size exceeds twice the highest harmonic."""
+        return self._series.second().on_grid(size) + self._series.mean
 
     def motion(self, t: float) -> tuple[float, float, float]:
         """f, f' and f'' at one time."""
@@ -256,31 +326,11 @@ def check_symmetric(forcing: Forcing) -> None:
 @lru_cache(maxsize=64)
 def peak_of(harmonics: Harmonics, sign: int = 0) -> float:
     """Largest |f|, or largest value of f or -f by a sign, without a mean."""
-    if len(harmonics) == 1:  # without an FFT, whose import a first breather would wait for
+    if len(harmonics) == 1:  # by far the most frequent
         return math.hypot(*harmonics[0][1:])
     series = TrigonometricSeries(harmonics)
-    highest = max(m for m, _, _ in harmonics)
-    odd = all(m % 2 for m, _, _ in harmonics)
-    if not (odd or sign):
-        return max(peak_of(harmonics, 1), peak_of(harmonics, -1))
-    # of odd ones |f(t + pi)| = |f(t)|: half will do
-    t = math.pi * np.arange((32 if odd else 64) * highest) / (32 * highest)
-    values = series.on_grid(64 * highest)[: t.size]
-    values = np.abs(values) if odd else sign * values
-    best = float(values.max())
-    # every maximum that could still win; the grid misses at most (highest h)^2/2 of one
-    peaks = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
-    for start in t[peaks & (values >= best * (1.0 - 0.01))]:
-        x = float(start)
-        for _ in range(6):  # Newton's iteration for f' = 0
-            curvature = series.at(x, 2)
-            if curvature == 0.0:
-                break
-            # no farther than a step of the grid for one harmonic, pi/32
-            x -= max(-0.1, min(0.1, series.at(x, 1) / curvature))
-        value = series.at(x, 0)
-        best = max(best, abs(value) if odd else sign * value)
-    return best
+    heights = [series.at(t, 0) for t in series.extrema()]
+    return float(max(sign * f if sign else abs(f) for f in heights))
 
 
 @dataclass(frozen=True)
@@ -570,12 +620,15 @@ class Samples(Periodic):
                 "so that every sample has its partner half a period later."
             )
         if harmonics is not None:
-            highest = whole("harmonics", harmonics, 1)
-            kept = _reduced(samples, highest, odd := flag("symmetric", symmetric))
-            other, mean = "is not sampled over one whole period", float(samples.mean())
-            left = _left_by(kept, samples, highest, mean, odd, other)
-            object.__setattr__(self, "residual", left)
-            samples = kept
+            if 4 * whole("harmonics", harmonics, 1) > samples.size:
+                raise BadInput(
+                    f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and "
+                    f"{harmonics} were asked for: sample finer, or keep fewer."
+                )
+            t = 2.0 * math.pi * np.arange(samples.size) / samples.size
+            drive = Fourier.fit(t, samples, harmonics, symmetric=symmetric)
+            object.__setattr__(self, "residual", drive.residual)
+            samples = drive.on_grid(samples.size)
         object.__setattr__(self, "values", tuple(samples.tolist()))
         object.__setattr__(self, "_series", TrigonometricSeries(self._resolve(samples)))
 
@@ -597,7 +650,7 @@ class Samples(Periodic):
             raise BadInput(
                 f"{values.size} samples do not resolve this forcing: harmonics above "
                 f"{values.size // 4} still reach {tail / largest:.1e} of the largest, so it may be "
-                "aliased; sample finer, or smooth it, or give its harmonics with Fourier."
+                "aliased; sample finer, or say with harmonics= how many are kept of noisy ones."
             )
         return response_of(spectrum, 2e-16 * largest)  # below it is rounding of the transform
 
@@ -636,20 +689,6 @@ def _left_by(
             f"{lopsided * odd}needs more harmonics."
         )
     return left
-
-
-def _reduced(samples: FloatArray, highest: int, symmetric: bool) -> FloatArray:
-    """Their harmonics, or odd ones, up to the highest."""
-    if 4 * highest > samples.size:
-        raise BadInput(
-            f"{samples.size} samples resolve harmonics up to {samples.size // 4}, and {highest} "
-            "were asked for: sample finer, or keep fewer."
-        )
-    spectrum = np.fft.rfft(samples)
-    spectrum[highest + 1 :] = 0.0
-    if symmetric:
-        spectrum[::2] = 0.0
-    return np.fft.irfft(spectrum, samples.size)
 
 
 def spectrum_of(values: FloatArray) -> ComplexArray:

@@ -113,19 +113,19 @@ class Response:
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and three derivatives at t_i - t_j, of sites that are hit to each impact, shape
         (4, m, m); at the impact itself the mean velocity, and the acceleration just before."""
-        out, i = self._after(np.ascontiguousarray(times, dtype=float), by), np.arange(times.size)
-        jump = {"": self.damping, "damping": 1.0, PACE: self.damping}.get(by, 0.0)
-        # u' jumps by 1 at an impulse, and the damping brakes it by that much
-        out[1, i, i] -= 0.5 * (not by)
-        if jump:
-            out[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
-        return out
-
-    def _after(self, times: FloatArray, by: str) -> FloatArray:
-        """`interactions`, but just after the impact itself."""
         out = np.empty((4, times.size, times.size))
-        INTERACTIONS(self.table(self.hits, by), times, out)
-        return out
+        INTERACTIONS(self.table(self.hits, by), np.ascontiguousarray(times, dtype=float), out)
+        return self.at_itself(out, by)
+
+    def at_itself(self, after: FloatArray, by: str) -> FloatArray:
+        """`interactions`, where those of impacts with themselves are known just after them."""
+        i = np.arange(len(self.hits))
+        # u' jumps by 1 at an impulse, and the damping brakes it by that much
+        after[1, i, i] -= 0.5 * (not by)
+        jump = {"": self.damping, "damping": 1.0, PACE: self.damping}.get(by, 0.0)
+        if jump:
+            after[2, i, i] += jump * self.lattice.dampings[list(self.hits)]
+        return after
 
     def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """`interactions`, and the forced motion of each impact's site."""
@@ -286,12 +286,12 @@ class ModalResponse(Response):
     def _check_apart(self, waves: ModeWaves) -> None:
         if not waves.apart.min() > RESONANT:
             w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise self.resonance(f" with the frequency {w:.9g}")
+            raise self.resonance(f" with {w:.9g} times the frequency of the drive")
 
     def resonance(self, which: str = "") -> Resonance:
         return Resonance(
             f"a mode of the {self.lattice.describe()}{which} is in resonance with the orbit: "
-            "change gamma or spring, or give it damping."
+            "change gamma, spring or omega, or give it damping."
         )
 
     @property

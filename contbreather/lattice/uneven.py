@@ -33,11 +33,12 @@ PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjuga
 @dataclass(frozen=True, eq=False)
 class SiteModes:
     """Modes of a medium in its own time: rates, values at sites, and shares in what follows a unit
-    impulse at each site; answers are the real parts of sums over them."""
+    impulse at each site, or the drive; answers are the real parts of sums over them."""
 
     rates: Array
     values: Array
     kicks: Array
+    push: Array
 
     @cached_property
     def orders(self) -> Array:
@@ -56,14 +57,15 @@ class SiteModes:
         laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
         return laps, sign * turns * np.exp(turns) * laps
 
-    def driven(self, w: FloatArray, push: FloatArray) -> list[Array]:
-        """Complex amplitudes at sites of the answer to forces of frequencies w, a column for each,
-        and their slopes along the pace, times its square."""
-        s = np.multiply.outer((1j, -1j), w)[..., None]
+    def driven(self, w: FloatArray) -> Array:
+        """Complex amplitudes at sites of the answer to the drive at frequencies w, a column for
+        each, and their slopes along the pace, times its square."""
+        s = np.multiply.outer((1j, -1j), w).reshape(-1, 1)
         gaps = 1.0 / (s - self.rates)
-        shares = (self.kicks @ push) * gaps
-        both = (part @ self.values for part in (shares, shares * (s * gaps - 2.0)))
-        return [0.5 * (there + conjugate.conj()).T for there, conjugate in both]
+        shares = self.push * gaps
+        both = np.concatenate([shares, shares * (s * gaps - 2.0)]) @ self.values
+        there, conjugate = both.reshape(2, 2, *w.shape, both.shape[1]).swapaxes(0, 1)
+        return np.asarray(0.5 * (there + conjugate.conj()).swapaxes(1, 2))
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,8 @@ class Medium:
         n = self.lattice.sites
         kicks = np.linalg.inv(vectors)[..., n:]  # impulses are velocities
         values = vectors[:, :n, :].swapaxes(1, 2) / (len(moved) * (moved[..., None] if by else 1.0))
-        return SiteModes(rates.ravel(), values.reshape(-1, n), kicks.reshape(-1, n))
+        kicks = kicks.reshape(-1, n)
+        return SiteModes(rates.ravel(), values.reshape(-1, n), kicks, kicks @ self.lattice.drive)
 
 
 @lru_cache(maxsize=16)

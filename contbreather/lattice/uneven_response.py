@@ -38,6 +38,9 @@ EPS, PRECISION = float(np.finfo(float).eps), np.finfo(float).precision
 _UNITS = {"": -1, "damping": -2, "gamma": -3, "spring": -3}
 
 
+_POWERS = np.arange(-1.0, 2.0)[:, None, None]  # of the pace, in each derivative of h(e t)/e
+
+
 class SiteWaves(NamedTuple):
     """Sums of ``Re left_jn right_jp exp(l_j t)``, site n after an impulse at p, and a constant."""
 
@@ -51,7 +54,7 @@ class SiteWaves(NamedTuple):
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
 
-    interactions, at_impacts = Response.interactions, Response.at_impacts
+    at_impacts = Response.at_impacts
 
     @cached_property
     def own(self) -> tuple[Medium, float]:
@@ -62,8 +65,8 @@ class UnevenResponse(ModalResponse):
         own = (float(f"{value:.{PRECISION}g}") for value in held)
         return medium_of(self.lattice, *own), pace
 
-    def _after(self, times: FloatArray, by: str) -> FloatArray:
-        return _site_place(self, times.tobytes(), by if by != PACE else "")[by == PACE].copy()
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        return _site_place(self, times.tobytes(), by if by != PACE else "")[by == PACE]
 
     def slopes_at_impacts(
         self, times: FloatArray, rates: Mapping[str, float]
@@ -107,7 +110,7 @@ def _site_spectra(of: UnevenResponse, by: str) -> list[DrivenSpectrum]:
     m, F = forces_of(of.drive, by if own else "")
     modes = _modes(of, "" if own else by)
     unit = pace ** (_UNITS["" if own else by] - 1)
-    return [DrivenSpectrum(m, unit * F * A) for A in modes.driven(m / pace, of.lattice.drive)]
+    return [DrivenSpectrum(m, A) for A in unit * F * modes.driven(m / pace)]
 
 
 @lru_cache(maxsize=64)
@@ -120,7 +123,7 @@ def _site_table(of: UnevenResponse, sites: Sites, by: str) -> Responses:
 
 @lru_cache(maxsize=16)
 def _site_place(of: UnevenResponse, times: bytes, by: str) -> tuple[FloatArray, FloatArray]:
-    """Answers just after impacts, or what a parameter changes, and their slopes along the pace, of
+    """Answers at impacts, or what a parameter changes, and their slopes along the pace, of
     ``h(e t)/e`` at e = 1."""
     at, modes, hits, pace = np.frombuffer(times), _modes(of, by), list(of.hits), of.own[1]
     laps, age = of.since(at[:, None] - at)
@@ -128,15 +131,13 @@ def _site_place(of: UnevenResponse, times: bytes, by: str) -> tuple[FloatArray, 
     moved = recurring[:, None, None] * np.exp(np.multiply.outer(modes.rates, pace * age))
     moved *= modes.values[:, hits, None] * modes.kicks[:, None, hits]
     units = pace ** (_UNITS[by] + np.arange(4.0)[:, None, None]) * np.where(laps % 2, of.sign, 1.0)
-    K, shape = modes.rates.size, (4, *age.shape)
-    rows = modes.orders @ moved.reshape(K, -1), (modes.orders * longer) @ moved.reshape(K, -1)
-    h, grown = (units * part.real.reshape(shape) for part in rows)
+    rows = np.stack([modes.orders, modes.orders * longer]) @ moved.reshape(longer.size, -1)
+    h, grown = units * rows.real.reshape(2, 4, *age.shape)
     if of.sign > 0:
         level = pace ** (_UNITS[by] - 1) / of.length * modes.level[hits][:, hits]
         h[0], grown[0] = h[0] + level, grown[0] - level
-    for order in range(3):
-        grown[order] += (order - 1) * h[order] + age * h[order + 1]
-    return h, grown
+    grown[:3] += _POWERS * h[:3] + age * h[1:]
+    return of.at_itself(h, by), of.at_itself(grown, PACE)
 
 
 @lru_cache(maxsize=64)

@@ -30,7 +30,7 @@ from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import so_far_apart
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_of
-from contbreather.orbits.orbit_problem import OrbitProblemByEquations, ring_label, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.verdict import THRESHOLD
@@ -107,9 +107,6 @@ class AsymmetricEquations:
             return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
-        if name not in self.forcing.params:
-            have = ", ".join(("a", "gamma", "k", *self.forcing.params))
-            raise BadInput(f"unknown parameter {name!r}: this breather has {have}.")
 
         def change(t: float, order: int) -> float:
             return at.a * at.forcing.f_param(name, t, order)
@@ -199,10 +196,9 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         partial(type(orbit.representation).arm, on, orbit.section),
         orbit,
         threshold,
-        residual=equations.residual,
+        equations,
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
-        equations=equations,
         events=(
             pitchfork_of_arms(),
             # where flights become equal the branch turns back as well, but that is its pitchfork
@@ -217,7 +213,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Asymmetric(OrbitProblemByEquations):
+class _Asymmetric(OrbitProblem):
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         p, t1, t2, c = x
         # u(t) -> -u(t + pi): the impacts change places, the offset its sign

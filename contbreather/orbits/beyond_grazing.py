@@ -81,15 +81,13 @@ class GrazingSwitch(SwitchingProblem):
         section = max((orbit.section for orbit in orbits), key=lambda section: section.count)
         sites, (site, wall, _, _) = sorted({c.site for c in self.contacts}), self.contacts[0]
         in_a_row = section.impacts.count((site, wall))
-        if len(sites) == 1 and in_a_row > 1:
+        words = f"site {site} hits a wall"
+        if len(sites) > 1:
+            words = f"sites {', '.join(map(str, sites))} hit a wall"
+        elif in_a_row > 1:
             times = "twice" if in_a_row == 2 else f"{in_a_row} times"
-            told = f"site {site} hits its wall {times} in a row"
-        else:
-            numbers = ", ".join(map(str, sites))
-            told = (
-                f"sites {numbers} hit a wall" if len(sites) > 1 else f"site {numbers} hits a wall"
-            )
-        return told + " no more" * (self.point.kind == "VI")
+            words = f"site {site} hits its wall {times} in a row"
+        return words + " no more" * (self.point.kind == "VI")
 
     def _grown(self, curve: Curve, z: FloatArray, way: FloatArray) -> FloatArray:
         """By how much impulses, or else distances from walls, grow along a curve."""

@@ -41,7 +41,7 @@ from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
 from contbreather.orbits.orbit_events import events_of, from_arms
 from contbreather.orbits.orbit_problem import (
     OnCircle,
-    OrbitProblemByEquations,
+    OrbitProblem,
     momentum,
     of_whole_period,
     read_by,
@@ -93,13 +93,12 @@ class ByImpacts:
     @classmethod
     def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
         """Make the orbit of these unknowns on a curve that set out from certain conditions."""
-        resonant = resonant_of(on, section)
-        equations = impact_equations(section, on.forcing, on.lattice, on.walls, resonant)
+        equations = equations_of(on, section)
         times, impulses, offsets, amplitudes = equations.split(np.asarray(x, dtype=float))
         named = zip(section.impacts, times.tolist(), impulses.tolist(), strict=True)
         impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
-        moving = tuple(amplitudes.tolist())
-        return cls(on.at(params), section, impacts, tuple(offsets.tolist()), resonant, moving)
+        moving = equations.resonant, tuple(amplitudes.tolist())
+        return cls(on.at(params), section, impacts, tuple(offsets.tolist()), *moving)
 
     @classmethod
     def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
@@ -140,9 +139,7 @@ class ByImpacts:
         if on.lattice.sites is not None:
             check_possible(section, on)
         check_order(section, given[0])
-        equations = impact_equations(
-            section, on.forcing, on.lattice, on.walls, resonant_of(on, section)
-        )
+        equations = equations_of(on, section)
         known = np.concatenate([np.asarray(values, dtype=float) for values in given])
         x = np.append(known, np.zeros(equations.size - known.size))
         if x.size > known.size:
@@ -297,7 +294,27 @@ class ByImpacts:
         return DefiningSystem(extra, of.conditions, partial(_circle_slopes, of), **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        return _grazing_site(Orbit(self), site)
+        """A site with its share of the offsets as it is where the curve sets out: on a boundary
+        that runs into gamma = 0 it keeps to what holds for gamma > 0.
+
+        The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other
+        arm begins: the margin of the mirrored maximum vanishes together with the asymmetry, and
+        their ratio does not. So that this end is known by one name, margins are those per
+        asymmetry.
+        """
+        on = self.conditions
+        followed = GrazingSite(site, None if on.spring else self.response.profile(site))
+        if self.section.symmetric:
+            return followed
+        arm = self.section.two_impacts and on.symmetric
+        asymmetry = Orbit(self).asymmetry if arm else 0.0
+        if abs(asymmetry) <= EQUAL:
+            return replace(followed, meets={"PF": ()})
+        side = math.copysign(1.0, asymmetry)
+        pitchfork = codim_two("GR", pitchfork_of_arms())
+        end = replace(pitchfork, test=partial(_towards, side), ends="domain")
+        scale = partial(_while_asymmetric, side)
+        return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
 
     def speed_slope(self, j: int) -> Any:
         return partial(_speed_slope, j)
@@ -315,6 +332,12 @@ def resonant_of(on: Conditions, section: Section) -> Resonant:
     """Modes whose amplitudes are unknowns of orbits under these conditions."""
     held = float(on.gamma), float(on.spring)
     return resonant_modes(on.lattice, section.hit, section.turns, section.sign, *held)
+
+
+def equations_of(on: Conditions, section: Section) -> OrbitEquations:
+    """The equations of orbits under these conditions."""
+    resonant = resonant_of(on, section)
+    return impact_equations(section, on.forcing, on.lattice, on.walls, resonant)
 
 
 # --- as a problem to trace ------------------------------------------------------------------------
@@ -340,15 +363,14 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         motion = ByImpacts.closest(on, section, orbit.times, orbit.impulses)
     equations, endless = motion.equations, on.lattice.sites is None
     params = {"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params}
-    return OrbitProblemByEquations.of(
+    return OrbitProblem.of(
         "orbit with impacts",
         partial(ByImpacts.of, on, section),
         orbit,
         threshold,
-        residual=equations.residual,
+        equations,
         start=equations.named(motion.x),
         params=params if endless else on.params,
-        equations=equations,
         events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
@@ -397,29 +419,6 @@ read_by(
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
-
-
-def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
-    """A site with its share of the offsets as it is where the curve sets out: on a boundary that
-    runs into gamma = 0 it keeps to what holds for gamma > 0.
-
-    The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
-    begins: the margin of the mirrored maximum vanishes together with the asymmetry, and their ratio
-    does not. So that this end is known by one name, margins are those per asymmetry.
-    """
-    share = None if orbit.spring else orbit.representation.response.profile(site)
-    followed = GrazingSite(site, share)
-    if orbit.section.symmetric:
-        return followed
-    arm = orbit.section.two_impacts and orbit.conditions.symmetric
-    asymmetry = orbit.asymmetry if arm else 0.0
-    if abs(asymmetry) <= EQUAL:
-        return replace(followed, meets={"PF": ()})
-    side = math.copysign(1.0, asymmetry)
-    pitchfork = codim_two("GR", pitchfork_of_arms())
-    end = replace(pitchfork, test=partial(_towards, side), ends="domain")
-    scale = partial(_while_asymmetric, side)
-    return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
 
 
 def _towards(side: float, point: Point) -> float:

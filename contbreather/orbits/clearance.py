@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import kind_of, whole
+from contbreather.checks import flag, kind_of, whole
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
@@ -102,6 +102,16 @@ class Inadmissible(NoSolution):
         if orbit is not None:
             margins = orbit.admissibility()
             self.site, self.time = margins.site, margins.time
+
+
+def check_admissible(orbit: Any, inadmissible: bool, what: str = "") -> None:
+    """`Inadmissible` where a site is behind a wall between impacts, unless that is asked for."""
+    if not flag("inadmissible", inadmissible) and orbit.admissibility().margin < -LIMIT:
+        raise Inadmissible(
+            f"{what}{orbit.admissibility().reason} What solves the equations is returned with "
+            "inadmissible=True.",
+            orbit=orbit,
+        )
 
 
 class Clearance(NamedTuple):

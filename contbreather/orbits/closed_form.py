@@ -150,12 +150,7 @@ class ClosedForm:
 
         Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
         """
-        return "upper" if self.determinant >= 0.0 else "lower"
-
-    @property
-    def determinant(self) -> float:
-        """Determinant of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
-        return float(fold_scalar(terms_at(self, "chi")))
+        return "upper" if fold_scalar(terms_at(self, "chi")) >= 0.0 else "lower"
 
     @property
     def accelerations(self) -> FloatArray:
@@ -364,7 +359,7 @@ def symmetric_roots(
     """
     held = {"k": k, "damping": damping, "spring": 0.0 if spring is None else spring}
     lattice, held = per_site(lattice, held)
-    k, damping, stiff = held["k"], held["damping"], real(held["spring"])
+    k, damping, stiff = held["k"], held["damping"], parameter("spring", held["spring"])
     drive = forcing_of(forcing)
     check_symmetric(drive)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None

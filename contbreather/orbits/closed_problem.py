@@ -34,11 +34,9 @@ from contbreather.orbits.closure import (
     ClosureTerms,
     closure_derivative,
     closure_equations,
-    crests,
     fold_derivative,
     fold_scalar,
     forcing_at,
-    level_crossing,
     pitchfork_derivative,
     pitchfork_scalar,
     reduced,
@@ -100,11 +98,6 @@ class Closure:
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: UniformLattice = field(default_factory=InfiniteChain)
 
-    @property
-    def params(self) -> tuple[str, ...]:
-        """The names this closure can be continued in."""
-        return ("a", "gamma", "k", *self.forcing.params)
-
     def residual(self, x: Array, params: Mapping[str, float]) -> Array:
         """The two equations, shape (2,)."""
         return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
@@ -117,12 +110,12 @@ class Closure:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
         return self.derivatives(x, params, (name,))[:, 2]
 
+    def along(self, x: Array, params: Mapping[str, float], way: Mapping[str, float]) -> Array:
+        """Derivatives along a direction of the parameters, rates by name."""
+        return self.derivatives(x, params, tuple(way))[:, 2:] @ [*way.values()]
+
     def derivatives(self, x: Array, params: Mapping[str, float], names: tuple[str, ...]) -> Array:
         """Derivatives in both and in parameters, beside each other."""
-        if unknown := [name for name in names if name not in self.params]:
-            raise BadInput(
-                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
-            )
         at = self._at(x, params)
         t, columns = terms_at(at, "chi"), ("p", "phi", *names)
         slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
@@ -140,11 +133,11 @@ class Closure:
     ) -> Iterator[tuple[float, float]]:
         """Intervals of phases on which a falls to a fold, from the largest a or a fold on."""
         series, q = self._without_momentum(params)
-        extrema, level = crests(series), q / largest
+        extrema, level = series.extrema(), q / largest
         for start, end in pairwise([extrema[-1] - 2.0 * math.pi, *extrema]):
             if series.at(end, 0) > max(level, series.at(start, 0)):
                 rises = series.at(start, 0) < level
-                yield (level_crossing(series, level, start, end) if rises else start), end
+                yield (series.crossing(level, start, end) if rises else start), end
 
     def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
         """``chi f' + q f`` and q."""
@@ -189,14 +182,13 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         partial(type(motion).of, forcing, lattice),
         breather,
         threshold,
-        residual=closure.residual,
+        closure,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
         events=(saddle_node(), *events_of(motion.section, on, threshold)),
         record={"unstable": unstable_by(threshold), **of_arms},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
-        closure=closure,
     )
 
 
@@ -204,15 +196,14 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
 class SymmetricProblem(OrbitProblem):
     """The closure (11) as a problem."""
 
-    closure: Closure = field(kw_only=True)
-
     @property
     def serialised(self) -> Mapping[str, Any]:
-        form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
+        form = {"forcing": self.equations.forcing, "lattice": self.equations.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
     def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
-        return self.closure.derivatives(x, params, free)
+        slopes: Array = self.equations.derivatives(x, params, free)
+        return slopes
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)
@@ -222,7 +213,7 @@ class SymmetricProblem(OrbitProblem):
         self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0, held: bool = False
     ) -> Any:
         """None for other lattices than chain and ring; `held`: springs, too."""
-        on, forcing = self.closure.lattice, self.closure.forcing
+        on, forcing = self.equations.lattice, self.equations.forcing
         sprung = isinstance(forcing, SpringResponse)
         if type(on) not in (InfiniteChain, Ring) or (sprung and not held):
             return None
@@ -237,7 +228,7 @@ class SymmetricProblem(OrbitProblem):
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
-        if self.closure.lattice.sites is not None or "spring" not in names or "omega" in names:
+        if self.equations.lattice.sites is not None or "spring" not in names or "omega" in names:
             return super().with_parameters(names)
         orbit = orbit_at(self)
         # a spring of 0 changes no response, but it is one of its parameters
@@ -364,7 +355,7 @@ def contact_walker(
     distance: int, wall: float, problem: Any, free: tuple[str, ...], params: Mapping[str, float]
 ) -> Any:
     """On the infinite chain alone."""
-    lattice, data = problem.closure.lattice, problem.kernel_data(free, params, extra=1)
+    lattice, data = problem.equations.lattice, problem.kernel_data(free, params, extra=1)
     if data is None or lattice.sites is not None:
         return None
     # the coefficients of a response as polynomials in 4 gamma

@@ -170,7 +170,7 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> 
         # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]
     series = reduced(forcing, chi, q)
-    heights = [series.at(phi, 0) for phi in crests(series)]
+    heights = [series.at(phi, 0) for phi in series.extrema()]
     return [q / height for height in heights if height > 0.0]
 
 
@@ -202,7 +202,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     without p, ``a (chi f' + q f) = q``, or none.
     """
     series = reduced(forcing, chi, q)
-    extrema = crests(series)
+    extrema = series.extrema()
     heights = [a * series.at(phi, 0) - q for phi in extrema]
     phases: list[float] = []
     touching = False
@@ -219,7 +219,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     for i, left in enumerate(extrema):
         right = extrema[i + 1] if i + 1 < len(extrema) else extrema[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(extrema)] < 0.0:
-            phases.append(level_crossing(series, q / a, left, right))
+            phases.append(series.crossing(q / a, left, right))
     solutions = []
     for phi in phases:
         p = (1.0 - a * forcing.f(phi)) / chi
@@ -228,76 +228,8 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     return solutions
 
 
-def level_crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
-    """Root of a series minus a level, between two of its neighbouring extrema."""
-    rises = series.at(right, 0) > series.at(left, 0)
-    # by bisection, as scipy.optimize is dear to import
-    while right - left > 1e-14 * (1.0 + abs(right)):
-        x = 0.5 * (left + right)
-        left, right = (left, x) if (series.at(x, 0) > level) == rises else (x, right)
-    # and one Newton step; next to a double root it would go astray
-    height, steepness, curvature, third = series.motion(right)
-    step = (height - level) / steepness if steepness else 0.0
-    if abs(step) < 1e-9:
-        return right - step
-    # a root of third order is known to EPS^(1/3) by the level, to EPS by its inflection
-    flat = right - curvature / third if third else right
-    solves = abs(series.at(flat, 0) - level) <= 4.0 * EPS * (1.0 + abs(level))
-    return flat if solves and abs(flat - right) < EPS**0.25 else right
-
-
 def reduced(forcing: Forcing, chi: float, q: float) -> TrigonometricSeries:
     """``chi f' + q f``."""
     return TrigonometricSeries(
         tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
     )
-
-
-def crests(series: TrigonometricSeries) -> list[float]:
-    """Extrema in [-pi, pi), by the companion matrix of the slope.
-
-    Roots off the unit circle give spurious angles; as points between which to look they do
-    no harm, so none is thrown away and no tolerance decides.
-    """
-    slope = {m: (m * s, -m * c) for m, c, s in series.harmonics}
-    largest = max(math.hypot(c, s) for c, s in slope.values())
-    # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
-    orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
-    # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
-    if max(orders) > 64:
-        # times next to which the slope is or comes near to zero
-        size, terms = 32 * max(slope), tuple((m, c, s) for m, (c, s) in slope.items())
-        values = TrigonometricSeries(terms).on_grid(size)
-        small = np.abs(values)
-        low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
-        start = 2.0 * math.pi * np.flatnonzero(low | (values * np.roll(values, -1) <= 0.0)) / size
-    else:
-        # odd harmonics only: with Z = z^2 the matrix has half the size
-        top = max(orders)
-        poly = np.zeros(top + 1, dtype=complex)
-        for m in orders:
-            # c cos + s sin = Re (c - i s) z^m, z = exp(i phi); times z^top a polynomial in z^2
-            c, s = slope[m]
-            poly[(top - m) // 2] += 0.5 * complex(c, -s)
-            poly[(top + m) // 2] += 0.5 * complex(c, s)
-        half = 0.5 * np.angle(np.roots(poly))
-        start = np.concatenate([half, half + math.pi])
-    extrema = [_settled(phi, series) for phi in start.tolist()]
-    distinct: list[float] = []
-    for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in extrema):
-        if not distinct or phi - distinct[-1] > 1e-9:
-            distinct.append(phi)
-    return distinct
-
-
-def _settled(phi: float, series: TrigonometricSeries) -> float:
-    """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
-    x = phi
-    for _ in range(8):
-        _, slope, curvature, _ = series.motion(x)
-        if curvature == 0.0:
-            break
-        x -= slope / curvature
-        if abs(slope) < 1e-15 * abs(curvature):
-            break
-    return x if abs(x - phi) < 1.0 else phi

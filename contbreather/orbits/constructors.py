@@ -4,13 +4,15 @@ shot from impact to impact, from whatever is known of them."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from contbreather.checks import flag, kind_of, number, one_of, real
+from contbreather.checks import flag, kind_of, number, one_of, real, state_rows
+from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.walk.trace import trace
@@ -22,20 +24,25 @@ from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Drive
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
-from contbreather.orbits.branch_switching import OrbitSwitching, lift
-from contbreather.orbits.by_impacts import impact_problem
-from contbreather.orbits.clearance import LIMIT, Inadmissible
+from contbreather.orbits.by_impacts import ByImpacts, impact_problem
+from contbreather.orbits.clearance import check_admissible
 from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
-from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
-from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
-from contbreather.orbits.section import Section, checked_impacts
+from contbreather.orbits.section import (
+    Impact,
+    ImpossibleSequence,
+    Section,
+    Sequenced,
+    checked_impacts,
+)
 from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
 LONGEST = 10_000  # periods of the forcing that a seed is followed over
+MOST = 200  # impacts in one section
+TOGETHER = 8  # digits to which the times of impacts are compared
 
 
 @partial_result()
@@ -84,29 +91,23 @@ def asymmetric(
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, omega=omega, root=1)
     a, gamma, k = start.a, start.gamma, start.k
     reach = {"a": (0.05 * a, 20.0 * a)}
-    walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
-    branch = walked(start, events=[pitchfork()], within=reach)
+    # with walls lifted, there and on the arms: the end is judged below
+    branch = trace(
+        start, "a", within=reach, events=[pitchfork()], inadmissible=True, progress=False
+    )
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
         # (t2 - t1 - pi)^2 = coefficient (a - a_PF) to leading order: its sign has the side of the
         # arms
-        coefficient = pitchfork_form(point.solution).coefficient / start.omega**2
-        up = coefficient > 0.0
+        up = point.detail.get("coefficient", a - point["a"]) > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:
             continue
         window = {"a": (point["a"], a) if up else (a, point["a"])}
-        lifted = lift(point)
-        seed = started_on_arm(lifted, arm * 2e-3)  # asymmetry of a start beside a pitchfork
-        if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
-            # between the pitchfork and the usual start: set out on the parabola, at this a
-            seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * coefficient))
-            return _solved(seed.at(a=a), inadmissible)
-        side = "up" if up else "down"
-        last = walked(seed, events=(), within=window, towards=side)[-1]
-        # the edge of the window is met to rounding, whatever else ends the branch comes before
-        if abs(last["a"] - a) <= 1e-12 * a:
-            return _solved(last.problem.at(a=a), inadmissible)
+        for last in (one[-1] for one in switch(point, within=window, events=(), progress=False)):
+            # the edge of the window is met to rounding, whatever else ends the branch comes before
+            if arm * last.solution.asymmetry > 0.0 and abs(last["a"] - a) <= 1e-12 * a:
+                return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
     raise NoSolution(
         f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}) "
@@ -114,25 +115,10 @@ def asymmetric(
     )
 
 
-def started_on_arm(lifted: OrbitSwitching, asymmetry: float) -> Problem:
-    """The problem started on the arm where t2 - t1 - pi is about as given, small."""
-    # along the null vector t2 - t1 changes by the difference of its entries
-    slots = lifted.problem.slots
-    return lifted.arm(
-        asymmetry / float(lifted.direction[slots["t2"]] - lifted.direction[slots["t1"]])
-    )
-
-
 def _solved(problem: Problem, inadmissible: bool) -> Orbit:
-    solved, _ = problem.solve(tolerance=1e-11)
-    orbit = orbit_at(solved)
-    verdict = orbit.admissibility()
-    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
-        raise Inadmissible(
-            f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
-            f"{verdict.reason} With inadmissible=True it is returned nevertheless.",
-            orbit=orbit,
-        )
+    orbit = orbit_at(problem.solve(tolerance=1e-11)[0])
+    at = f"a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k})"
+    check_admissible(orbit, inadmissible, f"no asymmetric breather at {at}: ")
     return orbit
 
 
@@ -238,12 +224,7 @@ def shooting(
     orbit = orbit_at(solved)
     # the equations hold, too, with impacts out of order, or from outside of a wall
     in_order(orbit, convergence.iterations)
-    verdict = orbit.admissibility()
-    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
-        raise Inadmissible(
-            f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
-            orbit=orbit,
-        )
+    check_admissible(orbit, inadmissible)
     return solved
 
 
@@ -282,40 +263,40 @@ def _guess(
         seed = orbit_at(seed)
     if isinstance(seed, Point):
         seed = seed.solution
+    guess: Callable[[Conditions], ByImpacts]
     if isinstance(seed, Orbit):
-        if lattice is None and seed.lattice.sites is None:
+        lattice = lattice or seed.lattice
+        if lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
-        on = _conditions(overrides, lattice or seed.lattice, seed)
-        with in_time_of_drive(on) as scaled:
-            return Orbit(from_orbit(seed, scaled, sequence, sign), on.omega, on.params)
-    if isinstance(seed, Mapping):
+        guess = partial(from_orbit, seed, sequence, sign)
+    elif isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
-        on = _conditions(overrides, lattice)
-        with in_time_of_drive(on) as scaled:
-            return Orbit(from_times(scaled, section, seed), on.omega, on.params)
-    listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
-    if isinstance(seed, str) or not listed or len(seed) != 2:
-        raise BadInput(
-            f"a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact times; "
-            f"got {kind_of(seed)}."
-        )
-    size = np.size(seed[0])
-    if lattice is not None and lattice.sites != size:
-        raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
-    on = _conditions(overrides, lattice or Ring(size))
+        guess = partial(from_times, seed, section)
+    else:
+        listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
+        if isinstance(seed, str) or not listed or len(seed) != 2:
+            raise BadInput(
+                "a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact "
+                f"times; got {kind_of(seed)}."
+            )
+        size = np.size(seed[0])
+        if lattice is not None and lattice.sites != size:
+            raise BadInput(
+                f"the state has {size} sites, but sites = {lattice.sites} was asked for."
+            )
+        lattice = lattice or Ring(size)
+        guess = partial(from_state, tuple(seed), t, sequence, turns, sign or 1)
+    on = _conditions(overrides, lattice, seed)
     with in_time_of_drive(on) as scaled:
-        flight = from_state(scaled, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
-        return Orbit(flight, on.omega, on.params)
+        return Orbit(guess(scaled), on.omega, on.params)
 
 
-def _conditions(
-    overrides: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None
-) -> Conditions:
+def _conditions(overrides: Mapping[str, Any], lattice: Finite, seed: Any) -> Conditions:
     values: dict[str, Any] = {
-        name: getattr(seed, name, None) if value is None else value
+        name: getattr(seed, name, None) if value is None and isinstance(seed, Orbit) else value
         for name, value in overrides.items()
     }
     missing = [name for name in NEEDED if values[name] is None]
@@ -324,3 +305,126 @@ def _conditions(
     params = {name: values[name] for name in NAMES if values[name] is not None}
     walls, drive = Walls.given(values["walls"]), forcing_of(values["forcing"])
     return Conditions(**params, forcing=drive, walls=walls, lattice=lattice).checked()
+
+
+# --- first guesses at impacts ---------------------------------------------------------------------
+
+# A seed is an orbit, a state, or impact times alone. A state is simulated over a section; where
+# only times are known, impulses and offsets are those that suit them best, a linear problem.
+
+
+def from_state(
+    state: Any, time: float, sequence: Sequence[Any] | None, turns: int, sign: int, on: Conditions
+) -> ByImpacts:
+    """A state of the lattice, simulated over one section: its impacts in order."""
+    # dear to import
+    from contbreather.simulation.integrator import RunStop
+    from contbreather.simulation.simulate import completed, let_go
+    from contbreather.simulation.states import PERIOD, State, wall_rows
+
+    u, v = state_rows(state)
+    low, high = wall_rows(on.walls, u.size)
+    beyond = np.maximum(u - high, low - u)
+    n = int(beyond.argmax())
+    if beyond[n] > 1e-6:  # a seed may be beyond a wall by this much
+        raise BadInput(
+            f"u[{n}] = {u[n]:.9g} of the seed is outside the walls at {low[n]:g} and {high[n]:g}."
+        )
+    T = math.pi * turns * (1.0 if sign < 0 else 2.0)
+    start, length = State(np.clip(u, low, high), v), T / PERIOD
+    run = completed(let_go(start, on, periods=length, t0=time, progress=False))
+    impacts: list[Impact] = []
+    for hit in run.impacts[: MOST + 1]:
+        impulse = float(hit["after"] - hit["before"])
+        contact = Impact(int(hit["site"]), int(hit["wall"]), float(hit["time"]), impulse)
+        # a section that begins at an impact ends at it, too
+        late = [contact.time - e.time - T for e in impacts if e.site == contact.site]
+        if not any(abs(apart) < 10.0**-TOGETHER for apart in late):
+            impacts.append(contact)
+    words = " ".join(f"({hit.site}, {hit.wall:+d}) at t = {hit.time:.6g}" for hit in impacts[:12])
+    if not impacts or len(impacts) > MOST or run.stop is not RunStop.DONE:
+        raise BadInput(
+            f"the seed meets {'no wall' if not impacts else 'walls too often'} within a section of "
+            f"length {T:.6g} from t = {time:.6g}: {words or 'it flies free'}; give another seed, "
+            "or its impact times by hand."
+        )
+    impacts.sort(key=lambda hit: (round(hit.time, TOGETHER), hit.site))
+    # three sections hold every start there is: it goes on as it was, or turned over
+    m, walls = len(impacts), tuple((hit.site, hit.wall) for hit in impacts)
+    course = Section(walls, turns, sign).course(impacts, 3)
+    first = _start(course, sequence, on.lattice, words)
+    chosen = course[first : first + m]
+    section = Section(tuple((c.site, c.wall) for c in chosen), turns, sign)
+    times = np.array([hit.time for hit in chosen])
+    # the first impact within half a period of 0
+    times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
+    return ByImpacts.closest(on, section, times, [hit.impulse for hit in chosen])
+
+
+def _beginning(course: Sequence[Impact], wanted: Sequenced) -> int | None:
+    """Which of the impacts of three sections comes first in a sequence of one."""
+    m, impacts = len(course) // 3, tuple(impact[:2] for impact in course)
+    return next((i for i in range(2 * m) if impacts[i : i + m] == wanted), None)
+
+
+def _start(
+    course: Sequence[Impact], sequence: Sequence[Any] | None, lattice: Finite, words: str
+) -> int:
+    if sequence is None:  # the first on the wall at +1, by choice
+        return next((i for i, impact in enumerate(course) if impact.wall > 0), 0)
+    wanted = Section(checked_impacts(sequence)).placed(lattice).impacts
+    if (first := _beginning(course, wanted)) is not None:
+        return first
+    m = len(course) // 3
+    raise ImpossibleSequence(
+        f"the seed does not hit its walls in the order {wanted}: followed over one section it "
+        f"meets {words}; give that sequence, another seed, or the impact times by hand.",
+        sequence=wanted,
+        met=tuple((impact.site, impact.wall) for impact in course[:m]),
+    )
+
+
+def from_times(times: Mapping[str, float], section: Section, on: Conditions) -> ByImpacts:
+    """Guess from impact times alone, ``{"t1": ..., "t2": ...}``."""
+    names = [f"t{j + 1}" for j in range(section.count)]
+    unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
+    if unknown or missing:
+        raise BadInput(
+            f"a seed by hand has one time for each impact, {names}: "
+            f"missing {missing}, not known {unknown}."
+        )
+    wanted = "a time of impact"
+    t = [number(name, times[name], -math.inf, math.inf, wanted) for name in names]
+    return ByImpacts.closest(on, section, t)
+
+
+def from_orbit(
+    orbit: Orbit, sequence: Sequence[Any] | None, sign: int | None, on: Conditions
+) -> ByImpacts:
+    """Put an orbit under conditions of a finite lattice, opened up or by its half if asked for."""
+    if sign == -1 and not orbit.symmetric:
+        raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
+    if sign == 1:
+        orbit = orbit.unfolded()
+    if sequence is not None:
+        return _otherwise(orbit, on, sequence)
+    section = orbit.section.on(on.lattice)
+    return ByImpacts.closest(on, section, orbit.times, orbit.impulses)
+
+
+def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ByImpacts:
+    """Begin a seed with another impact; or put the same times at other sites."""
+    section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
+    m = orbit.section.count
+    if section.count != m:
+        raise BadInput(
+            f"the seed has {m} impacts in a section, the sequence {section.impacts} "
+            f"{section.count}: give impact times by hand."
+        )
+    former = orbit.section.placed(on.lattice)
+    impacts = [
+        Impact(*hit, *impact[2:]) for hit, impact in zip(former.impacts, orbit.impacts, strict=True)
+    ]
+    course = former.course(impacts, 3)
+    first = _beginning(course, section.impacts) or 0
+    return ByImpacts.closest(on, section, [impact.time for impact in course[first : first + m]])

@@ -51,6 +51,8 @@ class ImpactSequence:
     offsets: tuple[float, ...] = _of("representation.offsets")
     accelerations: FloatArray = _of("representation.accelerations")  # before each impact
     residual: float = _of("representation.error")  # rounding, unless it was put together by hand
+    motion: Any = _of("representation.motion")  # of the sites
+    map: Any = _of("representation.map")  # of small perturbations over a section
     c: float = _of("representation.c")  # by how much the lattice as a whole sits off centre
     a: float = _of("conditions.a")
     gamma: float = _of("conditions.gamma")

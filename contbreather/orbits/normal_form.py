@@ -34,7 +34,7 @@ from contbreather.continuation.algebra.newton import OUT_OF_DOMAIN, Undefined
 from contbreather.continuation.branches.switching import leaving
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
-from contbreather.continuation.systems.normal_forms import solve
+from contbreather.continuation.systems.normal_forms import Forms, solve
 from contbreather.errors import BadInput
 from contbreather.orbits.branch_switching import changes_order, tangent_in
 from contbreather.orbits.orbit import Orbit
@@ -43,13 +43,6 @@ from contbreather.tables import Cell, HtmlRepr, Sheet
 FloatArray = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
-# of the asymmetry: rounding is 1e-10 of a third derivative
-_STEPS = [2e-3 * 0.7**i for i in range(12)]
-_AGREED = 3e-5  # of that by three places: by five it is then good to 1e-9
-# differences of second order by five places and by three, the value in the middle being zero, and
-# of first order by five
-_SECOND = np.array([[16.0, -1.0], [12.0, 0.0]]) / 12.0
-_FIRST = np.array([8.0, -1.0]) / 12.0
 
 
 @dataclass(frozen=True)
@@ -125,9 +118,7 @@ def bends(point: Point) -> Mapping[str, Any]:
         form = _form(point)
     except OUT_OF_DOMAIN as error:
         return {"criticality": f"unknown: {error}"}
-    return {
-        "criticality": form.criticality, "coefficient": form.coefficient, "power": form.power
-    }  # fmt: skip
+    return {name: getattr(form, name) for name in ("criticality", "coefficient", "power")}
 
 
 def _form(point: Point) -> PitchforkForm:
@@ -162,7 +153,9 @@ def _slope(curve: Curve, point: Point, v: FloatArray) -> float:
 
 def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     n = v.size
-    change, cubic = _turned(curve, matrix, v, w)
+    change = curve.along(curve.start, v)
+    # a third derivative is a second difference of Jacobians, which are exact
+    _, bent = Forms(Point(curve, curve.start)).jet(v)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     # G_x       w  G_a        h             -G_xx v v/2
     # v         0  0        ( 0         ) = 0
@@ -171,34 +164,11 @@ def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -
     whole[n, :n] = v  # h has no share of v
     row = w @ change
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
-    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
+    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -(w @ bent @ v) / 6.0
     curvature = float(solve(whole, right)[-1])  # h and, last, the parameter per s^2
     if abs(curvature) > 1e9:  # a curvature beyond it is rounding over rounding
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return curvature
-
-
-def _turned(
-    curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray
-) -> tuple[FloatArray, float]:
-    """The derivative of the Jacobian along v, and ``w G_xxx v v v``, by a step that suits them.
-
-    Of Jacobians, which are exact, a third derivative is a second difference: of the equations it
-    would be a third one, and all rounding for steps as short as impacts close together ask for.
-    """
-    best: tuple[float, FloatArray, float] = math.inf, np.zeros_like(matrix), math.nan
-    for step in _STEPS:
-        ahead, behind = (
-            np.array([curve.jacobian(curve.start + i * step * np.append(v, 0.0)) for i in places])
-            for places in ((1, 2), (-1, -2))
-        )
-        fine, rough = _SECOND @ (w @ (ahead + behind)[:, :, :-1] @ v) / step**2
-        if abs(fine - rough) < best[0]:
-            change = np.tensordot(_FIRST / step, ahead - behind, 1)
-            best = abs(fine - rough), change, float(fine)
-        if best[0] < _AGREED * abs(best[2]):
-            break
-    return best[1:]
 
 
 def _loss(point: Point) -> int:

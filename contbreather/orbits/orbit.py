@@ -25,7 +25,6 @@ from contbreather.lattice.finite import finite, whole_sites
 from contbreather.orbits.clearance import Admissibility, clearance
 from contbreather.orbits.impact_sequence import ImpactSequence
 from contbreather.orbits.section import Section, check_order
-from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
 from contbreather.tables import HtmlRepr, Sheet
 
@@ -201,16 +200,6 @@ class Orbit(ImpactSequence, HtmlRepr):
     def _clearance(self) -> Admissibility:
         """Asked where a root is chosen, and by whoever has it."""
         return clearance(self.motion)
-
-    @property
-    def motion(self) -> SiteMotion:
-        """Motion of the sites."""
-        return self.representation.motion
-
-    @property
-    def map(self) -> Any:
-        """Map of small perturbations over a section."""
-        return self.representation.map
 
     def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
         """Is it stable? The verdict names the lattice it is about.
@@ -437,26 +426,22 @@ def _settled(problem: Problem) -> Orbit:
 
 def in_order(orbit: Orbit, iterations: int | None = None) -> None:
     """`NotConverged` where impacts are out of order, or come to a wall from outside."""
-
-    def refuse(why: str) -> NotConverged:
-        return NotConverged(
+    try:
+        check_order(orbit.section, orbit.times)
+        for impact, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
+            if velocity * impact.wall <= 0.0:  # from inside they have the same sign
+                raise BadInput(
+                    f"at t = {impact.time:.9g} site {impact.site} comes to its wall from outside, "
+                    f"with the velocity {velocity * impact.wall:.6g}."
+                )
+    except BadInput as error:
+        raise NotConverged(
             f"Newton's iteration ends at impact times {orbit.times.round(9).tolist()}, which is no "
-            f"orbit of {orbit.describe()}: {why} Start closer to it.",
+            f"orbit of {orbit.describe()}: {error} Start closer to it.",
             residual=orbit.residual,
             iterations=iterations,
             last=orbit,
-        )
-
-    try:
-        check_order(orbit.section, orbit.times)
-    except BadInput as error:
-        raise refuse(str(error)) from error
-    for impact, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
-        if velocity * impact.wall <= 0.0:  # from inside they have the same sign
-            raise refuse(
-                f"at t = {impact.time:.9g} site {impact.site} comes to its wall from outside, with "
-                f"the velocity {velocity * impact.wall:.6g}."
-            )
+        ) from error
 
 
 def orbit_at(problem: Problem) -> Orbit:

@@ -296,8 +296,7 @@ def _pair_leaves(threshold: float, every: bool, form: Mapping[str, Any], problem
     map, lattice = orbit.map, orbit.lattice
     if every and type(map) is not ModalMap:
         raise BadInput(
-            "every=True counts the multipliers of exact modes, on the orbit's own lattice: "
-            "leave it out, or give the breather of a ring spring=0.0"
+            "every=True counts the multipliers of exact modes, as with damping: leave it out"
         )
     if lattice.sites is None:
         raise BadInput(

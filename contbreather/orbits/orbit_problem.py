@@ -53,20 +53,25 @@ class OrbitProblem(Problem):
     conditions: Conditions = field(kw_only=True)  # of the orbit it was made for
     section: Section = field(kw_only=True)
     threshold: float = field(kw_only=True)  # of its events, on finite lattices
+    equations: Any = field(kw_only=True)  # which know their derivatives in the parameters, too
     tested: ClassVar[bool] = True
     shown: ClassVar[tuple[str, ...]] = ("p",)
     parting: ClassVar[tuple[str, ...]] = ("asymmetry", "t1")
 
     @classmethod
-    def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
+    def of(
+        cls, kind: str, at: At, orbit: Orbit, threshold: float, equations: Any, **more: Any
+    ) -> Problem:
         """The problem of an orbit with these equations, events and columns."""
         return cls(
+            residual=equations.residual,
             kind=kind,
             motion_at=at,
             conditions=orbit.conditions,
             section=orbit.section,
             threshold=threshold,
-            **equations,
+            equations=equations,
+            **more,
         )
 
     @property
@@ -79,15 +84,13 @@ class OrbitProblem(Problem):
 
     def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
         """Derivatives in the unknowns, and along directions of the parameters: rates by name."""
-        names = tuple({name: None for way in rates for name in way})
-        whole = self.derivatives(x, params, names)
-        chain = [[way.get(name, 0.0) for way in rates] for name in names]
-        slopes = whole[:, x.size :] @ np.reshape(chain, (len(names), len(rates)))
-        return np.hstack([whole[:, : x.size], slopes])
+        of = self.equations
+        columns = [of.along(x, params, way) for way in rates]
+        return np.column_stack([of.jacobian(x, params), *columns])
 
     def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
         """Derivatives in the unknowns and in parameters, side by side."""
-        raise NotImplementedError
+        return self.along(x, params, [{name: 1.0} for name in free])
 
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
@@ -121,6 +124,7 @@ class OrbitProblem(Problem):
             domain={**domain, "omega": NUMBERS["omega"].domain}, scales=self.scales, ties=ties,
             kind="orbit at a frequency", motion_at=self.motion_at, section=self.section,
             conditions=self.conditions.at_frequency(omega, **params), threshold=self.threshold,
+            equations=self.equations,
         )  # fmt: skip
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
@@ -143,21 +147,6 @@ class OrbitProblem(Problem):
             "only where, in equal flights, one site hits its walls in turn; take a finite "
             "lattice, a ring of 100 sites for instance."
         )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class OrbitProblemByEquations(OrbitProblem):
-    """By equations that know their derivatives in the parameters, too."""
-
-    equations: Any = field(kw_only=True)
-
-    def along(self, x: FloatArray, params: Params, rates: Sequence[Params]) -> FloatArray:
-        of = self.equations
-        columns = [of.along(x, params, way) for way in rates]
-        return np.column_stack([of.jacobian(x, params), *columns])
-
-    def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
-        return self.along(x, params, [{name: 1.0} for name in free])
 
 
 def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
@@ -224,10 +213,6 @@ class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
     @property
     def walker(self) -> Any:  # type: ignore[override]
         return self.base.walker
-
-    @property
-    def closure(self) -> Any:
-        return getattr(self.base, "closure", None)
 
     def kernel_data(self, *given: Any, **more: Any) -> Any:
         """Data of kernels, which know of omega."""

@@ -36,7 +36,6 @@ FINE = 64  # points to half a period of the forcing, sixteen to that of its high
 NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
 USUAL = (-1.0, 1.0)
 NO_WALLS = (-math.inf, math.inf)
-NEARLY = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
 OFFSET, LOW, HIGH, BACK = range(4)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
@@ -275,13 +274,18 @@ class SiteMotion:
             return self._of((*self.hit, *idle)), idle
         candidates, size = np.array(idle, dtype=int), points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = self._paths(times, candidates)[0].T
+        profiles, speeds, curvatures = self._paths(times, candidates).swapaxes(1, 2)
         low, high = np.array([self.walls(n) for n in idle]).T[:, :, None]
-        gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
+        gaps = np.minimum(high - profiles, profiles - low)
+        # between two places of the grid a site comes closer by no more than Taylor's first terms
+        half = self.length / size / 2.0
+        most = abs(curvatures).max(axis=1, keepdims=True)
+        lowest = (gaps - half * (abs(speeds) + half / 2.0 * most)).min(axis=1)
+        gaps = gaps.min(axis=1)
         if touching is not None and touching in candidates:
             image = profiles[candidates == touching]
             gaps[abs(profiles - image).max(axis=1) <= IMAGE] = math.inf
-        wanted = gaps <= gaps.min() + NEARLY * max(abs(gaps.min()), NEARLY)
+        wanted = lowest <= gaps.min()
         # far away sites move alike: of those the first
         wanted &= np.isin(
             np.arange(candidates.size), np.unique(gaps.round(12), return_index=True)[1]

@@ -12,17 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.columns import Columns, stacked
-from contbreather.continuation.curve.branch import Branch
+from contbreather.continuation.branches.switching import NothingToSwitch, switch
+from contbreather.continuation.curve.branch import Branch, Stop
 from contbreather.continuation.curve.point import CodimensionTwo, Point
 from contbreather.continuation.curve.settings import windows
-from contbreather.errors import BadInput, NoSolution
+from contbreather.continuation.walk.trace import trace
+from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.response import Resonance
 from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
-from contbreather.orbits.zone_beyond import beyond_grazing
 from contbreather.parameters import NEEDED, window_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.serialise import serialised
@@ -267,6 +268,40 @@ def _roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
 def phases_on(curve: Branch) -> Array:
     """phi of the breathers on a curve: by exact modes it is the time of the first impact."""
     return curve["phi" if "phi" in curve.names else "t1"]
+
+
+def beyond_grazing(breather: Orbit, threshold: float) -> str:
+    """Say which orbit is there in place of a breather that passes walls, and whether it is stable:
+    the one `switch` leads to from the GR at a smaller amplitude, and from the next ones on the way.
+    Empty where there is no such GR.
+    """
+    a, window = breather.a, {"a": (0.0, breather.a)}
+    problem = breather.problem_beyond(threshold)
+    # with its walls lifted, to where it is one
+    down = trace(
+        problem, "a", towards="down", within=window, events=(), inadmissible=True, progress=False
+    )
+    inside = next((point for point in down if point["margin"] > 0.0), None)
+    if inside is None:
+        return ""
+    branch = trace(inside.solution, "a", towards="up", within=window, events=(), progress=False)
+    try:
+        while branch[-1].kind == "GR":
+            (branch,) = switch(branch[-1], within=window, events=(), progress=False)
+            orbit: Orbit = branch[-1].solution
+            sites, hits = orbit.section.hit, len(orbit.hits) // orbit.section.turns
+            words = f"{len(sites)} sites impact"
+            if len(sites) == 1:
+                words = f"site {sites[0]} impacts {hits} times a period"
+            if branch.stop is Stop.BOUND and orbit.a == a:
+                return f"{words}: {'un' * (orbit.map.unstable(threshold) > 0)}stable"
+            if branch[-1].kind != "GR":
+                return f"{words}, nearer to GR only"
+    except NothingToSwitch as error:
+        return str(error.__cause__)
+    except ContbreatherError as error:
+        return f"what begins at GR is not followed: {error}"
+    return ""
 
 
 # --- in files -----------------------------------------------------------------------------------

@@ -350,7 +350,7 @@ def row_pieces(
 ) -> Iterator[RowPiece]:
     """Admissible upper breathers between two amplitudes."""
     curve = Curve(problem, ("a",))
-    for low, high in problem.closure.upper_phases(curve.fixed, largest):
+    for low, high in problem.equations.upper_phases(curve.fixed, largest):
         phi = _evenly(curve, low, high, least)
         if not phi.size:
             continue
@@ -388,7 +388,7 @@ def _evenly(curve: Curve, low: float, high: float, least: float) -> Array:
 
 
 def _at(curve: Curve, phi: Array) -> Array:
-    return np.asarray(curve.problem.closure.at_phases(phi, curve.fixed))
+    return np.asarray(curve.problem.equations.at_phases(phi, curve.fixed))
 
 
 def _may_touch_zero(test: Array, changes: Marked) -> Marked:

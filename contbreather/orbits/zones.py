@@ -13,13 +13,11 @@ from contbreather.continuation.walk.checkpoint import Inner, Save, checkpoint
 from contbreather.errors import BadInput, add_partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
-from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
 from contbreather.lattice.finite import per_site
 from contbreather.lattice.forcing import Drive, check_symmetric
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
-from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
 from contbreather.orbits.zone_search import ZoneSearch, second_of
 from contbreather.parameters import HEAVIEST, parameter
@@ -203,34 +201,25 @@ def model_of(
     spring: float | None = None,
     walls: Any = None,
 ) -> dict[str, Any]:
-    """Lattice and losses of the breathers of a diagram, as `symmetric` takes it but for the
-    forcing, checked before anything is looked for: with `site` and the others they are evaluated by
-    exact modes."""
+    """Lattice and losses of the breathers of a diagram, as `symmetric` takes and checks it but for
+    the forcing: with `site` and the others they are evaluated by exact modes."""
     place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
-    place, held = per_site(place, {"damping": damping, "spring": spring})
-    site, damping = whole("site", site, -MOST), parameter("damping", held["damping"])
-    spring = None if spring is None else parameter("spring", held["spring"])
-    if place.sites is None:
-        if site or damping or spring or walls is not None:
-            raise BadInput(
-                "on the infinite chain site 0 impacts, between walls at -1 and 1, without damping, "
-                "and zones are without springs; name a lattice, Ring(20) or 'ring:20'"
-            )
-        return {"lattice": place}
-    # chain and ring without losses have closed forms; spring=0.0 asks for exact modes of a ring
-    ringlike = not isinstance(place, Finite) and spring is None
-    if ringlike and not (site or damping or walls is not None):
+    place, held = per_site(place, {"damping": damping, "spring": 0.0 if spring is None else spring})
+    more: dict[str, Any] = {name: parameter(name, value) for name, value in held.items()}
+    more |= {"site": whole("site", site, -MOST), "walls": walls}
+    if place.sites is None and more["spring"]:
+        raise BadInput(
+            "zones of the infinite chain are without springs; name a lattice, Ring(20) or 'ring:20'"
+        )
+    # chain and ring without losses have closed forms
+    if not (isinstance(place, Finite) or any(held.values()) or site) and walls is None:
         return {"lattice": place}
     if past_folds:
         raise BadInput(
             "past_folds: lower breathers are drawn on the infinite chain, or on a ring without "
             "damping, springs and walls of its own; leave it out"
         )
-    more: dict[str, Any] = {"damping": damping, "spring": 0.0 if spring is None else spring}
-    # a, gamma and k are stand-ins here: each breather of the diagram brings its own
-    on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=place).checked()
-    check_walls(Section(((site, 1),), sign=-1).placed(place), on)
-    return {"lattice": place, "site": site, **more, "walls": on.walls}
+    return {"lattice": place, **more}
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> ZoneDiagrams:

@@ -103,13 +103,15 @@ def plot_branches(
             marks = [mark._replace(colour=plain) for mark in marks]
         words = _words(axes, pixel, marks, len(branches))
         named = len(words) <= MANY if labels is None else labels
-        entries = _legend_entries(key if groups else {}, styles, plain, plain if coloured else GREY)
-        if not named:
-            entries |= {
-                kind: {**canvas.marker_of(kind), "color": plain}
-                for kind in sorted({mark.point.kind for mark in marks} - {"EP"})
-            }
-        _legend(axes, entries)
+        kinds_told = set() if named else {mark.point.kind for mark in marks} - {"EP"}
+        looks_of_kinds = {
+            kind: {**canvas.marker_of(kind), "color": plain} for kind in sorted(kinds_told)
+        }
+        unknown = plain if coloured else GREY
+        for most in range(MANY - 1, -1, -1):  # fewer groups, until there is room for their words
+            entries = _legend_entries(key if groups else {}, styles, plain, unknown, most)
+            if _legend(axes, entries | looks_of_kinds) or not groups:
+                break
         if named:
             canvas.place_words(axes, words)
     return drawn
@@ -362,17 +364,17 @@ def _without_offset(axis: Axis, scale: float) -> None:
 
 
 def _legend_entries(
-    key: dict[Group, str], styles: set[str], plain: str, unknown: str
+    key: dict[Group, str], styles: set[str], plain: str, unknown: str, most: int
 ) -> dict[str, dict[str, Any]]:
     """Lines that say what colours and styles stand for: of many groups some, the others are in
     between."""
-    count = min(len(key), MANY - 1)
+    count = min(len(key), most)
     shown = [list(key.items())[i] for i in np.linspace(0, len(key) - 1, count).round().astype(int)]
     entries: dict[str, dict[str, Any]] = {}
     for (kind, values), colour in shown:
         words = (f"{canvas.symbol(name)} = {x:g}" for name, x in values)
         entries[", ".join(filter(None, (kind, *words))) or "branch"] = {"color": colour}
-    if left := len(key) - count:
+    if count and (left := len(key) - count):
         entries[f"and {left} more"] = {"linestyle": "none"}
     for style, stability in WORDS.items():
         if style in styles and styles != {STABLE}:
@@ -381,12 +383,13 @@ def _legend_entries(
     return entries
 
 
-def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
-    """Draw a legend inside the axes where it is small and covers no curve, else above them."""
+def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> bool:
+    """Draw a legend inside the axes where it is small and covers no curve, else above them in as
+    many columns as fit. False if that is more than a third of the figure."""
     from matplotlib.lines import Line2D
 
     if not entries:
-        return
+        return True
     handles = [Line2D([], [], **look) for look in entries.values()]
     look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
@@ -394,8 +397,13 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
         inside = legend(loc="best")
         pixel = canvas.lay_out(ax)
         if not canvas.ink_of(ax, pixel)(inside.get_window_extent()):
-            return
-    legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+            return True
+    for columns in (3, 2, 1):
+        above = legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
+        size, whole = above.get_window_extent(), ax.figure.bbox
+        if size.width < whole.width:
+            break
+    return size.height < whole.height / 3
 
 
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:
@@ -441,8 +449,7 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
     ----------
     *branches : Branch
         Of conservative breathers, in "omega" or in "energy".
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Examples
     --------
@@ -481,8 +488,7 @@ def plot_diagram(
     y : str or callable, optional
         A column, or ``y(point)``, the number to draw. By default the first unknown that all
         branches have; of breathers as in `plot`. Branches without the column are left out.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------

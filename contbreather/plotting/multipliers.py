@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 FAR = 2.0  # from 0: what is farther out is shown at the edge of the figure
-
-
 _ON_CIRCLE = 1 + 1e-9  # closer than that is on it, as for counts of cycles
 
 
@@ -62,8 +60,7 @@ def plot_multipliers(
         Those of the half map QS instead of (QS)^2: there +1 is a pitchfork and -1 a fold.
     digits : int
         Decimals of the labels.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------
@@ -164,8 +161,7 @@ def plot_spectrum(
         As for `plot_multipliers`; 40 on the infinite chain.
     half : bool
         Multipliers over half the period of symmetric orbits.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------

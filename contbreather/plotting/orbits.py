@@ -55,8 +55,7 @@ def plot_orbit(
         Of a cycle: what to draw over what. Every state over the time ``"t"`` unless given; `y` may
         be several names; those that swing by less than a tenth of what the others do have a row of
         their own, ``figure.axes[1]`` and so on. Where a condition ends a flow there is a dot.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------
@@ -193,8 +192,7 @@ def plot_profile(
         chain, unless given. All sites of a `Grid` are colours, in its rows and columns.
     shape : (int, int), optional
         Rows and columns to show the sites of another lattice in.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------

@@ -56,8 +56,8 @@ def plot(
     computed, without these or of more than 250 unknowns, lines are grey and dash-dotted (in their
     colours where these stand for something), and a legend says so. Where walls were lifted
     (``inadmissible=True``) the part behind them is dotted. Where branches
-    differ in a parameter that is fixed along each, colours go by it, and a legend says so; of
-    boundaries colours go by their kinds, too.
+    differ in a parameter that is fixed along each, colours go by it, and a legend says so where it
+    has room; of boundaries colours go by their kinds, too.
 
     Parameters
     ----------

@@ -92,8 +92,7 @@ def plot_motion(
         it unless given.
     x, y : str, optional
         Of a trajectory, as for `plot_orbit`: every state over the time unless given.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Raises
     ------
@@ -180,7 +179,7 @@ def _chain_of(run: Trajectory) -> Oscillators:
 
 
 def _record_of(run: Trajectory) -> Record:
-    """All sites of a run of oscillators, over the phase of what moves at the frequency omega."""
+    """Record all sites of a run of oscillators, over the phase of what moves at omega."""
     omega, sites = run.params.get("omega", 1.0), _chain_of(run).sites
     count = math.ceil(SAMPLES * omega * np.ptp(run.t) / PERIOD)
     times = np.linspace(run.t[0], run.t[-1], count + 1)
@@ -219,8 +218,7 @@ def plot_space_time(
         As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
         that of the site that hits, of a run that of the site that moves most, if all
         of that row was recorded.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
 
     Examples
     --------
@@ -377,8 +375,7 @@ def plot_section(
     site : int
     skip : int
         Periods to leave out at the beginning, as a transient.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
     """
     check_kind(run, RUNS, "a run")
     whole("skip", skip, 0)
@@ -403,8 +400,7 @@ def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None)
     Parameters
     ----------
     run : simulation.SimulationRun or SmoothRun
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+    ax : matplotlib Axes; a new figure for a journal column unless given
     """
     check_kind(run, RUNS, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)

@@ -40,7 +40,6 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.finite import mode_solutions
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
@@ -58,7 +57,7 @@ from contbreather.stability.bordered import (
     PairSeries,
 )
 from contbreather.stability.modal_map import ModalMap, section_map
-from contbreather.stability.saltation import Saltation, saltation
+from contbreather.stability.saltation import Saltation
 from contbreather.stability.zeros import (
     Count,
     as_counted,
@@ -281,13 +280,9 @@ class OrbitMap:
         """gamma = 0: every impacting site for itself."""
         mu = []
         for site in sorted({kick.site for kick in self.kicks}):
-            kicks = [kick for kick in self.kicks if kick.site == site]
-            M, ends = np.eye(2), [*kicks[1:], kicks[0]._replace(time=kicks[0].time + self.period)]
-            for kick, later in zip(kicks, ends, strict=True):
-                C, S, dS = mode_solutions(self.spring, 0.0, later.time - kick.time)
-                free = np.array([[C, S], [-self.spring * S, dS]])
-                M = free @ saltation(self.k, kick.b) @ M
-            mu.append(_pair(M))
+            kicks = tuple(kick._replace(site=0) for kick in self.kicks if kick.site == site)
+            held = 0.0, self.spring, 0.0
+            mu.append(_pair(section_map(Ring(1), held, self.k, kicks, self.period).matrix))
         return np.concatenate(mu)
 
     def unstable_multipliers(self) -> Array:

@@ -93,11 +93,9 @@ def _rows(
     for (kind, key, run, many, most), note in zip(walks, notes, strict=True):
         own = best_of(run, REPEAT, time.process_time) / many
         other = min(one[key] for one in sessions)
-        table.append(
-            Row(
-                f"{what}, {mesh[0]} x {mesh[1]}, {kind}: a point", span(own),
-                f"{theirs['name']}, {INTERVALS} x {POINTS}: {span(other)}", own / other,
-                f"≤ {most:g}", own <= most * other, note,
-            )
-        )  # fmt: skip
+        table.append(Row(
+            f"{what}, {mesh[0]} x {mesh[1]}, {kind}: a point", span(own),
+            f"{theirs['name']}, {INTERVALS} x {POINTS}: {span(other)}", own / other,
+            f"≤ {most:g}", own <= most * other, note,
+        ))  # fmt: skip
     return table

@@ -4,7 +4,7 @@ cycles of the Brusselator on a line."""
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from tests.continuation.large import bratu, plane, second, swift_hohenberg
 from tests.flows.test_large import brusselator
 
-from .measure import Row, best_of, micro, span
+from .measure import Row, best_of, micro, within
 
 
 @dataclass(frozen=True)
@@ -58,15 +58,8 @@ def _row(case: Case) -> Row:
     each = best_of(walk, 3, time.process_time) / len(branches[0])
     one = best_of(lambda: _factorised(case.problem), 5, time.process_time)
     special = ", ".join(point.title for point in branches[0].special)
-    return Row(
-        f"{case.what}: a point, LP, BP and HB looked for",
-        micro(each),
-        f"one sparse LU: {micro(one)}",
-        each / one,
-        f"{1e3 * case.aim:.0f} ms",
-        each <= case.aim,
-        special,
-    )
+    what, beside = f"{case.what}: a point, LP, BP and HB looked for", f"one sparse LU: {micro(one)}"
+    return replace(within(what, each, case.aim, special), compares_with=beside, ratio=each / one)
 
 
 def _cycles(cells: int, most: int, events: Any, aim: float) -> Row:
@@ -78,15 +71,10 @@ def _cycles(cells: int, most: int, events: Any, aim: float) -> Row:
     begun = time.process_time()
     (arm,) = cb.switch(born, within=window, events=events, steps=cb.Steps(most=most))
     each = (time.process_time() - begun) / len(arm)
-    what = "without multipliers" if events == () else "with multipliers"
-    return Row(
-        f"cycles of the Brusselator, {2 * cells} states, {what}: a point",
-        span(each),
-        "-",
-        aim=f"{aim:g} s",
-        met=each <= aim,
-        note=f"{arm[0].problem.x.size} unknowns; period {arm[-1]['period']:.9f}",
-    )
+    how = "without multipliers" if events == () else "with multipliers"
+    what = f"cycles of the Brusselator, {2 * cells} states, {how}: a point"
+    note = f"{arm[0].problem.x.size} unknowns; period {arm[-1]['period']:.9f}"
+    return within(what, each, aim, note)
 
 
 def _factorised(problem: Any) -> None:

@@ -47,13 +47,24 @@ def best_of(
     return min(timeit.repeat(run, "gc.enable()", clock, repeat, 1))
 
 
+def within(what: str, seconds: float, aim: float, note: str = "") -> Row:
+    """A time that is promised by itself."""
+    return Row(what, span(seconds), "-", aim=f"≤ {span(aim)}", met=seconds <= aim, note=note)
+
+
+def faster(what: str, ours: float, named: str, theirs: float, aim: float, note: str = "") -> Row:
+    """A time that is to be so many times shorter than that of another road."""
+    ratio = theirs / ours
+    wanted = f"≥ {aim:g} times faster"
+    return Row(what, span(ours), f"{named}: {span(theirs)}", ratio, wanted, ratio >= aim, note)
+
+
 def walked(what: str, walk: Callable[[], Any], aim: float) -> Row:
     """Processor time that a point of a branch takes, and the special points of the branch."""
     branch = walk()
     seconds = best_of(walk, clock=time.process_time) / len(branch)
     labels = ", ".join(f"{point.label} at a = {point['a']:.9f}" for point in branch.special)
-    what, met = f"{what}, a point of {len(branch)}", seconds < aim
-    return Row(what, span(seconds), "-", aim=f"< {span(aim)}", met=met, note=labels)
+    return within(f"{what}, a point of {len(branch)}", seconds, aim, labels)
 
 
 def each(run: Callable[[Any], Any], fresh: Iterable[Any]) -> float:

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .measure import ROOT, Row, process, python, span
+from .measure import ROOT, Row, process, python, span, within
 
 TIMED = """
 import time
@@ -64,14 +64,12 @@ def zones_rows() -> list[Row]:
     """The diagram for k = 0.8 after one for another k, which has all imported and loaded."""
     python(ZONES)  # compiles what is not kept
     seconds = min(float(python(ZONES)[1]) for _ in range(5))
-    what = "zones for k = 0.8, all imported and machine code loaded"
-    return [Row(what, span(seconds), "-", aim="≤ 0.15 s", met=seconds <= 0.15)]
+    return [within("zones for k = 0.8, all imported and machine code loaded", seconds, 0.15)]
 
 
 def first_breather_row() -> Row:
     seconds = min(float(python(FIRST)[1]) for _ in range(20))
-    what = "import and first breather, interpreter included"
-    return Row(what, span(seconds), "-", aim="≤ 130 ms", met=seconds <= 0.13)
+    return within("import and first breather, interpreter included", seconds, 0.13)
 
 
 def installed(folder: Path) -> Path:

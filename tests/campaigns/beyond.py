@@ -14,74 +14,36 @@ import sys
 from collections import Counter
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
 from contbreather.lattice.finite import stiffness_of
+from tests.campaigns.uneven import OwnChain
 
-FINE = 800  # looks at the walls in a period of the forcing
 ENDLESS = 41  # sites of a ring in place of the infinite chain: its tails are gone by then
 
 
 def flown(orbit):
     """By how much half periods of the forcing miss where an orbit is after them, and its impacts
-    as (site, wall), in order of time: u" = ... - a cos t, walls at -1 and 1. A whole period grows
-    rounding by multipliers of 1e5."""
+    as (site, wall), in order of time. A whole period grows rounding by multipliers of 1e5."""
     sites = orbit.lattice.sites
     lattice = orbit.lattice if sites else cb.Ring(ENDLESS)
     N, middle = lattice.sites, ENDLESS // 2
     named = np.arange(N) if sites else (np.arange(N) + middle) % N - middle
-    first = float(orbit.times.min()) - 1e-3 * math.pi
-    K = orbit.gamma * np.asarray(stiffness_of(lattice).todense()) + orbit.spring * np.eye(N)
-    field = np.zeros((2 * N + 2, 2 * N + 2))
-    field[:N, N : 2 * N] = np.eye(N)
-    field[N : 2 * N, :N], field[N : 2 * N, N : 2 * N] = -K, -orbit.damping * np.eye(N)
-    field[N : 2 * N, 2 * N] = -orbit.a * getattr(lattice, "drive", np.ones(N))
-    field[2 * N, 2 * N + 1], field[2 * N + 1, 2 * N] = -1.0, 1.0  # cosine and sine
-    step, hits, off = 2.0 * math.pi / FINE, [], 0.0
-    whole = expm(step * field)
+    every = np.ones((3, N)) * [[orbit.k], [orbit.damping], [orbit.spring]]
+    stiff, ones = stiffness_of(lattice).todense(), np.ones(N)
+    chain = OwnChain(stiff, orbit.a, orbit.gamma, *every, ones, [(-1, 1)] * N, lattice.drive)
 
     def at(t):
         u, v, _ = orbit.motion.states(named, t)
-        return np.concatenate([u, v, [math.cos(t), math.sin(t)]])
+        return np.concatenate([u, v])
 
+    hits, off, first = [], 0.0, float(orbit.times.min()) - 1e-3 * math.pi
     for half in first + math.pi * np.arange(2 * orbit.section.turns):
-        y = at(half)
-        for _ in range(FINE // 2):
-            y = _step(field, whole, y, step, N, orbit.k, named, hits)
-        off = max(off, float(abs(y - at(half + math.pi)).max()))
+        end, _, its = chain.after(half, at(half), math.pi)
+        hits += [(int(named[site]), wall) for site, wall in its]
+        off = max(off, float(abs(end - at(half + math.pi)).max()))
     return off, hits
-
-
-def _step(field, whole, y, step, N, k, named, hits):
-    """One step of the flow, cut at impacts."""
-    ahead = whole @ y
-    while True:
-        late = []
-        for n in np.flatnonzero(abs(ahead[:N]) > 1.0 - step):  # those that may have been outside
-            wall, end = (1 if ahead[n] > 0 else -1), step
-
-            def at(s, i, y=y, wall=wall):
-                return wall * float((expm(s * field) @ y)[i])
-
-            if at(0.0, n) > 1.0 - 1e-9 and at(0.0, N + n) < 0.0:
-                continue  # it has just left this wall
-            if at(0.0, N + n) > 0.0 > at(step, N + n):
-                end = brentq(at, 0.0, step, args=(N + n,), xtol=1e-16, rtol=1e-14)
-            if at(end, n) > 1.0:
-                s = brentq(lambda s, n=n: at(s, n) - 1.0, 0.0, end, xtol=1e-16, rtol=1e-14)
-                late.append((s, n, wall))
-        if not late:
-            return ahead
-        s, *_ = min(late)
-        y = expm(s * field) @ y
-        for n, wall in [(n, wall) for t, n, wall in late if t - s < 1e-10]:
-            y[N + n] *= -k
-            hits.append((int(named[n]), wall))
-        step -= s
-        ahead = expm(step * field) @ y
 
 
 def drawn(rng):

@@ -33,7 +33,7 @@ from tests.test_studies import SMALL
 RUN = """
 import sys
 import contbreather as cb
-from contbreather.continuation import checkpoint
+from contbreather.continuation.walk import checkpoint
 checkpoint.EVERY, checkpoint.SHARE = 0.02, 0.5
 run, steps = cb.Run(sys.argv[1]), cb.Steps(first=1e-4, largest=4e-4, most=5000)
 start = cb.symmetric(0.7, 0.04, 0.8)

@@ -33,13 +33,15 @@ RETURNS, ALIKE = 1e-10, 1e-6  # of states; of multipliers, relative above 1
 
 
 class OwnChain:
-    """``m (u'' + c u' + s u) + gamma L u = -m a cos t`` and ``u' -> -k u'``, all by sites."""
+    """``m (u'' + c u' + s u) + gamma L u = -m d a cos t`` and ``u' -> -k u'``, all by sites."""
 
-    def __init__(self, L: Any, a: float, gamma: float, k: Any, c: Any, s: Any, m: Any, walls: Any):
+    def __init__(
+        self, L: Any, a: float, gamma: float, k: Any, c: Any, s: Any, m: Any, walls: Any, d: Any = 1
+    ):
         n = self.n = len(L)
         pull = gamma * np.asarray(L) / np.reshape(m, (-1, 1)) + np.diag(s)
         self.A = np.block([[np.zeros((n, n)), np.eye(n)], [-pull, -np.diag(c)]])
-        self.force = np.concatenate([np.zeros(n), np.full(n, -a)])
+        self.force = np.concatenate([np.zeros(n), -a * d * np.ones(n)])
         self.k, (self.low, self.high) = k, np.transpose(walls)
         self.forced = np.linalg.solve(1j * np.eye(2 * n) - self.A, self.force)
         self.step = expm(PERIOD / FINE * self.A)
@@ -53,20 +55,25 @@ class OwnChain:
     def flown(self, t: float, y: Array, h: float) -> Array:
         return self.particular(t + h) + expm(h * self.A) @ (y - self.particular(t))
 
-    def period(self, t: float, y: Array) -> tuple[Array, Array, int]:
-        """The state after a period, the derivative of that in the state, and how many impacts."""
-        end, n, hits, M = t + PERIOD, self.n, 0, np.eye(2 * self.n)
+    def after(
+        self, t: float, y: Array, span: float = PERIOD
+    ) -> tuple[Array, Array, list[tuple[int, int]]]:
+        """The state some time later, the derivative of that in the state, and the impacts, each by
+        its site and its wall."""
+        end, n, M = t + span, self.n, np.eye(2 * self.n)
+        hits: list[tuple[int, int]] = []
         while end - t > 1e-13:
             h = min(PERIOD / FINE, end - t)
             E = self.step if h == PERIOD / FINE else expm(h * self.A)
-            after = self.particular(t + h) + E @ (y - self.particular(t))
-            behind = [i for i in range(n) if self._beyond(after, i) > 0.0]
+            late = self.particular(t + h) + E @ (y - self.particular(t))
+            behind = [i for i in range(n) if self._beyond(late, i) > 0.0]
             # or a site that turns within the step, between two places inside of its walls
-            turning = np.flatnonzero(y[n:] * after[n:] < 0.0) if not behind else []
-            deepest = {i: self._turn(t, y, h, int(i)) for i in turning}
+            turning = np.flatnonzero(y[n:] * late[n:] < 0.0) if not behind else []
+            near = [int(i) for i in turning if self._beyond(late, i) > -h]
+            deepest = {i: self._turn(t, y, h, i) for i in near}
             behind += [i for i, x in deepest.items() if self._beyond(self.flown(t, y, x), i) > 0.0]
             if not behind:
-                t, y, M = t + h, after, E @ M
+                t, y, M = t + h, late, E @ M
                 continue
             h, site = min((self._when(t, y, deepest.get(i, h), int(i)), int(i)) for i in behind)
             y, M, t = self.flown(t, y, h), expm(h * self.A) @ M, t + h
@@ -76,9 +83,10 @@ class OwnChain:
             M = (
                 R + np.outer(self.field(t, back) - R @ before, np.eye(2 * n)[site]) / y[n + site]
             ) @ M
-            y, hits = back, hits + 1
-            # inside its walls, whatever rounding says
-            y[site] = np.clip(y[site], self.low[site] + 4e-16, self.high[site] - 4e-16)
+            hits.append((site, 1 if y[n + site] > 0.0 else -1))
+            y = back
+            # inside its walls, whatever rounding says, and so is another that hits at this time
+            y[:n] = np.clip(y[:n], self.low + 4e-16, self.high - 4e-16)
         return y, M, hits
 
     def _beyond(self, y: Array, site: int) -> float:
@@ -137,9 +145,9 @@ def checked(on: dict[str, Any], orbit: cb.Orbit) -> str:
     t = float(orbit.times[0]) - 0.3
     u, v = orbit.state(t=t)
     start = np.concatenate([u, v])
-    end, M, hits = own(on, orbit).period(t, start)
-    if hits != len(orbit.hits):
-        return f"WRONG: {hits} impacts, not {len(orbit.hits)}"
+    end, M, hits = own(on, orbit).after(t, start)
+    if len(hits) != len(orbit.hits):
+        return f"WRONG: {len(hits)} impacts, not {len(orbit.hits)}"
     # what grows over a period makes rounding grow
     if (off := abs(end - start).max()) > max(RETURNS, 1e-14 * np.linalg.norm(M, 2)):
         return f"WRONG: off by {off:.2g}"

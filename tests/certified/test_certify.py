@@ -23,6 +23,8 @@ from contbreather.orbits import Orbit, orbit_of
 from contbreather.stability.one_impact import HalfMap
 from tests.lattice.by_hand import MEANS, ring_mean
 
+from ..typed import Run
+
 
 def breathers(seed: int, *, admissible: bool = True) -> Iterator[Orbit]:
     """At random in the zones of existence, or outside of them."""
@@ -270,8 +272,6 @@ def test_without_python_flint_a_sentence_names_the_command(monkeypatch: pytest.M
 
 
 # --- the command --------------------------------------------------------------------------------
-
-Run = Callable[[str], tuple[int, str, str]]
 
 
 def test_the_command_proves_a_point(run: Run) -> None:

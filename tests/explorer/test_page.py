@@ -190,7 +190,7 @@ def typed(page: Page, **texts: str) -> None:
 def show(page: Page) -> None:
     """Press the button, and do without zones that take long."""
     page.forms.buttons["Show"].clicks += 1
-    if page.forms.breather["site"].value != "0" or page.forms.breather["walls"].value:
+    if page.forms.breather["lattice"].value not in ("", "ring:12"):
         page.explorer.stop()
     assert page.explorer.wait(HUNG)
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from base64 import b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from http.client import HTTPConnection
 from pathlib import Path
@@ -22,8 +22,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer import server_for
 
 from ..apart import HUNG, begun
-
-Run = Callable[[str], tuple[int, str, str]]
+from ..typed import Run
 
 
 def port_of(url: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -195,7 +196,9 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     explorer.stop()
 
 
-def test_zones_follow_a_chosen_point_to_what_it_lives_on() -> None:
+def test_zones_follow_a_chosen_point_to_what_it_lives_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    around_fork = {"gamma": (0.045, 0.055), "a": (0.7, 0.9)}
+    monkeypatch.setattr(session, "zones", partial(cb.zones, within=around_fork))
     on = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
     window = {"a": (0.5, 0.52)}
     there = cb.trace(cb.symmetric(0.5, 0.05, 0.8, **on), "a", within=window)

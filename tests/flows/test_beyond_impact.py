@@ -93,6 +93,15 @@ def first_impact(w: float) -> tuple[Any, ...]:
     return reach, start, within, grazing, arm
 
 
+def test_a_diagram_goes_beyond_the_first_impact() -> None:
+    _, start, within, grazing, arm = first_impact(3.0)
+    tree = cb.diagram(start, "s", within=within, depth=1, beyond=True)
+    assert tree.failed == ()
+    (birth,) = tree.births[1:]
+    assert birth.place.point["s"] == pytest.approx(grazing["s"], rel=1e-9)
+    assert [point.label for point in tree[1].special] == [point.label for point in arm.special]
+
+
 @pytest.mark.parametrize(("w", "beyond"), [(3.0, "persists"), (1.5, "fold")])
 def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> None:
     reach, _, _, grazing, arm = first_impact(w)

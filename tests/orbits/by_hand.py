@@ -23,6 +23,13 @@ from tests.lattice.by_hand import ring_mean
 from tests.stability.by_hand import slope
 
 
+def started_on_arm(lifted: Any, asymmetry: float) -> Any:
+    """The problem started on the arm where t2 - t1 - pi is about as given, small."""
+    # along the null vector t2 - t1 changes by the difference of its entries
+    slots, along = lifted.problem.slots, lifted.direction
+    return lifted.arm(asymmetry / float(along[slots["t2"]] - along[slots["t1"]]))
+
+
 def orbit_from(
     impacts: Iterable[tuple[int, int, float, float]],
     offsets: Any = (),

@@ -18,14 +18,14 @@ from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symm
 from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
+from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.runs import load, save
 
-from .by_hand import derivatives
+from .by_hand import derivatives, started_on_arm
 
 RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
 
@@ -252,7 +252,7 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
     assert abs(beyond.displacement(1, error.time)) > 1.09
     with pytest.raises(BadInput, match="arm must be 1 or -1, got 2"):
         asymmetric(0.82, 0.04, 0.8, arm=2)
-    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+    with pytest.raises(BadInput, match="unknown forcing parameter 'c3'"):
         AsymmetricEquations().sensitivity(
             np.array([1.0, 0.0, 3.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}, "c3"
         )

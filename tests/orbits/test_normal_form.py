@@ -18,12 +18,11 @@ from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import pitchfork, symmetric
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.by_impacts import ByImpacts
-from contbreather.orbits.constructors import started_on_arm
 from contbreather.orbits.multibreathers import multibreather
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
 
-from .by_hand import two_impacts
+from .by_hand import started_on_arm, two_impacts
 
 
 @pytest.mark.parametrize(

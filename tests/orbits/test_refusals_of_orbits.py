@@ -42,7 +42,7 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
         {"sites": 4, "sequence": ONE},
         r"one time for each impact, \['t1'\]: missing \['t1'\], not known \['t2'\]",
     ),
-    ({"t1": "x"}, {"sites": 4, "sequence": ONE}, "impact times {'t1': 'x'}: finite numbers were"),
+    ({"t1": "x"}, {"sites": 4, "sequence": ONE}, "t1 = 'x': a time of impact"),
     (3.0, {"sites": 4}, "a seed is an orbit, .* float"),
     ("ab", {"sites": 4}, "a seed is an orbit, .* str"),
     (([0.1, 0.2], [0.1, 0.2]), {"sites": 3}, "the state has 2 sites, but sites = 3 was asked for"),
@@ -116,8 +116,8 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             ({"t2": -4.0}, {}, r"impacts of site 0 out of order: t1 = -3\.2 does not"),
             ({"t2": 4.0}, {}, r"t2 = 4 does not come before t1 \+ a section = 3\.083"),
             ({"t3": 1.0}, {}, r"not known \['t3'\]"),
-            ({"t2": math.nan}, {}, "finite numbers"),
-            ({"t1": 1j}, {}, "impact times .*1j.* finite numbers"),
+            ({"t2": math.nan}, {}, "a time of impact, a finite number"),
+            ({"t1": 1j}, {}, "t1 = 1j: a time of impact"),
             ({}, {"a": math.nan}, "a = nan: the amplitude"),
             ({}, {"a": -0.8}, "a = -0.8: the amplitude"),
             ({}, {"gamma": 0.3}, r"gamma = 0\.3"),
@@ -275,7 +275,7 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         ({"k": []}, r"zones need a value of k, or several; got none"),
         ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
         *(
-            ({"k": 0.8, **more}, "name a lattice")
+            ({"k": 0.8, **more}, "name a lattice|take a ring or another finite lattice")
             for more in ({"damping": 0.1}, {"spring": 0.1}, {"site": 1}, {"walls": (-2, 2)})
         ),
         (

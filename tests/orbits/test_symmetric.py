@@ -442,7 +442,7 @@ def test_the_kernels_refuse_what_is_not_finite_or_unknown():
     closure, params = Closure(TWO), {"a": 0.5, "gamma": 0.12, "k": 0.4}
     with pytest.raises(BadInput, match="finite"):
         closure.residual(np.array([math.nan, 0.0]), params)
-    with pytest.raises(BadInput, match=r"unknown parameter 'c9'.*a, gamma, k, c1, c3"):
+    with pytest.raises(BadInput, match=r"unknown forcing parameter 'c9'.*c1, c3"):
         closure.sensitivity(np.array([0.6, 0.0]), params, "c9")
 
 

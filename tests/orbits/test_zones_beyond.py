@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.zone_beyond import beyond_grazing
+from contbreather.orbits.zone_diagram import beyond_grazing
 from tests.campaigns.beyond import checked
 
 WINDOW = {"gamma": (0.02, 0.1)}

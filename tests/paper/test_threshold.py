@@ -51,13 +51,13 @@ def test_long_rings_tend_to_the_isolated_pair_at_the_threshold() -> None:
 
 @pytest.fixture(scope="module", params=[0.8, 0.4])
 def line(request: pytest.FixtureRequest):
-    return neimark_sacker_line(request.param, points=6)
+    return neimark_sacker_line(request.param, points=6, sites=200)
 
 
 @pytest.mark.slow
 def test_every_point_of_the_line_is_on_the_threshold(line) -> None:
     largest = [
-        cb.symmetric(float(a), float(gamma), line.k).stability(sites=400).largest
+        cb.symmetric(float(a), float(gamma), line.k).stability(sites=line.sites).largest
         for a, gamma in zip(line.a, line.gamma, strict=True)
     ]
     assert largest[1:] == pytest.approx([1.005] * 5, abs=1e-11)

@@ -85,7 +85,7 @@ def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):
     assert numbers["rotation_error"] < 1e-8
 
 
-@pytest.mark.parametrize("number", [5, 6, 7, 8])
+@pytest.mark.parametrize("number", [5, pytest.param(6, marks=pytest.mark.slow), 7, 8])
 def test_figure_is_drawn_with_all_its_panels_and_rows(figures, number, tmp_path):
     from contbreather.plotting.canvas import save_figure
 

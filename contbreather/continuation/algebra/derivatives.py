@@ -45,7 +45,10 @@ def differences(
     slopes, kinked = list[Array](), {*map(int, kinks)}
 
     def to_one_side(part: float) -> Array:
-        return np.asarray(ahead(function, z, unit * (part * step)) / (part * step))
+        # over {0..4} h; off by h^4 / 5 of the fifth derivative
+        weights, h = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25), part * step
+        rows = (w * np.array(function(z + j * h * unit)) for j, w in enumerate(weights))
+        return np.asarray(sum(rows) / h)
 
     for i in range(z.size) if columns is None else columns:
         unit, step = np.eye(1, z.size, i)[0], steps[i]
@@ -70,12 +73,6 @@ def differences(
     return np.stack(slopes, axis=-1)
 
 
-def ahead(function: Function, z: Array, step: Array) -> Array:
-    """As `directional`, over ``z + {0..4} step``; off by h^4 / 5 of the fifth derivative."""
-    weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
-    return np.asarray(sum(w * np.array(function(z + j * step)) for j, w in enumerate(weights)))
-
-
 def directional(function: Function, z: Array, step: Array) -> Array:
     """``step . grad`` of `function` at `z` by the five-point formula over ``z + {-2..2} step``."""
     # np.array copies: a function may return the same array each time, written anew
@@ -91,47 +88,58 @@ def along(
 ) -> Array:
     """``vector . grad`` of a matrix-valued function, by the step that suits function and vector.
 
-    Central differences are extrapolated while their step is halved, and end where two orders
-    agree, or where rounding makes them part again. The first step is relative to the entries that
-    the vector moves; an idle one of size 100 says nothing about it. With `ahead` all places are on
-    the side to which the vector points, for a function with a kink in z.
-
-    Raises `Undefined` where the function has no value to these sides.
+    The first step is relative to the entries that the vector moves; an idle one of size 100 says
+    nothing about it. With `ahead` all places are on the side to which the vector points, for a
+    function with a kink in z. Raises `Undefined` where the function has no value to these sides.
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
-    h = 2e-3 / max(size, 1e-300)
     here = function(z)
     # a change that is smaller, relative to the function, is measured by the function
     floor = 1e-2 * size * row_sizes(here, scales) + 1e-300
-    ratio = 2 if ahead else 4
-    best, doubt = None, math.inf
-    before: list[Array] = []
-    for _ in range(24):
+
+    def difference(h: float) -> list[Array]:
+        there = function(z + h * vector)
+        behind, width = (here, h) if ahead else (function(z - h * vector), 2 * h)
+        return [(there - behind) / width]
+
+    def apart(fine: list[Array], coarse: list[Array]) -> float:
+        change = row_sizes(fine[0] - coarse[0], scales)
+        return float((change / (row_sizes(fine[0], scales) + floor)).max())
+
+    # an estimate belongs to the next lower order: a change of 1e-6 between two orders is an error
+    # of 1e-11
+    first = 2e-3 / max(size, 1e-300)
+    return extrapolated(difference, apart, first, 1e-6, ratio=2 if ahead else 4)[0]
+
+
+def extrapolated(
+    differences: Callable[[float], list[Any]], apart: Callable[[list[Any], list[Any]], float],
+    h: float, agreed: float, *, ratio: int = 4, most: int = 24,
+) -> list[Any]:  # fmt: skip
+    """Extrapolate differences while their step is halved, from a first one on, until two orders
+    agree, or rounding makes them part again."""
+    best, doubt, before = list[Any](), math.inf, list[list[Any]]()
+    for _ in range(most):
         try:
-            there = function(z + h * vector)
-            behind, width = (here, h) if ahead else (function(z - h * vector), 2 * h)
-            row = [(there - behind) / width]
+            row = [differences(h)]
         except OUT_OF_DOMAIN:
             before, h = [], h / 8
             continue
-        for k, coarser in enumerate(before, 1):
+        for k, coarse in enumerate(before, 1):
             # Richardson: the error of central differences is a series in h^2, of others in h, and
             # h was halved
-            row.append(row[-1] + (row[-1] - coarser) / (ratio**k - 1))
-        apart = 0.0
-        if before:
-            change = row_sizes(row[-1] - before[-1], scales)
-            apart = float((change / (row_sizes(row[-1], scales) + floor)).max())
-            if apart < doubt:
-                best, doubt = row[-1], apart
-            # an estimate belongs to the next lower order: a change of 1e-6 between two orders is an
-            # error of 1e-11. One of 1e-3 that gets worse was as good as rounding allows
-            if doubt < 1e-6 or (doubt < 1e-3 and apart > 4 * doubt):
-                break
+            pairs = zip(row[-1], coarse, strict=True)
+            row.append([fine + (fine - rough) / (ratio**k - 1) for fine, rough in pairs])
+        off = apart(row[-1], before[-1]) if before else 0.0
+        if before and off < doubt:
+            best, doubt = row[-1], off
+        # an agreement to 1e-3 that gets worse was as good as rounding allows
+        if doubt < agreed or (doubt < 1e-3 and off > 4 * doubt):
+            break
         # what changes this much from one step to its half tells nothing yet
-        far = apart > 0.1
+        far = off > 0.1
         before, h = [] if far else row[:3], h / (8 if far else 2)  # four orders
-    if best is None:
+    if not best:
         raise Undefined("the equations have no value around the point")
     return best
 

@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
-_LOST = 1e7  # unknowns moving so much, refining once would not bring back what rounding takes
 TURNS = 4  # steps of inverse iteration next to a null vector
 
 
@@ -88,9 +87,14 @@ class Dense:
 
 def shortest(matrix: Array, right: Array) -> Array:
     """The shortest vector that comes closest to a solution."""
+    return np.asarray(np.linalg.lstsq(finite(matrix), right)[0])
+
+
+def finite(matrix: Matrix) -> Matrix:
+    """A derivative, dense or sparse, refused where an entry is none."""
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
-    return np.asarray(np.linalg.lstsq(matrix, right)[0])
+    return matrix
 
 
 # --- large ones -------------------------------------------------------------------------------
@@ -199,7 +203,6 @@ class Factors:
         # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
         # det [A; C] = det L det(C N)
         n, width = matrix.shape
-        self._turned: bool | None = None  # the sign, once others are set apart
         sizes = row_sizes(matrix, np.ones(width))
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
@@ -213,15 +216,7 @@ class Factors:
             # the column with most in it that those before do not span
             order = qr(self.null.T, mode="r", pivoting=True)[1]
             apart = np.sort(order[: width - n])
-            if self.exact and most < _LOST:
-                # by the factors at hand: with x also x - N N_a^-1 x_a is a solution
-                among = self.null[apart]
-                self._turned = bool(np.linalg.det(among) < 0)  # det L det N_a has their sign
-                self._apart, self.null = apart, _small(among.T, self.null.T).T
-                for column in self.null.T:  # what L, closer to being singular, has lost of them
-                    column -= self._particular(self.matrix @ column)
-            else:
-                self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
+            self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
         """Take the first n columns of an order; `exact` says whether that is possible, or only
@@ -271,15 +266,9 @@ class Factors:
             # A^T y + C^T w = b, and A N = 0: (C N)^T w = N^T b
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
-        y = self._along(right)
-        if self._turned is not None:  # once more, as L is closer to being singular
-            y += self._along(right - self.matrix.T @ y)
-        return np.concatenate([y, weights])
-
-    def _along(self, right: Array) -> Array:
         right = right.copy()
         right[self._apart] -= self.null.T @ right  # orthogonal to the last digit
-        return np.asarray(self._lu.transposed(right[self._inside]) * self._rows)
+        return np.append(self._lu.transposed(right[self._inside]) * self._rows, weights)
 
     def correction(self, right: Array, row: Array | None) -> tuple[Array, bool]:
         """As that of `Dense`; where there is none, one that nearly solves it and is short."""
@@ -315,7 +304,7 @@ class Factors:
 
     @cached_property
     def _own_sign(self) -> int:
-        turned = bool(self._turned) ^ (not self._in_order and _odd(self._order))
+        turned = not self._in_order and _odd(self._order)
         return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
@@ -468,12 +457,7 @@ def _small(matrix: Array, right: Array) -> Array:
 
 def _shifted(matrix: Matrix) -> Matrix:
     """A matrix moved off a singular one by as much as rounding might."""
-    from scipy.sparse import diags_array
-
-    shifts = 1e-14 * (1.5 + np.cos(np.arange(matrix.shape[0])))
-    if not is_sparse(matrix):
-        return matrix + np.diag(shifts)
-    return (matrix + diags_array(shifts)).tocsc()
+    return plus_diagonal(matrix, 1e-14 * (1.5 + np.cos(np.arange(matrix.shape[0]))))
 
 
 def _odd(permutation: NDArray[np.intp]) -> bool:
@@ -497,14 +481,13 @@ def any_vector(n: int) -> Array:
     return vector
 
 
-def plus_diagonal(matrix: Matrix, value: complex) -> Matrix:
-    """A square matrix, dense or sparse, with a number added to its diagonal."""
+def plus_diagonal(matrix: Matrix, values: Any) -> Matrix:
+    """A square matrix, dense or sparse, with a number, or a row of them, added to its diagonal."""
     if not is_sparse(matrix):
-        return matrix + value * np.eye(len(matrix))
-    from scipy.sparse import eye_array
+        return matrix + values * np.eye(len(matrix))
+    from scipy.sparse import diags_array
 
-    identity: Matrix = eye_array(matrix.shape[0], format="csc")
-    return matrix + value * identity
+    return (matrix + diags_array(np.full(matrix.shape[0], values))).tocsc()
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:

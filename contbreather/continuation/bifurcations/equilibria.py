@@ -111,19 +111,16 @@ def _fold_tests(points: Points) -> Many:
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
         return float(point.tangent[-1])
-    curve, n = point.curve, point.curve.size
-    return systems.signed_smallest(curve.balanced(curve.jacobian(point.z))[:, :n])
+    return systems.singular_in_unknowns(point.curve, point.z)[0]
 
 
 def _fold_locus(point: Point) -> DefiningSystem:
     curve, n, cusps = point.curve, point.curve.size, _CUSP
-    matrix = curve.balanced(curve.jacobian(point.z))[:, :n]
-    if is_sparse(matrix):
-        null = systems.least_in_unknowns(curve, point.z).right * curve.scales[:n]
+    null = systems.least_in_unknowns(curve, point.z).right * curve.scales[:n]
+    if is_sparse(curve.jacobian(point.z)):
         cusps = replace(_CUSP, test=partial(_cusp_test, reference=null))
         locus = systems.rank_locus(systems.singular_in_unknowns)
     else:
-        null = np.linalg.svd(matrix)[2][-1] * curve.scales[:n]
         unit = null / (sense(null) * np.linalg.norm(null))
         locus = DefiningSystem({"null": unit}, systems.null_conditions, systems.null_slopes)
     return replace(locus, events=(cusps,), meets=_AXIS.meetings("LP"))
@@ -235,8 +232,12 @@ def _unstable_pairs(point: Point) -> int:
 
 
 def _hopf_locus(point: Point) -> DefiningSystem:
-    in_plane = spectrum.conditions_in_plane(eigenvalues_at(point).square_of_pair())
-    return replace(in_plane, events=_ON_HOPF, meets=_AXIS.meetings("HB"))
+    start = {"omega2": eigenvalues_at(point).square_of_pair()}
+    # trace and determinant within the plane of a pair are 0 and omega2: smooth at zero
+    return DefiningSystem(
+        start, spectrum.plane_conditions, spectrum.plane_slopes, events=_ON_HOPF,
+        meets=_AXIS.meetings("HB"),
+    )  # fmt: skip
 
 
 def _examine_hopf(point: Point) -> Examined:

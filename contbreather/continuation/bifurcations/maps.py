@@ -27,6 +27,7 @@ from ..curve.problem import Problem
 from ..curve.settings import all_of
 from ..systems import defining_systems as systems
 from ..systems.branch_points import RANK, crossing_event
+from ..systems.normal_forms import closed
 from ..systems.spectrum import ROUNDING
 from .equilibria import fold
 from .multiplier_events import linked
@@ -189,12 +190,6 @@ class MapCycle(HtmlRepr):
         return f"<{generic(self.period)} of a map, {self.unstable} unstable>"
 
 
-def multiplier_matrix(point: Point) -> Array:
-    n = point.curve.size
-    # F = G - x: its derivative is that of G but for 1
-    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
-
-
 def with_period(problem: Problem, period: int) -> Problem:
     """Write the same orbit as one of another period."""
     iterate: Iterate = problem.residual  # type: ignore[assignment]
@@ -208,11 +203,15 @@ def with_period(problem: Problem, period: int) -> Problem:
     )
 
 
-def units(point: Point) -> Array:
-    """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
-    scales = point.curve.scales[: point.curve.size]
-    # S^-1 A S
-    return multiplier_matrix(point) * scales / scales[:, None]
+def multiplier_matrix(point: Point) -> Array:
+    n = point.curve.size
+    # F = G - x: its derivative is that of G but for 1
+    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
+
+
+def beside(mu: float, point: Point) -> Array:
+    """The derivative of the iterate, between unknowns in their scales, less mu."""
+    return np.asarray(closed(point.curve, point.curve.jacobian(point.z), mu))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -254,7 +253,7 @@ class MapCycleProblem(Problem):
         return _doubled if kind == "PD" else None
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        matrix = units(point)
+        matrix = beside(0.0, point)
         rounding = ROUNDING * float(np.linalg.norm(matrix))
         return np.linalg.eigvals(matrix).astype(complex), rounding
 
@@ -262,13 +261,9 @@ class MapCycleProblem(Problem):
 # --- the events on a branch -------------------------------------------------------------------
 
 
-def _beside(mu: float, point: Point) -> Array:
-    return units(point) - mu * np.eye(point.curve.size)
-
-
 def _examine_one(plain: Event, point: Point) -> Examined:
     """Verify a multiplier 1, too: beside large ones the derivative may only look singular."""
-    sizes = np.linalg.svd(_beside(1.0, point), compute_uv=False)
+    sizes = np.linalg.svd(beside(1.0, point), compute_uv=False)
     if sizes[-1] > RANK * max(1.0, sizes[0]):
         return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
     assert plain.examine is not None
@@ -281,11 +276,8 @@ def _doubled(point: Point) -> SwitchingProblem:
     return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
-def _with_one(plain: Event) -> Event:
-    """The event, verified for a multiplier that is 1 as well."""
-    return replace(plain, examine=partial(_examine_one, plain))
-
-
-_CIRCLE = linked(_with_one(fold()), systems.Singular(partial(_beside, -1.0)))
-_BRANCH_POINT = _with_one(crossing_event(_CIRCLE.meetings("BP")))
+_FOLD = replace(fold(), examine=partial(_examine_one, fold()))
+_CIRCLE = linked(_FOLD, systems.Singular(partial(beside, -1.0)))
+_PLAIN = crossing_event(_CIRCLE.meetings("BP"))
+_BRANCH_POINT = replace(_PLAIN, examine=partial(_examine_one, _PLAIN))
 EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -40,7 +40,7 @@ from ..curve.settings import (
     walls_are_lifted,
 )
 from ..systems.branch_points import Crossings, branch_point_test, branches_cross
-from ..systems.defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
+from ..systems.defining_systems import Extended, ExtendedProblem, event_of, extended
 from ..walk.checkpoint import Save, checkpoint, piece_of
 from ..walk.trace import trace
 
@@ -273,7 +273,7 @@ class _Beneath:
         together = point.curve.problem.residual
         assert self.event.locus is not None
         assert isinstance(together, Extended)
-        return lifted(self.event.locus(point.base_point), together, f" of {self.event.kind}")
+        return together.lifted(self.event.locus(point.base_point), f" of {self.event.kind}")
 
     def examine(self, point: Point) -> Examined:
         assert self.event.examine is not None

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import kind_of
-from ...errors import BadInput, NotConverged, add_partial_result
+from ...errors import BadInput, NotConverged
 from ...one_thread import one_thread
 from ...progress import Counter
 from ...tables import Column, HtmlRepr, Sheet
@@ -29,7 +29,7 @@ from ..curve.point import Event, Point
 from ..curve.problem import Problem
 from ..curve.settings import Steps, Within, all_of, walls_are_lifted
 from ..systems.branch_points import GAP
-from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
+from ..walk.checkpoint import Checkpoint, Save, checkpoint, piece_of
 from ..walk.trace import trace
 from .duplicates import images, lies_on
 
@@ -276,12 +276,11 @@ def switch(
         )
     listed = all_of(events)
     arms: list[Branch] = []
-    with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
-        inner = kept and Inner(kept, lambda arm: (*arms, arm))
+    with checkpoint(save, "arm") as kept:
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
-            with add_partial_result(arms.append):
+            with piece_of(kept, lambda arm: (*arms, arm), tuple(arms) or None) as inner:
                 here, there = point.curve.problem, seed.problem
                 same = there.residual is here.residual or there.events == here.events
                 arm = follow(
@@ -312,7 +311,7 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
         why = " was loaded without its equations; load(path, problem=...) attaches them"
     elif point.event is None:
         what = "where a branch ends" if point.kind else "not a special point"
-        why = f" is {what}; switch at a BP, PF or PD of a branch"
+        why = f" is {what}; switch at a BP, PF, PD, GR or VI of a branch"
     elif not branches_leave(point):
         reason = look_of(point.kind).nothing_leaves
         more = f"; {reason}" if reason else ""

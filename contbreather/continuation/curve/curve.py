@@ -24,6 +24,7 @@ from ..algebra.sparse import (
     Pattern,
     beside,
     canonical,
+    finite,
     first_columns,
     is_large,
     is_sparse,
@@ -273,10 +274,7 @@ class Curve:
         tangent, side = (factors or self.factors(z, row)).tangent(row)
         if tangent is not None and math.isfinite(tangent.sum()):
             return self.normalised(tangent), side
-        matrix = self.jacobian(z)
-        if not math.isfinite(matrix.sum()):
-            raise Undefined("the derivatives are not finite")
-        weak = least_singular(matrix)
+        weak = least_singular(finite(self.jacobian(z)))
         # where the derivative has lost a rank, all of a plane are null vectors
         vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
         nearest = (vectors @ row) @ vectors
@@ -340,9 +338,7 @@ class Curve:
             matrix = np.empty((n, z.size))
             matrix[:, :n], matrix[:, n:] = jacobian, columns
             return matrix
-        if not math.isfinite(jacobian.data.sum() + columns.sum()):
-            raise Undefined("the derivatives are not finite")
-        return beside(jacobian, columns)
+        return finite(beside(jacobian, columns))
 
     def _by_few(self, z: Array, way: Array, columns: range) -> Array:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
-from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
-from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
-from ..systems.defining_systems import factors_at, regular_between, regular_step
+from ..systems.branch_points import GAP
 from .event_location import (
     BESIDE,
     at_end,
@@ -33,7 +31,7 @@ from .event_location import (
     separated,
     special,
 )
-from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at, counts_apart
+from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at
 
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
@@ -115,31 +113,18 @@ def quiet_steps(
     known: these are asked at `first`, the second place, and the points that follow."""
     values, steps = tests.astype(float), np.diff(places)
     start, end = values[:, 1:-1], values[:, 2:]
-    blank, several = np.isnan(start) & np.isnan(end), len(points) > 1  # no value to change from
+    blank = np.isnan(start) & np.isnan(end)  # no value to change from
     quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
     for i, event in enumerate(events):
         if event.test is None:
             quiet[i] = start[i] == end[i]
         elif int in map(type, tests[i]):
             quiet[i] = blank[i]
-        elif event.count is not None and math.isnan(counts[i, 0]):
-            for j in np.flatnonzero(quiet[i]).tolist():
-                quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
-        elif event.count is not None:
-            quiet[i] &= ~(abs(np.diff(counts[i], prepend=count_at(event, first))) > 1)
-        if several and event.matrix:
-            # matrices say more of what is between two points than values do
-            matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
-            if matrices is None:
-                return np.zeros_like(quiet)
-            quiet[i] &= regular_between(bordered_matrix(first), matrices)
+        elif event.count is not None and quiet[i].any():
+            known = not math.isnan(counts[i, 0])
+            row = counts[i] if known else [count_at(event, point) for point in points]
+            quiet[i] &= ~(abs(np.diff(row, prepend=count_at(event, first))) > 1)
     return quiet
-
-
-def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
-    """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
-    begin, end = factors_at(matrix, first), factors_at(matrix, last)
-    return isinstance(begin, Dense) and regular_step(begin, end.whole)
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from ..algebra.newton import OUT_OF_DOMAIN, Undefined, newton
+from ..curve.curve import Curve
 from ..curve.point import Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
-from ..systems.defining_systems import Joined
+from ..systems.defining_systems import extended
 from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
 
 Located = tuple[float, float, Point]  # bracket and point
@@ -222,17 +223,17 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
         if isinstance(event.locus, Crossings):
             solution, detail = event.locus.solve(guess)
         else:  # H(x, p) = 0 and g(x, p, y) = 0 for x, the extra unknowns y and p at once
-            locus, at = event.locus(guess), guess.curve.size
-            both = Joined(guess.curve, locus)
-            start = np.hstack([guess.x, *locus.extra.values(), guess.z[-1:]])
+            locus, n = event.locus(guess), guess.curve.size
+            # unknowns of the problem may have the same names
+            own = {f"{name} of {event.kind}": value for name, value in locus.extra.items()}
+            both = Curve(extended(guess.curve, replace(locus, extra=own)), ())
+            start = np.hstack([guess.x, *own.values(), guess.z[-1:]])
             # so close, unless the walk asks for a closer one
             solution = newton(both, start, tolerance=min(segment.tolerance, 1e-9))
-            joined, solution = solution.z, replace(solution, z=both.apart(solution.z)[0])
-            joined.flags.writeable = False
-            for name, value in locus.extra.items():
-                end = at + np.size(value)
-                detail[name] = joined[at:end] if np.ndim(value) else float(joined[at])
-                at = end
+            x, solution = solution.z, replace(solution, z=np.delete(solution.z, slice(n, -1)))
+            x.flags.writeable = False
+            for name, at in zip(locus.extra, map(both.slots.__getitem__, own), strict=True):
+                detail[name] = float(x[at]) if isinstance(at, int) else x[at]
         if not solution.converged:
             return None
         place, point = segment.corrected(solution, detail.get("tangents", ()))

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 from ...checks import check_kind, number, one_of, whole
-from ...errors import BadInput, add_partial_result
+from ...errors import BadInput
 from ...one_thread import one_thread
 from ..algebra.newton import Undefined
 from ..curve.branch import Branch, Points, Stop, labelled
@@ -91,7 +91,7 @@ def extend(
         old.steps,
     )
     done, over = [branch], dict[str, str]()
-    with checkpoint(save, "branch", lambda: done[-1]) as file, add_partial_result(done.append):
+    with checkpoint(save, "branch") as file:
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, settings)
             if why:

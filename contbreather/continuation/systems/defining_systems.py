@@ -12,8 +12,9 @@ of n + m + 1 equations for x, y and p: the points of that curve are regular ones
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -29,13 +30,11 @@ from ..algebra.linear_algebra import (
     inverses_between,
     least_singular,
 )
-from ..algebra.newton import Array, Undefined
+from ..algebra.newton import Array
 from ..algebra.sparse import Dense, Matrix, above, beside, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
-
-Values = NDArray[np.complex128]
 
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
@@ -56,30 +55,18 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
-def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
-    """A matrix of an event factorised, once for the test at a point of a walk and for both steps
-    that meet there; a large one as it is."""
-
-    def make(_: Array) -> Any:
-        whole = matrix(point)
-        return Dense(whole) if isinstance(whole, np.ndarray) else whole
-
-    return point.curve.cached(matrix, np.concatenate([point.z, point.direction]), make)
-
-
-def regular_step(first: Dense, last: Array) -> bool:
-    """Tell whether no interpolation between two small matrices is singular."""
-    change = first.solve(first.whole - last)
-    return change is not None and bool(_reaches_nothing(change[None])[0])
-
-
-def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
-    """Tell on which steps between small matrices no interpolation is singular."""
-    stack = np.concatenate([[first], stack])
-    try:
-        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
-    except np.linalg.LinAlgError:
-        return np.zeros(len(stack) - 1, dtype=bool)
+def stay_regular(
+    matrix: Callable[[Point], Matrix], first: Point, points: Iterable[Point]
+) -> NDArray[np.bool_]:
+    """Tell on which steps no interpolation of the matrix of an event is singular; of a large one
+    nobody knows."""
+    matrices = [matrix(point) for point in (first, *points)]
+    regular = np.zeros(len(matrices) - 1, dtype=bool)
+    if isinstance(matrices[0], np.ndarray):
+        stack = np.array(matrices)
+        with suppress(np.linalg.LinAlgError):
+            regular = _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
+    return regular
 
 
 def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
@@ -235,72 +222,6 @@ def along_by_difference(
 # --- problem and defining system together -------------------------------------------------------
 
 
-def with_conditions(locus: DefiningSystem, curve: Curve, z: Array, extra: Array) -> Array:
-    """The equations of a curve and behind them the conditions of a locus."""
-    values = curve.equations(z)
-    if locus.unfolding is not None:
-        values = values + locus.unfolding(extra)[0]
-    conditions = np.asarray(locus.conditions(curve, z, extra))
-    if conditions.shape != (extra.size + 1,):
-        raise BadInput(
-            f"a locus with {extra.size} extra unknowns needs {extra.size + 1} conditions, "
-            f"it gave {conditions.shape}"
-        )
-    return np.concatenate([values, conditions])
-
-
-def with_slopes(locus: DefiningSystem, curve: Curve, z: Array, extra: Array) -> Matrix:
-    """Their derivative, columns in the order: unknowns, extra, parameters."""
-    matrix, conditions, n = curve.jacobian(z), locus.conditions, curve.size
-    if locus.derivative is not None:
-        rows = np.asarray(locus.derivative(curve, z, extra))
-    else:
-        # apart: conditions that ask for derivatives of the problem at one z get those they had
-        difference, ones = partial(derivatives.differences, one_sided=True), np.ones(extra.size)
-        rows = difference(lambda y: conditions(curve, y, extra), z, scales=curve.scales)
-        if extra.size:
-            in_extra = difference(lambda y: conditions(curve, z, y), extra, scales=ones)
-            rows = np.hstack([rows, in_extra])
-    middle = np.zeros((n, extra.size))
-    if locus.unfolding is not None:
-        middle = locus.unfolding(extra)[1]
-    # y the extra unknowns, r the released parameter, u the unfolding
-    # | F_x  u_y  F_r  F_p |
-    # | g_x  g_y  g_r  g_p |
-    below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-    return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
-
-
-class Joined:
-    """Equations for where an event happens on a curve, in (x, y, p): its own and those of a locus,
-    for Newton's method."""
-
-    def __init__(self, curve: Curve, locus: DefiningSystem) -> None:
-        self.curve, self.locus = curve, locus
-        weights = [curve.metric[: curve.size]]
-        for value in locus.extra.values():
-            size = np.size(value)  # in the units that `extended` has
-            weights.append(np.full(size, 1 / (size if np.ndim(value) else _scale(value) ** 2)))
-        self.metric = np.concatenate([*weights, curve.metric[curve.size :]])
-
-    def apart(self, at: Array) -> tuple[Array, Array]:
-        """The point on the curve, and the unknowns of the locus."""
-        n = self.curve.size
-        return np.append(at[:n], at[-1]), at[n:-1]
-
-    def equations(self, at: Array) -> Array:
-        value = with_conditions(self.locus, self.curve, *self.apart(at))
-        if not math.isfinite(value.sum()):
-            raise Undefined("the conditions are not finite")
-        return value
-
-    def jacobian(self, at: Array) -> Matrix:
-        return with_slopes(self.locus, self.curve, *self.apart(at))
-
-    def length(self, at: Array) -> float:
-        return math.sqrt(at.dot(self.metric * at))
-
-
 def _scale(value: Any) -> float:
     # an angle or a squared frequency is measured by its size: it is not what the steps are about
     return max(1.0, abs(float(value)))
@@ -336,7 +257,66 @@ class Extended:
         return curve, z
 
     def __call__(self, x: Array, params: Params) -> Array:
-        return with_conditions(self.locus, *self.beneath(x, params, self.free), x[self.n : -1])
+        """The equations of the curve and behind them the conditions."""
+        (curve, z), extra = self.beneath(x, params, self.free), x[self.n : -1]
+        values = curve.equations(z)
+        if self.locus.unfolding is not None:
+            values = values + self.locus.unfolding(extra)[0]
+        conditions = np.asarray(self.locus.conditions(curve, z, extra))
+        if conditions.shape != (extra.size + 1,):
+            raise BadInput(
+                f"a locus with {extra.size} extra unknowns needs {extra.size + 1} conditions, "
+                f"it gave {conditions.shape}"
+            )
+        return np.concatenate([values, conditions])
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
+        """Their derivative, columns in the order: unknowns, extra, parameters."""
+        (curve, z), extra, n = self.beneath(x, params, free), x[self.n : -1], self.n
+        matrix, locus = curve.jacobian(z), self.locus
+        if locus.derivative is not None:
+            rows = np.asarray(locus.derivative(curve, z, extra))
+        else:
+            # apart: conditions that ask for derivatives of the problem at one z get those they had
+            difference = partial(derivatives.differences, one_sided=True)
+            rows = difference(lambda y: locus.conditions(curve, y, extra), z, scales=curve.scales)
+            if extra.size:
+                in_extra = difference(lambda y: locus.conditions(curve, z, y), extra)
+                rows = np.hstack([rows, in_extra])
+        middle = np.zeros((n, extra.size))
+        if locus.unfolding is not None:
+            middle = locus.unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
+
+    # --- events of the shorter problem, asked at places of the longer one ---
+
+    def lifted(self, locus: DefiningSystem, suffix: str) -> DefiningSystem:
+        """The locus of such an event as one on the longer problem, its unknowns renamed."""
+        return replace(
+            locus,
+            extra={f"{name}{suffix}": value for name, value in locus.extra.items()},
+            conditions=partial(self._beneath, locus.conditions),
+            derivative=locus.derivative and partial(self._slopes_beneath, locus.derivative),
+            events=(),
+            walker=None,
+        )
+
+    def _beneath(
+        self, function: Callable[..., Array], curve: Curve, z: Array, extra: Array
+    ) -> Array:
+        base, place = self.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(function(base, place, extra))
+
+    def _slopes_beneath(
+        self, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
+    ) -> Array:
+        rows, n = self._beneath(derivative, curve, z, extra), self.n
+        between = np.zeros((len(rows), curve.size - n - 1))  # its extra unknowns
+        return np.hstack([rows[:, :n], between, rows[:, n:]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -351,9 +331,13 @@ class ExtendedProblem(Problem):
         vectors = {name for name, value in extra if np.ndim(value)}
         return self.residual.problem.internals | vectors
 
+    @property
+    def roughly(self) -> Extended | None:  # type: ignore[override]
+        """Its equations, where derivatives near by are to serve as long as they do."""
+        return self.residual if self.residual.problem.roughly else None
+
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        both = self.residual
-        return with_slopes(both.locus, *both.beneath(x, params, free), x[both.n : -1])
+        return self.residual.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Params) -> Any:
         both = self.residual
@@ -401,29 +385,3 @@ def extended(
 def event_of(problem: Problem) -> Event | None:
     """The event whose boundary a problem is of, if it is one."""
     return problem.residual.event if isinstance(problem, ExtendedProblem) else None
-
-
-def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
-    """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    slopes = locus.derivative and partial(_derivative_beneath, together, locus.derivative)
-    return DefiningSystem(
-        {f"{name}{suffix}": value for name, value in locus.extra.items()},
-        partial(_asked_beneath, together, locus.conditions), slopes,
-        domain=locus.domain, meets=locus.meets, unfolding=locus.unfolding,
-    )  # fmt: skip
-
-
-def _asked_beneath(
-    together: Extended, conditions: Callable[..., Array], curve: Curve, z: Array, extra: Array
-) -> Array:
-    base, place = together.beneath(z[: curve.size], curve.params(z), curve.free)
-    return np.asarray(conditions(base, place, extra))
-
-
-def _derivative_beneath(
-    together: Extended, derivative: Callable[..., Array], curve: Curve, z: Array, extra: Array
-) -> Array:
-    rows = _asked_beneath(together, derivative, curve, z, extra)
-    n = together.n
-    between = np.zeros((len(rows), curve.size - n - 1))  # its extra unknowns
-    return np.hstack([rows[:, :n], between, rows[:, n:]])

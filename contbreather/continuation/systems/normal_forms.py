@@ -19,20 +19,23 @@ the matrix T below, the identity otherwise. In place of q and <p, q> it is T q, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..algebra.derivatives import extrapolated
 from ..algebra.linear_algebra import least_singular, sense, solved
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import (
     Matrix,
     above,
     beside,
+    finite,
     first_columns,
     is_large,
     is_sparse,
@@ -45,7 +48,6 @@ from ..curve.point import Point
 
 Complex = NDArray[np.complex128]
 
-_STEPS = [0.04 / 4**i for i in range(7)]  # with which differences are tried
 AGREED = 1e-10  # relative error at which no shorter step is tried
 ROUGHLY = 1e-7  # and all along a curve where each derivative is dear
 _ROUNDING = 1e-11  # a coefficient this small against its terms is rounding
@@ -53,28 +55,6 @@ _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as 
 
 
 Jet = tuple[Matrix, Matrix]  # derivatives of the Jacobian along v: B(v, .) and C(v, v, .)
-
-
-class _Differences(NamedTuple):
-    """Weights of a first and a second derivative, and those of the next shorter formulas at the
-    same places: how far these lead off tells what the step is worth. They are off by a power of
-    the step, and the longer ones by the next even one: by `power` of that."""
-
-    first: Array
-    rougher_first: Array
-    second: Array
-    rougher_second: Array
-    power: float
-
-
-_FIVE = _Differences(
-    np.array([1, -8, 0, 8, -1]) / 12, np.array([0, -1, 0, 1, 0]) / 2,
-    np.array([-1, 16, -30, 16, -1]) / 12, np.array([0.0, 1, -2, 1, 0]), 2.0,
-)  # fmt: skip
-_SEVEN = _Differences(
-    np.array([-1, 9, -45, 0, 45, -9, 1]) / 60, np.pad(_FIVE.first, 1),
-    np.array([2, -27, 270, -490, 270, -27, 2]) / 180, np.pad(_FIVE.second, 1), 1.5,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -161,47 +141,32 @@ class Forms:
         return q / size, p / np.conj(np.vdot(p, began) / size)
 
     def jet(self, v: Array) -> Jet:
-        """Derivatives along v, by the step at which they depend least on it."""
+        """Derivatives along v, by the steps at which they depend least on these."""
         if not v.any():
             return 0 * self.A, 0 * self.A
         # relative to the entries that v moves: an idle one of size 100 says nothing of the step
         reach = 1 / max(float(np.linalg.norm(v / np.maximum(1.0, abs(self.x)))), 1e-300)
         direction = np.zeros(self.z.size)
         direction[self.moved] = v * self.scales
-        best: Jet | None = None
-        before: Jet | None = None
-        doubt = math.inf
-        # five places answer roughly as soon as seven do at four times their step
-        formulas, steps = (_SEVEN, _STEPS) if self.agreed < ROUGHLY else (_FIVE, _STEPS[1:])
-        most = formulas.first.size // 2
-        for step in steps:
-            h = step * reach
-            try:
-                places = {i: self.z + i * h * direction for i in range(-most, most + 1) if i}
-                self.curve.prepare([*places.values()])
-                aside = {i: self._matrix(place) for i, place in places.items()}
-            except OUT_OF_DOMAIN:
-                continue
-            around: list[Matrix] = [aside.get(i, self.A) for i in range(-most, most + 1)]
-            if not all(math.isfinite(matrix.sum()) for matrix in around):
-                continue
-            first, rough, second, rougher = (
-                sum(w * matrix for w, matrix in zip(weights, around, strict=True))
-                for weights in formulas[:4]
-            )
-            jet, shorter = (first / h, second / h**2), (rough / h, rougher / h**2)
-            apart = min(self._apart(jet, other, reach) for other in (shorter, before or shorter))
-            worse = apart > doubt and doubt < 1e-5  # what is so small and grows is rounding
-            if apart < doubt:
-                best, doubt = jet, apart
-            if doubt**formulas.power < self.agreed or worse:
-                break
-            before = jet
-        if best is None:
-            raise Undefined("the equations have no value around the point: no normal form")
-        return best
+        # three steps answer to 1e-10, two shorter ones roughly
+        exact = self.agreed < ROUGHLY
+        first, count = (0.12 * reach, 3) if exact else (0.02 * reach, 2)
 
-    def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
+        def around(h: float) -> list[Array]:
+            return [self.z + h * direction, self.z - h * direction]
+
+        def differences(h: float) -> list[Matrix]:
+            there, behind = map(self._matrix, around(h))
+            jet = (there - behind) / (2 * h), (there - 2 * self.A + behind) / h**2
+            return [*map(finite, jet)]
+
+        with suppress(Undefined):
+            self.curve.prepare([z for i in range(count) for z in around(first / 2**i)])
+        agreed = 1e-7 if exact else 1e-4
+        B, C = extrapolated(differences, partial(self._apart, reach), first, agreed, most=7)
+        return B, C
+
+    def _apart(self, reach: float, jet: Sequence[Matrix], other: Sequence[Matrix]) -> float:
         """Relative difference of two jets: of C to B, of B to both neighbours."""
         (B, C), (B2, C2) = jet, other
         a, b, c, db, dc = (float(abs(matrix).max()) for matrix in (self.A, B, C, B - B2, C - C2))
@@ -240,17 +205,16 @@ def lyapunov_coefficient(point: Point, omega: float, agreed: float = AGREED) -> 
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    forms = Forms(point, agreed)
-    critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
-    coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
+    # those of F_x + 1, as of a map
+    values = (1.0 + 1j * omega, 1.0 + 2j * omega, 1.0)
+    coefficient = _of_pair(Forms(point, agreed), values, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
 
 
-def _of_pair(
-    forms: Forms, critical: Matrix, double: Matrix, steady: Matrix, unit: complex
-) -> Coefficient:
-    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude, of the
+def _of_pair(forms: Forms, values: Sequence[complex], unit: complex) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues, from these values of its amplitude, of the
     square of that, which turns twice as fast, and of its size, which does not turn."""
+    critical, double, steady = map(forms.closed, values)
     q, p = forms.eigenvectors(critical)
     (B_real, C_real), (B_imag, C_imag) = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
@@ -352,6 +316,5 @@ def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> 
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    critical, double, steady = (forms.closed(power) for power in (mu, mu**2, 1.0))
-    coefficient = _of_pair(forms, critical, double, steady, 2 * mu)
+    coefficient = _of_pair(forms, (mu, mu**2, 1.0), 2 * mu)
     return replace(coefficient, rounding=max(_ROUNDING, agreed))

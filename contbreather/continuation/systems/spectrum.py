@@ -33,7 +33,7 @@ from ..algebra.sparse import (
     scaled,
 )
 from ..curve.curve import Curve
-from ..curve.point import DefiningSystem, Point
+from ..curve.point import Point
 
 Values = NDArray[np.complex128]
 
@@ -351,11 +351,6 @@ def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array
     return form, vectors
 
 
-def conditions_in_plane(square: float) -> DefiningSystem:
-    """Trace and determinant within the plane of a pair are 0 and omega2: smooth at zero."""
-    return DefiningSystem({"omega2": square}, _conditions, _slopes)
-
-
 def _plane(curve: Curve, z: Array, square: float) -> InvariantPlane:
     planes: dict[float, InvariantPlane] = curve.cached("planes", z, lambda z: {})
     if square not in planes:
@@ -363,13 +358,13 @@ def _plane(curve: Curve, z: Array, square: float) -> InvariantPlane:
     return planes[square]
 
 
-def _conditions(curve: Curve, z: Array, extra: Array) -> Array:
+def plane_conditions(curve: Curve, z: Array, extra: Array) -> Array:
     square = float(extra[0])
     within = _plane(curve, z, square).within
     return np.array([np.trace(within), np.linalg.det(within) - square])
 
 
-def _slopes(curve: Curve, z: Array, extra: Array) -> Array:
+def plane_slopes(curve: Curve, z: Array, extra: Array) -> Array:
     plane, scales = _plane(curve, z, float(extra[0])), curve.scales[: curve.size]
     # left.T A' right, with the derivative of the Jacobian along each vector of the plane
     changes = [curve.along(z, vector * scales) for vector in plane.right.T]

@@ -187,11 +187,12 @@ class Stepper:
 
     def _advance(self, point: Point) -> Step:
         failed: StepFailed | None = None
-        longest = self.steps.largest or max(0.1, 0.01 * self.curve.length(point.z))
+        far = self.curve.length(point.z)
+        longest = self.steps.largest or max(0.1, 0.01 * far)
         size = min(self.size, longest)
         while size >= self.steps.smallest:
             try:
-                return self._attempt(point, size)
+                return self._attempt(point, size, EXACT * (1 + far))
             except Undefined as error:
                 failed = StepFailed(str(error), Stop.DOMAIN)
             except StepFailed as reason:
@@ -202,7 +203,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed()
 
-    def _attempt(self, point: Point, size: float) -> Step:
+    def _attempt(self, point: Point, size: float, along: float) -> Step:
         curve, curvature, sign, way = self.curve, self.curvature, self.sign, point.direction
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * way + (0.5 * size * size) * curvature
@@ -211,7 +212,6 @@ class Stepper:
         # correct
         if landing is None:
             solution = self.correct(guess, row, point.z)
-            along = EXACT * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
