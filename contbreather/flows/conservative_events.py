@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -107,9 +107,21 @@ def _examine_collision(point: Point) -> Examined:
     square, angle = _meeting(point)
     if not abs(square) < _NEAR or angle in (0.0, math.pi):
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
-    # those of one signature pass through each other
-    known = point.base_point.solution.index_form[1] is not None
-    return unresolved(point) or {"angle": angle, "signatures": "+ -" if known else _UNKNOWN}
+    return unresolved(point) or {"angle": angle, "signatures": _met(point, math.cos(angle))}
+
+
+def _met(point: Point, middle: float) -> str:
+    """The Krein signatures of two pairs that meet, on the space of both."""
+    orbit, (matrix, form) = point.base_point.solution, point.base_point.solution.index_form
+    if form is None:
+        return _UNKNOWN
+    values = np.linalg.eigvals(matrix)
+    each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
+    met = values[abs(values - middle).argsort()[: 2 * each]]
+    off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
+    space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
+    signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]
+    return " ".join("+" if sign > 0 else "-" for sign in signs)
 
 
 # --- as equations -------------------------------------------------------------------------------

@@ -45,8 +45,9 @@ class SmoothFunction:
     """A formula in one variable, a letter, or ``f(u, p)``, with its derivative.
 
     A formula is read as that of a forcing is, never executed, and differentiated by SymPy; all
-    other letters in it are parameters. A function is differentiated by differences, which are as
-    analytic as it is: slopes are differentiated once more by complex steps.
+    other letters in it are parameters. A function is differentiated by complex steps. What asks for
+    a slope at a complex place differentiates it once more: its imaginary part is then that of
+    differences, which are as analytic as the function.
 
     Examples
     --------
@@ -79,8 +80,13 @@ class SmoothFunction:
         """The derivative in the variable."""
         if not callable(self.given):
             return self(u, p, order=1)
-        V, h = self.given, _STEP * (1 + abs(np.real(u)))
-        return np.asarray(sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in STENCIL) / h)
+        V, at = self.given, {name: np.real(value) for name, value in p.items()}
+        exact = np.imag(V(np.real(u) + 1j * IMAGINARY, at)) / IMAGINARY
+        if not np.iscomplexobj(sum(p.values(), u)):
+            return np.asarray(exact)
+        h = _STEP * (1 + abs(np.real(u)))
+        once_more = sum(c * (V(u + k * h, p) - V(u - k * h, p)) for k, c in STENCIL) / h
+        return np.asarray(exact + 1j * np.imag(once_more))
 
     def __str__(self) -> str:
         return str(getattr(self.given, "__name__", self.given))
@@ -118,7 +124,7 @@ class Oscillators:
     V : str or callable, optional
         Potential of each site, a formula in ``u``, or ``V(u, p)``; none unless given. Other names
         in a formula are parameters. Nothing is executed; derivatives are those of SymPy, those of a
-        callable differences, to 1e-13: it has to be analytic.
+        callable complex steps: it has to be analytic.
     W : str or callable
         Potential of each bond, a formula in the difference ``r`` of its ends, or ``W(r, p)``.
     lattice : Ring or Lattice
