@@ -93,7 +93,7 @@ class ByImpacts:
     @classmethod
     def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> ByImpacts:
         """Make the orbit of these unknowns on a curve that set out from certain conditions."""
-        equations = equations_of(on, section)
+        equations = equations_on(on, section)
         times, impulses, offsets, amplitudes = equations.split(np.asarray(x, dtype=float))
         named = zip(section.impacts, times.tolist(), impulses.tolist(), strict=True)
         impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
@@ -139,7 +139,7 @@ class ByImpacts:
         if on.lattice.sites is not None:
             check_possible(section, on)
         check_order(section, given[0])
-        equations = equations_of(on, section)
+        equations = equations_on(on, section)
         known = np.concatenate([np.asarray(values, dtype=float) for values in given])
         x = np.append(known, np.zeros(equations.size - known.size))
         if x.size > known.size:
@@ -334,7 +334,7 @@ def resonant_of(on: Conditions, section: Section) -> Resonant:
     return resonant_modes(on.lattice, section.hit, section.turns, section.sign, *held)
 
 
-def equations_of(on: Conditions, section: Section) -> OrbitEquations:
+def equations_on(on: Conditions, section: Section) -> OrbitEquations:
     """The equations of orbits under these conditions."""
     resonant = resonant_of(on, section)
     return impact_equations(section, on.forcing, on.lattice, on.walls, resonant)

@@ -24,7 +24,7 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
 _REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
 _SHRINKS = 0.3  # at least by as much corrections shrink with factors from near by
-_EXACT = 1e-4  # of the tolerance: what may be left then, where Newton's would leave a square
+_EXACT = 1e-3  # of the tolerance: what may be left then, where Newton's would leave a square
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,10 +87,10 @@ class Dense:
 
 def shortest(matrix: Array, right: Array) -> Array:
     """The shortest vector that comes closest to a solution."""
-    return np.asarray(np.linalg.lstsq(finite(matrix), right)[0])
+    return np.asarray(np.linalg.lstsq(checked_finite(matrix), right)[0])
 
 
-def finite(matrix: Matrix) -> Matrix:
+def checked_finite(matrix: Matrix) -> Matrix:
     """A derivative, dense or sparse, refused where an entry is none."""
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")

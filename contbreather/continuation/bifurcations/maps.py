@@ -209,7 +209,7 @@ def multiplier_matrix(point: Point) -> Array:
     return np.asarray(point.jacobian()[:, :n] + np.eye(n))
 
 
-def beside(mu: float, point: Point) -> Array:
+def iterate_less(mu: float, point: Point) -> Array:
     """The derivative of the iterate, between unknowns in their scales, less mu."""
     return np.asarray(closed(point.curve, point.curve.jacobian(point.z), mu))
 
@@ -253,7 +253,7 @@ class MapCycleProblem(Problem):
         return _doubled if kind == "PD" else None
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
-        matrix = beside(0.0, point)
+        matrix = iterate_less(0.0, point)
         rounding = ROUNDING * float(np.linalg.norm(matrix))
         return np.linalg.eigvals(matrix).astype(complex), rounding
 
@@ -263,7 +263,7 @@ class MapCycleProblem(Problem):
 
 def _examine_one(plain: Event, point: Point) -> Examined:
     """Verify a multiplier 1, too: beside large ones the derivative may only look singular."""
-    sizes = np.linalg.svd(beside(1.0, point), compute_uv=False)
+    sizes = np.linalg.svd(iterate_less(1.0, point), compute_uv=False)
     if sizes[-1] > RANK * max(1.0, sizes[0]):
         return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
     assert plain.examine is not None
@@ -277,7 +277,7 @@ def _doubled(point: Point) -> SwitchingProblem:
 
 
 _FOLD = replace(fold(), examine=partial(_examine_one, fold()))
-_CIRCLE = linked(_FOLD, systems.Singular(partial(beside, -1.0)))
+_CIRCLE = linked(_FOLD, systems.Singular(partial(iterate_less, -1.0)))
 _PLAIN = crossing_event(_CIRCLE.meetings("BP"))
 _BRANCH_POINT = replace(_PLAIN, examine=partial(_examine_one, _PLAIN))
 EVENTS = (_CIRCLE.events["LP"], _BRANCH_POINT, _CIRCLE.events["PD"], _CIRCLE.events["NS"])

@@ -24,7 +24,7 @@ from ..algebra.sparse import (
     Pattern,
     beside,
     canonical,
-    finite,
+    checked_finite,
     first_columns,
     is_large,
     is_sparse,
@@ -274,7 +274,7 @@ class Curve:
         tangent, side = (factors or self.factors(z, row)).tangent(row)
         if tangent is not None and math.isfinite(tangent.sum()):
             return self.normalised(tangent), side
-        weak = least_singular(finite(self.jacobian(z)))
+        weak = least_singular(checked_finite(self.jacobian(z)))
         # where the derivative has lost a rank, all of a plane are null vectors
         vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
         nearest = (vectors @ row) @ vectors
@@ -338,7 +338,7 @@ class Curve:
             matrix = np.empty((n, z.size))
             matrix[:, :n], matrix[:, n:] = jacobian, columns
             return matrix
-        return finite(beside(jacobian, columns))
+        return checked_finite(beside(jacobian, columns))
 
     def _by_few(self, z: Array, way: Array, columns: range) -> Array:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
+from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
-from ..systems.branch_points import GAP
+from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
+from ..systems.defining_systems import factors_at, regular_between, regular_step
 from .event_location import (
     BESIDE,
     at_end,
@@ -113,7 +115,7 @@ def quiet_steps(
     known: these are asked at `first`, the second place, and the points that follow."""
     values, steps = tests.astype(float), np.diff(places)
     start, end = values[:, 1:-1], values[:, 2:]
-    blank = np.isnan(start) & np.isnan(end)  # no value to change from
+    blank, several = np.isnan(start) & np.isnan(end), steps.size > 2  # no value to change from
     quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
     for i, event in enumerate(events):
         if event.test is None:
@@ -124,7 +126,19 @@ def quiet_steps(
             known = not math.isnan(counts[i, 0])
             row = counts[i] if known else [count_at(event, point) for point in points]
             quiet[i] &= ~(abs(np.diff(row, prepend=count_at(event, first))) > 1)
+        if several and event.matrix:
+            # matrices say more of what is between two points than values do
+            matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None
+            if matrices is None:
+                return np.zeros_like(quiet)
+            quiet[i] &= regular_between(bordered_matrix(first), matrices)
     return quiet
+
+
+def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
+    """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
+    begin, end = factors_at(matrix, first), factors_at(matrix, last)
+    return isinstance(begin, Dense) and regular_step(begin, end.whole)
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

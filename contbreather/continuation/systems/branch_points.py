@@ -22,11 +22,20 @@ from ..algebra.linear_algebra import (
     solved,
 )
 from ..algebra.newton import FEW, Array, Solution, Undefined, rounding
-from ..algebra.sparse import Dense, Factors, Matrix, above, beside, finite, is_large, is_sparse
+from ..algebra.sparse import (
+    Dense,
+    Factors,
+    Matrix,
+    above,
+    beside,
+    checked_finite,
+    is_large,
+    is_sparse,
+)
 from ..curve.branch import Points
 from ..curve.curve import Curve
 from ..curve.point import DefiningSystem, Event, Many, Point
-from .defining_systems import Singular, signed_smallest, signed_smallest_of
+from .defining_systems import Singular, factors_at, signed_smallest, signed_smallest_of
 
 # Places closer than this, relative to 1 + |z|, are one, and curves that come as close are taken to
 # cross. The residual between these is its square, 1e-12: as much as differences and long sums leave
@@ -60,11 +69,11 @@ def crossing(curve: Curve, z: Array) -> Crossing:
     previous = math.inf
     for iteration in range(1, 13):
         value = curve.equations(z) / curve.row_scales
-        matrix = finite(curve.balanced(curve.jacobian(z)))
+        matrix = checked_finite(curve.balanced(curve.jacobian(z)))
         weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
-        second = finite(np.stack([w @ change for change in turned]))
+        second = checked_finite(np.stack([w @ change for change in turned]))
         form = second @ null.T  # w^T H_zz on the null space
         # to first order w^T H_z at z + N c + y vanishes on N:  form c = -N w^T H_z - (w^T H_zz y) N
         c = Dense(form).solve(-null @ (w @ matrix) - second @ rest)
@@ -125,10 +134,11 @@ def _unstable(point: Point) -> int:
 def branch_point_test(point: Point) -> float:
     """Least singular value with the row of the tangent below; of more than a few unknowns about,
     by one factorisation."""
-    matrix = bordered_matrix(point)
-    if isinstance(matrix, Bordered) or point.z.size <= FEW:
-        return signed_smallest(matrix)
-    factors = Dense(matrix)
+    factors = factors_at(bordered_matrix, point)
+    if not isinstance(factors, Dense):
+        return signed_smallest(factors)
+    if point.z.size <= FEW:
+        return signed_smallest(factors.whole)
     return by_inverses(factors, point.z.size, 2)[0] if factors.exact else 0.0
 
 

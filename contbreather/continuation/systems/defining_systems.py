@@ -12,8 +12,7 @@ of n + m + 1 equations for x, y and p: the points of that curve are regular ones
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -55,18 +54,30 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
-def stay_regular(
-    matrix: Callable[[Point], Matrix], first: Point, points: Iterable[Point]
-) -> NDArray[np.bool_]:
-    """Tell on which steps no interpolation of the matrix of an event is singular; of a large one
-    nobody knows."""
-    matrices = [matrix(point) for point in (first, *points)]
-    regular = np.zeros(len(matrices) - 1, dtype=bool)
-    if isinstance(matrices[0], np.ndarray):
-        stack = np.array(matrices)
-        with suppress(np.linalg.LinAlgError):
-            regular = _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
-    return regular
+def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
+    """A matrix of an event factorised, once for the test at a point of a walk and for both steps
+    that meet there; a large one as it is."""
+
+    def make(_: Array) -> Any:
+        whole = matrix(point)
+        return Dense(whole) if isinstance(whole, np.ndarray) else whole
+
+    return point.curve.cached(matrix, np.array([point.z, point.direction]), make)
+
+
+def regular_step(first: Dense, last: Array) -> bool:
+    """Tell whether no interpolation between two small matrices is singular."""
+    change = first.solve(first.whole - last)
+    return change is not None and bool(_reaches_nothing(change[None])[0])
+
+
+def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
+    """Tell on which steps between small matrices no interpolation is singular."""
+    stack = np.concatenate([[first], stack])
+    try:
+        return _reaches_nothing(np.linalg.solve(stack[:-1], stack[:-1] - stack[1:]))
+    except np.linalg.LinAlgError:
+        return np.zeros(len(stack) - 1, dtype=bool)
 
 
 def _reaches_nothing(power: NDArray[Any]) -> NDArray[np.bool_]:
@@ -330,11 +341,6 @@ class ExtendedProblem(Problem):
         extra = self.residual.locus.extra.items()
         vectors = {name for name, value in extra if np.ndim(value)}
         return self.residual.problem.internals | vectors
-
-    @property
-    def roughly(self) -> Extended | None:  # type: ignore[override]
-        """Its equations, where derivatives near by are to serve as long as they do."""
-        return self.residual if self.residual.problem.roughly else None
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, free)

@@ -35,7 +35,7 @@ from ..algebra.sparse import (
     Matrix,
     above,
     beside,
-    finite,
+    checked_finite,
     first_columns,
     is_large,
     is_sparse,
@@ -158,7 +158,7 @@ class Forms:
         def differences(h: float) -> list[Matrix]:
             there, behind = map(self._matrix, around(h))
             jet = (there - behind) / (2 * h), (there - 2 * self.A + behind) / h**2
-            return [*map(finite, jet)]
+            return [*map(checked_finite, jet)]
 
         with suppress(Undefined):
             self.curve.prepare([z for i in range(count) for z in around(first / 2**i)])

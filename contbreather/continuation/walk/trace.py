@@ -26,9 +26,8 @@ from ..curve.derivative_checks import advice, unlike_scales
 from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, find, quiet_steps
+from ..events.event_detection import Ends, find, quiet_steps, stays_regular
 from ..events.step_interpolant import StepInterpolant
-from ..systems.defining_systems import stay_regular
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
@@ -413,9 +412,9 @@ class ContinuationIterator:
         quiet = quiet_steps(self.events, places, tests, piece.counts, self.point, points)
         clear: Any = quiet.all(axis=0)
         clear[-1] &= not more
-        for matrix in self.matrices if clear.any() else ():
-            # matrices say more of what is between two points than values do
-            clear &= stay_regular(matrix, self.point, points)
+        if clear.size == 1:
+            regular = partial(stays_regular, first=self.point, last=points[0])
+            clear[0] = clear[0] and all(map(regular, self.matrices))
         n = len(clear) if clear.all() else int(clear.argmin())
         if n:
             self.places, self.tests = places[n : n + 2], tests[:, n : n + 2]
