@@ -11,7 +11,7 @@ import pytest
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
 from contbreather.lattice.answers import answers_of
-from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
+from contbreather.lattice.periodic_green import periodic_green, slope_ratio
 from tests.lattice.by_hand import response, ring_mean
 
 CHAIN = InfiniteChain()
@@ -142,12 +142,6 @@ def test_slope_over_y_is_smooth_through_mid_period(y):
         assert value == pytest.approx(float(exact(y)), rel=1e-14)
         slope = float(mp.diff(exact, y)) if y else 0.0
         assert bend == pytest.approx(slope, rel=1e-12, abs=1e-14)
-
-
-def test_sinc_has_no_seam_where_its_series_begins():
-    for y in (0.2 - 1e-12, 0.2 + 1e-12):
-        assert sinc(y)[0] == pytest.approx(math.sin(y) / y, rel=1e-15)
-        assert sinc(y)[1] == pytest.approx((math.cos(y) - math.sin(y) / y) / y, rel=1e-13)
 
 
 def test_infinite_chain_refuses_a_period_whose_harmonic_it_radiates():

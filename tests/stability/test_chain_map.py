@@ -17,7 +17,7 @@ from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import as_counted
 from tests.campaigns.band_ends import by_modes
 from tests.stability.by_hand import apart, flight, impact, pitchfork_b, ring_map
-from tests.stability.half import D, determinant, unstable_count, unstable_multipliers
+from tests.stability.half import determinant, unstable_count, unstable_multipliers
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -53,20 +53,6 @@ def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(sites, gamma,
     assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
 
 
-def test_reduced_determinant_is_that_of_the_whole_matrix():
-    sites, gamma, k, kicks = 150, 0.06, 0.5, CASES[4][3]
-    map = OrbitMap(gamma, k, kicks, 2)
-    M = dense(sites, gamma, k, kicks, 2)
-    free = flight(sites, gamma, 4 * np.pi)
-    for mu in (2.3, -2.1 + 0.4j, 6.0j):
-        whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
-            free - mu * np.eye(2 * sites)
-        )
-        assert determinant(map, np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(
-            whole, rel=1e-10
-        )
-
-
 @pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
 @pytest.mark.parametrize("distance", [0, 1, 4])
 def test_mean_propagators_are_means_over_the_modes(gamma, distance):
@@ -82,15 +68,6 @@ def test_several_multipliers_at_1_are_not_outside(gamma):
     b = 2.0 * InfiniteChain().psi(gamma)
     count = OrbitMap(gamma, 1.0, [(0, 0.0, b), (0, math.pi, b)]).count()
     assert (count.count, count.certain) == (0, False)
-
-
-def test_symmetric_breather_is_its_half_map_twice():
-    gamma, k, b = 0.1, 0.8, 0.7
-    map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
-    for kappa in ([0.2 - 0.1j, 0.45 - 0.7j, 0.1 - 0.02j], [0.2 + 0j, 0.05, 0.42]):
-        kappa = np.array(kappa, dtype=complex)  # mu^2 of the half map: the second row on the band
-        halves = D(gamma, kappa, k, b) * D(gamma, kappa + 1, k, b)
-        assert np.abs(determinant(map, kappa) - halves).max() < 1e-13
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2, 0.7)])
@@ -232,15 +209,6 @@ def test_verdicts_name_their_chain():
     assert "ring of 20" in repr(ring)
     assert "threshold 1.005" in repr(ring)
     assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
-
-
-@pytest.mark.parametrize("gamma", [0.01, 0.05, 0.0624, 0.09, 0.2])
-def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolvent(gamma) -> None:
-    """``D(-1)/(1 + |g|^2)`` with ``|g|^-2 = s^2 |s^2 - 4 gamma|`` at s = 1/2."""
-    map = OrbitMap(gamma, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)])
-    size = 0.25 * abs(0.25 - 4 * gamma)
-    whole = complex(determinant(map, np.array([0.5 - 1e-13j]))[0])
-    assert map.crosses(-1.0) == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [-1, 1])
