@@ -15,9 +15,8 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import as_counted
-from tests.campaigns.band_ends import by_modes
 from tests.stability.by_hand import apart, flight, impact, pitchfork_b, ring_map
-from tests.stability.half import determinant, unstable_count, unstable_multipliers
+from tests.stability.half import unstable_count, unstable_multipliers
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -51,15 +50,6 @@ def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(sites, gamma,
     # a double eigenvalue (a zero mode) is known to the root of rounding
     assert apart(mu, np.linalg.eigvals(dense(sites, gamma, k, kicks, periods))) < 1e-6
     assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
-
-
-@pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
-@pytest.mark.parametrize("distance", [0, 1, 4])
-def test_mean_propagators_are_means_over_the_modes(gamma, distance):
-    """Through the determinant of two impacts, next to the circle and far from it."""
-    map = OrbitMap(gamma, 0.7, [(0, 0.0, 0.4), (distance, 2.4, -1.3)])
-    kappa = np.array([0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j])
-    assert determinant(map, kappa) == pytest.approx(by_modes(map, kappa), rel=1e-11)
 
 
 @pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
