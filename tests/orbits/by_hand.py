@@ -1,5 +1,5 @@
 """Orbits put together from their impacts; asymmetric breathers in closed form; how well a ring
-repeats one; breathers whose neighbour just touches a wall; derivatives by differences."""
+repeats one; derivatives by differences."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from scipy.optimize import brentq
 
 from contbreather.lattice import InfiniteChain, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits import neighbour_peak, symmetric
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
@@ -82,19 +80,6 @@ def two_impacts(d: Any, gamma: Any, k: Any, sites: int | None = None) -> SimpleN
         return SimpleNamespace(p=p, a=mp.hypot(cosine, sine), middle=middle, c=p * q * mp.tan(d))
 
 
-def touching(
-    site: int, gamma: float, k: float, low: float, high: float = 3.0, **more: Any
-) -> tuple[Orbit, float]:
-    """The symmetric breather with an amplitude between two at which a site reaches its wall, and
-    when it does."""
-
-    def above(a: float) -> float:
-        return neighbour_peak(symmetric(a, gamma, k, root=1, **more), site)[1] - 1.0
-
-    b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, root=1, **more)
-    return b, neighbour_peak(b, site)[0]
-
-
 def distance(curves: Iterable[Any], point: Any, *names: str) -> float:
     """From a point to the nearest chord of some curves, in these columns, phi on its circle."""
 
@@ -112,14 +97,19 @@ def distance(curves: Iterable[Any], point: Any, *names: str) -> float:
 
 def repeats(orbit: Orbit, sites: int, t0: float = 0.3) -> tuple[float, float]:
     """How far a period of exact simulation takes a ring from its start, and half of one."""
-    own = orbit.on(Ring(sites))
-    u, v = own.state(sites, t0)
-    on, turns = own.conditions, own.section.turns
-    shared = {"a": on.a, "gamma": on.gamma, "k": on.k, "forcing": on.forcing}
-    run = simulate((u, v), **shared, periods=turns, t0=t0)
-    assert len(run.impacts) == len(own.impacts)
-    end = max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max())
-    return end, np.abs(run.strobe.u[turns // 2] - u).max()
+    own, turns = orbit.on(Ring(sites)), orbit.section.turns
+    run = simulate(own, periods=turns, t0=t0)
+    assert len(run.impacts) == len(own.hits)
+    end = np.abs(np.subtract(run.final, own.state(t=t0))).max()
+    return float(end), np.abs(run.strobe.u[turns // 2] - own.state(t=t0)[0]).max()
+
+
+def run_once(orbit: Orbit) -> float:
+    """How far an orbit of a finite lattice is from coming back, by the simulation."""
+    start = float(orbit.times.min()) - 0.02
+    run = simulate(orbit, periods=orbit.section.turns, t0=start)
+    assert len(run.impacts) == len(orbit.hits)
+    return float(np.abs(np.subtract(run.final, orbit.state(t=start))).max())
 
 
 def derivatives(

@@ -17,13 +17,10 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import multibreathers
-from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
-from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.plotting.multipliers import band
 
-CHAIN = cb.InfiniteChain()
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
 OPEN = cb.OpenChain(5)
 UNEVEN = np.array([1.0, 0.5, 2.0, 1.0, 1.5])
@@ -218,23 +215,6 @@ def test_other_parameters_join_and_a_point_at_frequency_one_is_one_like_any_othe
     assert (both.omega, both.spring, "omega" in both.conditions.params) == (1.0, 0.0, False)
 
 
-@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
-def test_files_hold_branches_and_boundaries_in_the_frequency(tmp_path, lattice):
-    more = {} if lattice is None else {"damping": 0.01, "lattice": lattice}
-    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8, **more), "omega", within={"omega": (0.9, 1.2)})
-    within, steps = {"omega": (0.9, 1.2)}, cb.Steps(most=4)
-    line = cb.boundary(branch.first("PF"), ("omega", "a"), within=within, steps=steps)
-    cb.save(tmp_path / "run.nc", branch=branch, line=line)
-    again = cb.load(tmp_path / "run.nc")
-    assert again["branch"][-1].solution.a == pytest.approx(0.9, rel=1e-14)
-    assert again["branch"][-1].solution.omega == branch[-1]["omega"]
-    more_of_it = cb.extend(again["branch"], within={"omega": (0.9, 1.4)})
-    assert more_of_it["omega"].max() == pytest.approx(1.4)
-    assert again["line"]["a"] == pytest.approx(line["a"], abs=0)
-    other = cb.boundary(again["branch"].first("PF"), ("omega", "a"), towards="up", steps=steps)
-    assert other["a"][0] == pytest.approx(branch.first("PF")["a"])
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_parameters_come_back_as_they_were_given(name, tmp_path):
     make, on = CASES[name]
@@ -323,29 +303,6 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     assert ended["gamma"].max() == pytest.approx((1.44 - 0.1) / 4, rel=1e-3)
     assert "omega = 1.2, comes to the band of the lattice, 0.316228 to 1.199" in ended.reason
     assert "at gamma = 0.33" in ended.reason
-
-
-TWO = cb.Fourier(cos={1: 1.0, 3: 0.3}, sin={3: 0.2})
-
-
-@pytest.mark.parametrize("free", ["a", "gamma", "omega"])
-@pytest.mark.parametrize(
-    "on", [{}, {"spring": 0.05}, {"forcing": TWO}, {"spring": 0.05, "forcing": TWO}]
-)
-def test_tests_of_many_breathers_at_once_are_those_of_each(free, on):
-    start = cb.symmetric(0.4, 0.04, 0.8, omega=1.1, **on)
-    within = {"a": (0.2, 0.9), "gamma": (0.0, 0.16), "omega": (0.85, 1.6)}[free]
-    branch = cb.trace(start, free, within={free: within}, events=(), inadmissible=True)
-    many, each = breathers_along(branch.points), [point.solution for point in branch]
-    alone = [least_margin(orbit.motion) for orbit in each]
-    assert many.margins() == pytest.approx(alone, abs=1e-14)
-    for mu in (-1.0, 1.0):
-        assert many.map.crosses(mu) == pytest.approx([o.map.crosses(mu) for o in each], abs=1e-14)
-        assert (many.map.beyond(mu) == [orbit.map.beyond(mu) for orbit in each]).all()
-    off, passed = many.map.pairs()
-    assert off == pytest.approx([orbit.map.pairs()[0] for orbit in each], rel=1e-11, abs=1e-14)
-    assert passed == pytest.approx([orbit.map.pairs()[1] for orbit in each], abs=1e-13)
-    assert (many.map.unstable(1.0) == [orbit.map.unstable(1.0) for orbit in each]).all()
 
 
 # --- runs, zones, commands ------------------------------------------------------------------------

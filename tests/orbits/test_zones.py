@@ -81,7 +81,7 @@ def test_neimark_sacker_line_is_complete(k: float) -> None:
     order = np.argsort(line["arclength"])
     gamma, a = line["gamma"][order], line["a"][order]
     seen = 0
-    for coupling in np.linspace(0.0203, 0.2453, 91):  # off the comb, so that no node is hit
+    for coupling in np.linspace(0.0203, 0.2453, 46):  # off the comb, so that no node is hit
         crossings = _crossings(gamma, a, coupling)
         wanted = [_amplitude(coupling, k, root.b) for root in ns_points(coupling, k)]
         wanted = [value for value in wanted if value is not None]
