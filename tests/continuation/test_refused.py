@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -96,19 +95,6 @@ def test_without_values_to_both_sides_there_is_no_coefficient(mine, kind, name, 
     assert name not in point.detail
     for what, value in known.items():
         assert point.detail[what] == pytest.approx(value, abs=1e-9)
-
-
-def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling() -> None:
-    mine = cb.FixedPoint(
-        lambda u, p: [-(1.0 + p["m"]) * u[0] + u[0] ** 3, -(1.0 + p["m"]) * u[1] + u[1] ** 3],
-        START, {"m": -0.31},
-    )  # fmt: skip
-    branch = cb.trace(mine, "m", within={"m": (-0.4, 0.3)})
-    assert [point.kind for point in branch.special] == ["EP", "EP"]
-    assert {point.kind: point.detail["reason"] for point in branch.doubtful} == {
-        "NS": "a double -1: R2, no pair on the unit circle",
-        "PD": "two PD at once, or too close to be separated: not simple",
-    }
 
 
 # --- what was given -------------------------------------------------------------------------------
@@ -342,22 +328,3 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
     problem = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0}, **more)
     with pytest.raises(KeyError, match="mu"):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
-
-
-# --- closed forms at their rims -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("harmonics", "a"), [({1: -1.0}, 0.3), ({1: -1.0, 3: -0.3}, 0.4), ({1: -1.0, 5: 2.0}, 0.2)]
-)
-def test_all_roots_of_a_forcing_solve_the_closure_by_falling_momentum(harmonics, a) -> None:
-    forcing = cb.Fourier(cos=harmonics)
-    roots = cb.orbits.symmetric_roots(a, 0.02, 0.8, forcing=forcing)
-    assert roots
-    assert [root.p for root in roots] == sorted((root.p for root in roots), reverse=True)
-    for root in roots:
-        assert root.p > 0.0
-        assert root.displacement(0, root.phi) == pytest.approx(1.0, abs=1e-10)
-        assert abs(root.phi) <= math.pi
-    for one, other in pairwise(roots):
-        assert abs(one.p - other.p) > 1e-9 or abs(one.phi - other.phi) > 1e-9

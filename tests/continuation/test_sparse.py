@@ -23,7 +23,7 @@ from .large import (
     swift_hohenberg,
     swift_hohenberg_branches,
 )
-from .zoo import knowing
+from .zoo import knowing, mesh_fold
 
 FEW = [cb.fold(), cb.branch_point(), cb.hopf()]
 
@@ -66,9 +66,9 @@ def test_a_jacobian_may_come_back_in_the_same_arrays_in_any_order() -> None:
     np.testing.assert_allclose(other["u"], one["u"], rtol=0, atol=1e-13)
 
 
-def test_the_fold_of_bratu_s_problem_is_the_known_one_but_for_the_mesh() -> None:
-    coarse, fine = (folded("sparse", n).first("LP")["lam"] for n in (49, 99))
-    assert (4 * fine - coarse) / 3 == pytest.approx(3.513830719, abs=2e-7)
+@pytest.mark.parametrize("n", [50, 200])
+def test_the_fold_of_bratu_s_problem_is_that_of_its_own_recurrence(n: int) -> None:
+    assert folded("sparse", n).first("LP")["lam"] == pytest.approx(mesh_fold(n), abs=2e-11)
 
 
 def test_hopf_points_of_the_brusselator_are_those_in_closed_form_on_either_road() -> None:
@@ -211,32 +211,6 @@ def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
     assert cusp["eps"] == pytest.approx(0.245887853033, abs=1e-11)
     assert cusp["lam"] == pytest.approx(5.217285536164, abs=1e-11)
     assert not line.doubtful
-
-
-def in_units(n: int) -> cb.Problem:
-    """The same, in its left and its right half, in units that differ by a thousand."""
-    plain, units = ignition(n), np.repeat([1e-2, 10.0], [n // 2, n - n // 2])
-    start = {"left": np.full(n // 2, 1.5e2), "right": np.full(n - n // 2, 0.15)}
-    return cb.Problem(
-        lambda u, p: plain.residual(units * u, p),
-        start,
-        plain.params,
-        jacobian=lambda u, p: plain.jacobian(units * u, p) * units,
-        scales={"left": 1e2, "right": 0.1},
-    )
-
-
-def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
-    events, within, steps = [cb.fold()], {"lam": (4, 5.2)}, cb.Steps(first=0.1)
-    lines = []
-    for problem in (in_units(7), ignition(7)):
-        branch = cb.trace(problem, "lam", within=within, towards="up", events=events)
-        fold, near = branch.first("LP"), {"lam": (5.13, 6)}
-        line = cb.boundary(fold, ("eps", "lam"), within=near, towards="up", steps=steps)
-        lines.append(line)
-    one, other = (line.first("CP") for line in lines)
-    assert one["eps"] == pytest.approx(other["eps"], abs=1e-10)
-    assert one["lam"] == pytest.approx(other["lam"], abs=1e-10)
 
 
 def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:

@@ -85,6 +85,8 @@ def test_a_start_from_which_plain_steps_lead_astray_is_moved_to_the_curve(s: flo
     assert [point.kind for point in branch.special] == ["EP", "HB", "LP", "LP", "HB", "EP"]
     known = [1.04099, 1.05220, 1.04204, 1.05155]  # as BifurcationKit prints them
     assert [point["q2"] for point in branch.special[1:-1]] == pytest.approx(known, abs=1e-5)
+    births = [point["l1"] * point["omega"] for point in branch.special if point.kind == "HB"]
+    assert births == pytest.approx([4.332247, 10.70259], rel=5e-4)  # MatCont's, by differences
     assert min(branch["x"].min(), branch["y"].min()) > 0
     distance = min(np.hypot(p["s"] - s, np.hypot(p["x"] - 0.07, p["y"] - 0.2)) for p in branch)
     assert branch.start_correction >= distance - 0.1
@@ -185,19 +187,6 @@ def test_a_longest_step_that_is_given_holds_everywhere() -> None:
     )
     assert np.diff(held["arclength"]).max() <= 5.001
     assert 12 < np.diff(free["arclength"]).max() < 15  # a hundredth of |z|
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("towards", ["up", "both"])
-def test_a_fold_at_the_end_of_the_domain_is_left_to_the_inside(side, towards):
-    """There the parameter does not change at first, and one of both sides is not in the domain."""
-    inside = (0.0, 5.0) if side > 0.0 else (-5.0, 0.0)
-    mine = Problem(
-        lambda x, p: np.array([x[0] ** 2 - p["s"]]), {"x": 0.0}, {"s": 0.0}, domain={"x": inside}
-    )
-    branch = trace(mine, "s", towards=towards, within={"s": (0.0, 1.0)})
-    assert branch["s"][[0, -1]].tolist() == [0.0, 1.0]
-    assert branch["x"][-1] == pytest.approx(side)
 
 
 @pytest.mark.parametrize("rounding", [-2.2e-16, 0.0, 2.2e-16])
