@@ -67,12 +67,6 @@ def test_slopes_in_state_time_and_parameters_are_those_by_hand(f: Any) -> None:
     np.testing.assert_allclose(slope, by_hand(X, T), rtol=0, atol=1e-14 if exact else 1e-10)
 
 
-def test_slopes_beside_a_kink_are_one_sided_differences_apart() -> None:
-    x = X + np.array([[4.0], [0.0], [0.0]])  # off the kink, to the right of it
-    _, slope = slopes(kinked, T, x, P, ("k", "w"))
-    np.testing.assert_allclose(slope, by_hand(x, T), rtol=0, atol=1e-10)
-
-
 @pytest.mark.parametrize(
     ("f", "way"), [(smooth, "complex steps"), (kinked, "differences"), (written_for_one, "diff")]
 )
@@ -88,16 +82,6 @@ def test_how_a_function_is_differentiated_is_logged(f, way, caplog):
 def test_a_sum_over_all_states_is_not_taken_for_one_of_each() -> None:
     found = values(lambda t, x, p: [np.sum(x), np.max(x), x[0]], 0.0, X, {})
     np.testing.assert_allclose(found, [X.sum(axis=0), X.max(axis=0), X[0]], rtol=1e-14)
-
-
-def test_a_condition_is_one_row() -> None:
-    def guard(t: Any, x: Any, p: Any) -> Any:
-        return x[0] - p["k"] * np.sin(t)
-
-    assert values(guard, T, X, P).shape == (1, 11)
-    _, slope = slopes(guard, 0.3, X[:, :1], P, ("k",))
-    assert slope.shape == (1, 5, 1)
-    np.testing.assert_allclose(slope[0, :, 0], [1, 0, 0, -2 * math.cos(0.3), -math.sin(0.3)])
 
 
 def test_small_and_large_units_are_differentiated_alike() -> None:

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
-from contbreather.flows.functions import slopes
 
 TAU = 2 * np.pi
 
@@ -20,13 +19,6 @@ def contact(t: Any, x: Any, p: Any) -> Any:
     """A force of Hertz's kind beyond 1, which complex steps lose."""
     deep = np.where(x[0] > 1, 20 * abs(x[0] - 1) ** 1.5, 0.0)
     return [x[1], -0.1 * x[1] - x[0] - deep + p["F"] * np.cos(0.7 * t)]
-
-
-def test_slopes_are_right_where_a_force_begins_that_was_not_seen_at_first() -> None:
-    x, t = np.linspace([-1.0, 0.0], [0.9, 1.0], 50, axis=1), np.linspace(0, 5, 50)
-    slopes(contact, t, x, {"F": 1.0})
-    deep = slopes(contact, t, x + 1, {"F": 1.0})[1][1, 0]
-    np.testing.assert_allclose(deep, -1 - 30 * np.sqrt(np.maximum(x[0], 0.0)), rtol=1e-6, atol=1e-6)
 
 
 def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:
@@ -163,19 +155,6 @@ def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_
         assert point["max(x)"] == pytest.approx(-point["min(x)"], abs=1e-7)
 
 
-def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() -> None:
-    rest = {"x": 0.0, "v": 0.0}
-    twice = cb.cycle(BANG, rest, {"om": 0.7}, period=driven, settle=300)
-    assert twice.start["durations"].size == 4
-    window, steps = {"om": (0.695, 0.72)}, cb.Steps(most=25)
-    back = cb.trace(twice, "om", within=window, towards="up", steps=steps)
-    assert [point.kind for point in back.special if point.kind != "EP"] == ["BP"]
-    once = cb.cycle(BANG, rest, {"om": 0.75}, period=driven, settle=300)
-    symmetric = cb.trace(once, "om", within={"om": (0.71, 0.76)})
-    for arm in cb.switch(symmetric.first("BP"), within={"om": (0.703, 0.73)}):
-        assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
-
-
 def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doubles() -> None:
     start = {"x": 2.0, "v": 5.0}
     once = cb.cycle(BANG, start, {"om": 1.03}, period=driven, settle=300)
@@ -188,26 +167,6 @@ def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doub
 
 
 # --- tutorials of other programs ----------------------------------------------------------------
-
-
-def test_the_catalytic_oscillator_has_the_points_of_matcont_s_manual() -> None:
-    """Of Bykov, Yablonskii and Kim; MatCont's coefficients of HB are these times omega, and its
-    third derivatives are differences."""
-
-    def field(t, u, p):
-        x, y, s = u
-        z = 1 - x - y - s
-        meet = 10 * x * y
-        return [5 * z**2 - 2 * x**2 - meet, p["q"] * z - 0.1 * y - meet, 0.0675 * (z - 0.4 * s)]
-
-    start = {"x": 0.001137, "y": 0.891483, "s": 0.062345}
-    branch = cb.trace(cb.equilibrium(field, start, {"q": 2.204678}), "q", within={"q": (0.6, 2.21)})
-    found = {point["q"]: point for point in branch.special if point.kind != "EP"}
-    known = {1.040991: "HB", 1.042049: "LP", 1.051558: "HB", 1.052200: "LP"}
-    assert [found[q].kind for q in sorted(found)] == [*known.values()]
-    assert sorted(found) == pytest.approx([*known], abs=1e-6)
-    births = [point["l1"] * point["omega"] for point in branch.special if point.kind == "HB"]
-    assert sorted(births) == pytest.approx([4.332247, 10.70259], rel=5e-4)
 
 
 def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
