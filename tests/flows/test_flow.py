@@ -185,12 +185,6 @@ def test_a_bug_midway_surfaces_with_a_note() -> None:
     assert "at t = 0.5, x = [3.0]" in raised.value.__notes__[0]
 
 
-def test_a_field_without_a_value_gives_nan() -> None:
-    found = values(lambda t, x, p: [np.log(x[0])], 0.0, np.array([[1.0, -1.0]]), {})
-    assert found[0, 0] == 0.0
-    assert math.isnan(found[0, 1])
-
-
 @pytest.mark.parametrize("written", ["for many states", "for one state"])
 def test_equilibria_ask_for_no_more_values_than_the_same_equations_as_a_problem(written) -> None:
     calls = 0

@@ -255,14 +255,3 @@ def test_images_of_an_orbit_are_its_shifts_that_hit_the_same_walls_in_the_same_o
 def test_an_orbit_whose_mirror_image_hits_other_walls_has_no_image() -> None:
     twice = [(0, 1, 0.0, -1.0), (0, 1, 1.0, -0.5), (0, -1, 3.5, 1.4)]
     assert list(images_of(orbit_from(twice, a=0.4, gamma=0.03))) == []
-
-
-def test_an_orbit_is_made_of_finite_numbers() -> None:
-    b = symmetric(0.5, 0.12, 0.4).unfolded()
-    for spoilt in (
-        {"offsets": (math.nan,)},
-        {"impacts": tuple(one._replace(time=math.inf) for one in b.impacts)},
-        {"impacts": tuple(one._replace(impulse=math.nan) for one in b.impacts)},
-    ):
-        with pytest.raises(BadInput, match="finite numbers are expected"):
-            replace(b.representation, **spoilt)

@@ -347,19 +347,6 @@ def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade):
             assert abs(1 + trace + det) < 1e-8
 
 
-def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.continuation.Point]):
-    lifted = lift(cascade[0])
-    curvature = []
-    for size in (0.005, 0.01):
-        problem = lifted.arm(size)
-        curvature.append((problem.params["a"] - cascade[0]["a"]) / size**2)
-        orbit = orbit_at(problem)
-        late = orbit.displacement(0, np.linspace(0, 1, 9) + 2 * math.pi)
-        assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
-    assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
-    assert curvature[0] > 0
-
-
 # --- boundaries ---------------------------------------------------------------------------------
 
 

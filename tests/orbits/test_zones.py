@@ -227,20 +227,6 @@ def several() -> cb.orbits.Zones:
     return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)}, past_folds=True)
 
 
-@pytest.mark.parametrize("gamma", [0.005, 0.03])
-def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(gamma: float):
-    """The curve lies beyond k = 0.97, and the counts on both sides of it differ by a pair."""
-    (line,) = cb.zones(gamma=gamma)["NS"]
-    assert line["k"].min() > 0.97
-    point = line[len(line) // 2]
-    counts = {
-        cb.symmetric(point["a"], gamma, point["k"] + shift).stability().unstable
-        for shift in (-1e-6, 1e-6)
-    }
-    assert len(counts) == 2
-    assert max(counts) - min(counts) == 2
-
-
 @pytest.mark.parametrize("a", [0.97, 0.98, 0.99])
 def test_the_limit_goes_on_with_site_zero_in_the_plane_of_k_and_gamma(a: float) -> None:
     diagram = cb.zones(a=a)
