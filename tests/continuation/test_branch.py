@@ -86,6 +86,24 @@ def shown_at(branch: cb.Branch, width: int) -> list[list[str]]:
     return [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows]
 
 
+def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: cb.Branch) -> None:
+    """Every number is the point's own, rounded to the digits that it is shown with."""
+    wide, middle, narrow = (shown_at(branch, width) for width in (200, 80, 55))
+    assert wide[0] == ["label", "h", "x", "slope", "arclength", "residual"]
+    assert middle[0] == narrow[0] == ["label", "h", "x", "slope"]
+    assert wide[2][1] == middle[2][1] == f"{branch.first('LP1')['h']:.12g}"
+    for row, point in zip(narrow[1:], branch.special, strict=True):
+        for cell, name in zip(row[1:], ("h", "x", "slope"), strict=True):
+            assert any(cell == f"{point[name]:.{digits}g}" for digits in range(4, 12))
+
+
+def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: cb.Branch) -> None:
+    rows = shown_at(branch, 22)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in cell for row in rows for cell in row)
+    joined = "".join(row[1] for row in rows[1:] if row)
+    assert f"{abs(branch.first('LP2')['h']):.4g}" in joined
+
+
 def test_a_count_is_blank_where_rounding_decides_it() -> None:
     """At a fold a multiplier is on the circle: the table has no number, the column keeps it."""
     cusp = cb.Problem(

@@ -108,6 +108,10 @@ def test_names_do_not_depend_on_the_coordinates(line, shuffle):
     lines.at(curve.first("BT"), b1=0, b2=0)
 
 
+def test_the_first_lyapunov_coefficient_of_bautin() -> None:
+    assert lines.BAUTIN.first.detail["l1"] == pytest.approx(-0.6, rel=1e-9)
+
+
 # --- Hopf curves that end where branches cross ------------------------------------------------
 
 
@@ -159,6 +163,13 @@ def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None
     assert (curve.began, curve.stop) == (Stop.EVENT, Stop.EVENT)
     assert curve["angle"].min() >= -1e-9
     assert curve["angle"].max() <= math.pi + 1e-9
+
+
+def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> None:
+    flip, pair = lines.FLIPS.first.detail, lines.CHENCINER.first.detail
+    assert flip["c"] == pytest.approx(0.09 - 1, rel=1e-9)
+    assert flip["criticality"] == "subcritical"
+    assert pair["d"] == pytest.approx(2 * -0.5, abs=1e-9)
 
 
 @pytest.mark.parametrize(("p2", "largest"), [(0.1, 0.02), (0.2, 0.1), (0.1, 1.0)])
@@ -234,6 +245,7 @@ def bazykin_at(kind: str, guess: tuple[float, ...]) -> tuple[float, ...]:
     conditions = {
         "BT": lambda: [A.trace(), A.det()],
         "CP": lambda: [A.det(), _along_fold(F, A, (x, y))],
+        "GH": lambda: [A.trace(), _guckenheimer_holmes(F, A, (x, y))],
     }[kind]()
     system = sympy.lambdify(names, [*F, *conditions], "mpmath")
     return tuple(float(value) for value in mpmath.findroot(system, guess))
@@ -243,6 +255,29 @@ def _along_fold(F: Any, A: Any, u: tuple[Any, Any]) -> Any:
     """The determinant does not change along the null vector of the fold: a cusp."""
     null = (-A[0, 1], A[0, 0])
     return sum(sympy.diff(A.det(), name) * part for name, part in zip(u, null, strict=True))
+
+
+def _guckenheimer_holmes(F: Any, A: Any, u: tuple[Any, Any]) -> Any:
+    """Their (3.4.11) for the planar flow in coordinates in which its linear part is a rotation."""
+    omega = sympy.sqrt(A.det())
+    T = sympy.Matrix([[A[0, 1], 0], [-A[0, 0], -omega]])
+    a, b = sympy.symbols("a b")
+    shift = T * sympy.Matrix([a, b])
+    moved = F.subs({u[0]: u[0] + shift[0], u[1]: u[1] + shift[1]}, simultaneous=True)
+    f = moved[0] / T[0, 0]  # T is triangular
+    g = (moved[1] - T[1, 0] * f) / T[1, 1]
+
+    def d(h: Any, *by: Any) -> Any:
+        return sympy.diff(h, *by).subs({a: 0, b: 0})
+
+    cubic = d(f, a, a, a) + d(f, a, b, b) + d(g, a, a, b) + d(g, b, b, b)
+    square = (
+        d(f, a, b) * (d(f, a, a) + d(f, b, b))
+        - d(g, a, b) * (d(g, a, a) + d(g, b, b))
+        - d(f, a, a) * d(g, a, a)
+        + d(f, b, b) * d(g, b, b)
+    )
+    return cubic + square / omega
 
 
 BAZYKIN = cb.Problem(
@@ -274,6 +309,17 @@ def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
     assert lines.kinds(curve) == ["CP", "BT", "CP", "BT"]
     for point in curve.special:
         check(point)
+
+
+def test_generalised_hopf_of_bazykin_on_the_curve_that_starts_at_takens_bogdanov() -> None:
+    """There the criticality changes."""
+    far = max((p for p in bazykin_folds().special if p.kind == "BT"), key=lambda p: p["x"])
+    curve = cb.boundary(far, ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
+    assert lines.kinds(curve) == ["BT", "GH"]
+    check(curve.first("GH"))
+    place = list(curve).index(curve.first("GH"))
+    test = next(event.test for event in curve.problem.events if event.kind == "GH")
+    assert test(curve[place - 1]) * test(curve[place + 1]) < 0
 
 
 def takens(u, p):

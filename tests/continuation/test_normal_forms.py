@@ -275,6 +275,14 @@ def test_a_double_eigenvalue_has_no_simple_normal_form() -> None:
         forms.cubic_at_cusp(Point(curve, np.zeros(3)))
 
 
+@pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3, math.pi / 2])
+def test_strong_resonances_have_another_normal_form(angle: float) -> None:
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
+    with pytest.raises(Undefined, match="strong resonance"):
+        forms.rotation_coefficient(Point(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0])), angle)
+
+
 def test_scales_measure_the_eigenvector() -> None:
     """The same system in other units, with scales that say so: the same coefficient."""
 
@@ -286,6 +294,29 @@ def test_scales_measure_the_eigenvector() -> None:
                    scales={"x": 1e-3, "y": 1e4})  # fmt: skip
     point = trace(mine, "B", within={"B": (0.5, 3)}, events=[hopf()]).first("HB")
     assert point.detail["l1"] == pytest.approx(-0.5, rel=1e-7)
+
+
+def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
+    calls = 0
+
+    def jacobian(x: Array, p: Mapping[str, float]) -> Array:
+        nonlocal calls
+        calls += 1
+        matrix = np.diag(-np.ones(x.size) * np.arange(1, x.size + 1))
+        matrix[:2, :2] = [[p["m"] - 3 * x[0] ** 2, -1], [1, p["m"]]]
+        return matrix
+
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        head = [p["m"] * x[0] - x[1] - x[0] ** 3, x[0] + p["m"] * x[1]]
+        return np.concatenate([head, -np.arange(3, x.size + 1) * x[2:]])
+
+    mine = Problem(residual, {"x": np.zeros(30)}, {"m": 0.0}, jacobian=jacobian)
+    curve = Curve(mine, ("m",))
+    curve.jacobian(curve.start)
+    calls = 0
+    l1 = forms.lyapunov_coefficient(Point(curve, curve.start), 1.0)
+    assert l1.value == pytest.approx(-0.75, rel=1e-9)  # -3/8 a^3 of the cubic, |q|^2 = 1
+    assert calls <= 65
 
 
 # --- how close is close ---------------------------------------------------------------------------

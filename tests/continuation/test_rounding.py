@@ -166,3 +166,42 @@ def test_all_branch_points_of_a_mixture_are_found(seed: int, condition: float) -
     for arm in cb.switch(branch.first("BP6"), **options):
         assert arm.stop is cb.continuation.Stop.BOUND
         np.testing.assert_allclose(places(arm), m[6:], rtol=0, atol=1e-9)
+
+
+def swift_hohenberg(n: int, nu: float = 2.0) -> tuple[cb.Problem, np.ndarray]:
+    """``mu u + nu u^2 - u^3 - (1 + d^2/dx^2)^2 u`` on n places of (0, 3 pi) with free ends, and
+    where u = 0 bifurcates, from the modes of the mesh."""
+    h = 3 * math.pi / (n - 1)
+    D = (np.diag(np.full(n, -2.0)) + np.eye(n, k=1) + np.eye(n, k=-1)) / h**2
+    D[0, 1] = D[-1, -2] = 2 / h**2
+    K = (np.eye(n) + D) @ (np.eye(n) + D)
+
+    def residual(u, p):
+        return p["mu"] * u + nu * u**2 - u**3 - K @ u
+
+    def jacobian(u, p):
+        return np.diag(p["mu"] + 2 * nu * u - 3 * u**2) - K
+
+    laplacian = -((2 / h * np.sin(np.arange(n) * math.pi / (2 * n - 2))) ** 2)
+    problem = cb.Problem(residual, {"u": np.zeros(n)}, {"mu": -0.1}, jacobian=jacobian)
+    return problem, np.sort((1 + laplacian) ** 2)
+
+
+@pytest.mark.slow
+def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pitchfork() -> None:
+    found = []
+    events = [cb.fold(), cb.branch_point()]
+    for n in (50, 120):
+        problem, modes = swift_hohenberg(n)
+        axis = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
+        arm = cb.switch(axis.first("BP"), within={"mu": (-0.6, 0.1)}, events=events)[0]
+        assert arm.stop is cb.continuation.Stop.BOUND
+        found.append([(point.kind, point["mu"]) for point in arm.special])
+        back = cb.trace(arm[12], "mu", within={"mu": (-0.3, 0.1)}, events=events)
+        assert {back.began, back.stop} == {cb.continuation.Stop.BOUND}
+        nearest = min(back.special, key=lambda point: np.abs(point["u"]).max())
+        assert nearest.kind == "BP"
+        assert abs(nearest["mu"] - modes[0]) < 1e-8
+    (kinds, values), (fine_kinds, fine_values) = (zip(*one, strict=True) for one in found)
+    assert kinds == fine_kinds == ("EP", "BP", "BP", "LP", "EP")
+    np.testing.assert_allclose(values, fine_values, rtol=0, atol=3e-3)  # of the meshes

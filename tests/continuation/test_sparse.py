@@ -200,6 +200,32 @@ def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
     assert not line.doubtful
 
 
+def in_units(n: int) -> cb.Problem:
+    """The same, in its left and its right half, in units that differ by a thousand."""
+    plain, units = ignition(n), np.repeat([1e-2, 10.0], [n // 2, n - n // 2])
+    start = {"left": np.full(n // 2, 1.5e2), "right": np.full(n - n // 2, 0.15)}
+    return cb.Problem(
+        lambda u, p: plain.residual(units * u, p),
+        start,
+        plain.params,
+        jacobian=lambda u, p: plain.jacobian(units * u, p) * units,
+        scales={"left": 1e2, "right": 0.1},
+    )
+
+
+def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
+    events, within, steps = [cb.fold()], {"lam": (4, 5.2)}, cb.Steps(first=0.1)
+    lines = []
+    for problem in (in_units(7), ignition(7)):
+        branch = cb.trace(problem, "lam", within=within, towards="up", events=events)
+        fold, near = branch.first("LP"), {"lam": (5.13, 6)}
+        line = cb.boundary(fold, ("eps", "lam"), within=near, towards="up", steps=steps)
+        lines.append(line)
+    one, other = (line.first("CP") for line in lines)
+    assert one["eps"] == pytest.approx(other["eps"], abs=1e-10)
+    assert one["lam"] == pytest.approx(other["lam"], abs=1e-10)
+
+
 def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:
     n, steps = 20, cb.Steps(most=6)
     branch = cb.trace(

@@ -189,6 +189,19 @@ def test_a_longest_step_that_is_given_holds_everywhere() -> None:
     assert 12 < np.diff(free["arclength"]).max() < 15  # a hundredth of |z|
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("towards", ["up", "both"])
+def test_a_fold_at_the_end_of_the_domain_is_left_to_the_inside(side, towards):
+    """There the parameter does not change at first, and one of both sides is not in the domain."""
+    inside = (0.0, 5.0) if side > 0.0 else (-5.0, 0.0)
+    mine = Problem(
+        lambda x, p: np.array([x[0] ** 2 - p["s"]]), {"x": 0.0}, {"s": 0.0}, domain={"x": inside}
+    )
+    branch = trace(mine, "s", towards=towards, within={"s": (0.0, 1.0)})
+    assert branch["s"][[0, -1]].tolist() == [0.0, 1.0]
+    assert branch["x"][-1] == pytest.approx(side)
+
+
 @pytest.mark.parametrize("rounding", [-2.2e-16, 0.0, 2.2e-16])
 def test_rounding_at_a_start_on_the_edge_of_its_domain_does_not_decide_how_a_curve_ends(rounding):
     """Its test changes so slowly that a unit in the last place of 1 is no place on the curve."""

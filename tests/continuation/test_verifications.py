@@ -7,6 +7,7 @@ of another kind.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -220,6 +221,23 @@ def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(t
 
 
 # --- of orbits with impacts ---------------------------------------------------------------------
+
+
+@cache
+def single_arm() -> cb.Branch:
+    """Unequal flights of a single oscillator, up to its period doubling at a = 0.925512006293."""
+    from contbreather.orbits.constructors import asymmetric
+
+    arm = asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem
+    return cb.trace(arm, "a", towards="up", within={"a": (0.8, 0.95)})
+
+
+def test_a_period_doubling_of_an_orbit_is_one_and_no_other_point_is() -> None:
+    point = single_arm().first("PD")
+    assert point["a"] == pytest.approx(0.925512006293, abs=1e-11)
+    assert reason(point.event, point) == ""
+    ordinary = next(p for p in single_arm() if not p.kind)
+    assert "D(-1) = " in reason(point.event, ordinary)
 
 
 def test_a_pair_that_turns_real_is_no_neimark_sacker_point_of_an_orbit() -> None:

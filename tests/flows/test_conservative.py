@@ -356,6 +356,11 @@ def test_a_family_that_grows_into_where_nothing_is_conserved_says_so() -> None:
     assert not cb.trace(start, "energy", within={"energy": (0.4, 1.2)}).doubtful
 
 
+def test_what_is_conserved_is_said_where_it_is_missing() -> None:
+    with pytest.raises(cb.NotConverged, match=r"where energy is conserved .say so by conserves=."):
+        cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0})
+
+
 def test_an_orbit_of_a_family_that_goes_around_twice_is_also_one_of_half_the_period() -> None:
     """What is given of it, the period, is that of the single turn then."""
     problem = cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0}, conserves=of_duffing)

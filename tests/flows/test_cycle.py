@@ -237,6 +237,33 @@ def test_a_canard_explosion_without_folds_has_none() -> None:
     assert [point.kind for point in cycles.special] == ["EP", "EP"]
 
 
+def test_a_point_takes_one_derivative_and_few_flights() -> None:
+    """That of the point before serves for the corrections, of which slopes inside of intervals are
+    as exact as the next one needs. Each derivative takes two calls with complex numbers, for states
+    and times, and for the parameter."""
+    asked = [0, 0]
+
+    def counted(t, x, p):
+        asked[any(map(np.iscomplexobj, (x, *p.values())))] += 1
+        return van_der_pol(t, x, p)
+
+    ring = cb.cycle(counted, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50)
+    for top, steps in ((3.0, cb.Steps()), (2.0, cb.Steps(largest=0.05))):
+        asked[:] = 0, 0
+        window = {"mu": (1.0, top)}
+        branch = cb.trace(ring, "mu", within=window, towards="up", steps=steps, events=())
+        assert sum(asked) < 29 * len(branch)  # how to differentiate it is among that
+    assert asked[1] < 3 * len(branch)
+
+
+def test_a_curve_of_period_doublings_stays_one() -> None:
+    point = CASES["roessler"].branch.first("PD")
+    line = cb.boundary(point, ("c", "a"), within={"c": (2.6, 3.1)}, events=())
+    assert len(line) > 5
+    for place in (line[0], line[-1]):
+        assert abs(place.base_point.solution.multipliers + 1).min() < 1e-7
+
+
 def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
     """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2)."""
     start = {"x": 0.9, "y": 0.0, "z": 1.3}

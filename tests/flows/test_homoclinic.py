@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, lorenz
+from .zoo import BAND, CASES, lorenz, roessler
 
 # The rimless wheel of the zoo: its speed after a step just does to get over the top.
 STALLS = brentq(
@@ -215,6 +215,18 @@ def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
 def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
     assert butterfly[0].parent["r"] == pytest.approx(24.736842, abs=1e-6)
     assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)
+
+
+def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
+    """Roessler's band: the doubling of the doubled cycle is at 3.8373581."""
+    few, params = Collocation(intervals=14, points=3), {**BAND, "c": 2.8}
+    ring = cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, params, settle=200, collocation=few)
+    single = cb.trace(ring, "c", within={"c": (2.8, 2.9)}, towards="up")
+    (double,) = cb.switch(single.first("PD"), within={"c": (2.8, 6.5)})
+    assert double["mesh"].shape[1] > 2 * single["mesh"].shape[1]
+    assert double["trivial"].max() < 1e-4
+    assert double[0]["period"] == pytest.approx(2 * single.first("PD")["period"], rel=1e-5)
+    assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
 
 
 def test_the_period_where_an_equilibrium_appears_on_a_cycle_is_the_closed_form() -> None:

@@ -14,6 +14,7 @@ from contbreather.flows.functions import slopes
 P = {"mu": 1.3}
 X = np.random.default_rng(0).normal(size=(2, 7))
 PATTERN = [[0, 1], [1, 1]]
+MASS = [[2.0, 1.0], [0.0, 1.0]]
 
 
 def field(t: Any, x: Any, p: Any) -> Any:
@@ -42,6 +43,16 @@ def sparse(t: Any, x: Any, p: Any) -> Any:
 
 GIVEN = {"rows": written, "array": array, "sparse": sparse, "pattern": PATTERN,
          "sparse pattern": csr_array(np.array(PATTERN))}  # fmt: skip
+
+
+@pytest.mark.parametrize("jacobian", GIVEN.values(), ids=GIVEN)
+@pytest.mark.parametrize("mass", [None, MASS])
+def test_slopes_are_those_without_it(jacobian: Any, mass: Any) -> None:
+    flow, plain = cb.Flow(field, mass=mass, jacobian=jacobian), cb.Flow(field, mass=mass)
+    flow.check(0.0, X[:, 0], P)
+    for found, wanted in zip(*(slopes(of.f, 0.3, X, P, ("mu",)) for of in (flow, plain)),
+                             strict=True):  # fmt: skip
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
 
 
 def test_a_pattern_is_differentiated_by_differences_where_no_complex_step_suits() -> None:

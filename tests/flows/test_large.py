@@ -10,6 +10,7 @@ import pytest
 from scipy.sparse import block_array, diags_array, eye_array
 
 import contbreather as cb
+from contbreather.flows import sparse_equations
 
 CELLS = 14
 A, B, D = 2.0, 5.45, {"D1": 0.008, "D2": 0.004}
@@ -62,6 +63,26 @@ def test_the_doubled_cycle_leaves_it() -> None:
     (arm,) = cb.switch(rings(sparse=True).first("PD"), within={"c": (2.5, 2.9)},
                        steps=cb.Steps(most=2))  # fmt: skip
     assert arm["period"][0] == pytest.approx(2 * rings(sparse=True).first("PD")["period"], rel=1e-5)
+
+
+def test_arnoldi_finds_the_largest_of_all_multipliers() -> None:
+    point = rings(sparse=True)[-1]
+    every, leading = point.solution, point.problem.residual.leading(point.x, point.params)
+    np.testing.assert_allclose(leading[0], every.others[: leading[0].size], atol=1e-8)
+    assert leading[1] == pytest.approx(every.trivial, abs=1e-6)  # as the mesh resolves it
+
+
+def test_derivatives_are_those_by_differences() -> None:
+    from contbreather.continuation.curve.curve import Curve
+
+    curve = Curve(rings(sparse=True)[0].problem, ("c",))
+    z = curve.start + 1e-3 * np.sin(np.arange(curve.start.size))
+    way = np.cos(np.arange(z.size) ** 1.5) * curve.scales
+    step = 1e-5 * way
+    wanted = (8 * (curve.equations(z + step) - curve.equations(z - step))
+              - curve.equations(z + 2 * step) + curve.equations(z - 2 * step)) / 12e-5  # fmt: skip
+    found = curve.jacobian(z) @ way
+    np.testing.assert_allclose(found, wanted, atol=1e-7 * abs(wanted).max())
 
 
 def test_a_forced_cycle_is_the_same_by_both() -> None:
@@ -125,3 +146,16 @@ def test_the_brusselator_begins_to_oscillate_where_its_first_mode_does() -> None
     assert {"max(u)", "min(u)", "max(v)", "min(v)"} <= {*cycles.columns()}
     assert not any("u0" in name for name in cycles.columns())
     assert orbit.solution.extreme("u11", 1.0) <= orbit["max(u)"]
+
+
+def test_many_states_without_events_ask_for_no_multipliers(monkeypatch: Any) -> None:
+    def asked(*_: Any) -> Any:
+        raise AssertionError("multipliers")
+
+    monkeypatch.setattr(sparse_equations.SparseFlowEquations, "maps", asked)
+    rest = brusselator(130, cb.Collocation(5, 3))
+    born = cb.trace(rest, "L", within={"L": (0.45, 0.6)}).first("HB")
+    (cycles,) = cb.switch(born, events=(), within={"L": (0.45, 0.6)}, steps=cb.Steps(most=2))
+    assert np.isfinite(cycles["max(u)"]).all()
+    with pytest.raises(AssertionError, match="multipliers"):
+        print(cycles[-1].solution.multipliers)

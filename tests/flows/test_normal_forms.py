@@ -133,6 +133,35 @@ def test_a_hybrid_flow_has_the_torus_of_its_return_map() -> None:
 # --- sides ------------------------------------------------------------------------------------
 
 
+def bounced(A: float, t: float, v: float, e: float = 0.8) -> tuple[float, float]:
+    """The next impact on A sin t and the velocity after it: Newton's iteration for the flight."""
+    flight = TAU
+    for _ in range(8):
+        gap = A * math.sin(t) + v * flight - flight**2 / 2 - A * math.sin(t + flight)
+        flight -= gap / (v - flight - A * math.cos(t + flight))
+    return t + flight, -e * (v - flight) + (1 + e) * A * math.cos(t + flight)
+
+
+def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -> None:
+    """Simulated: its two phases part by 2 u with c u^2 = s where a multiplier is -1 - s.
+
+    Its trace is 1 + e^2 - (1 + e)^2 sqrt(A^2 - gamma^2), its determinant e^2. Lengths are those of
+    the height, the velocity and the phase."""
+    point = CASES["bouncing ball"].branch.first("PD")
+    assert point["criticality"] == "supercritical"
+    critical, squares = point["A"], []
+    for beyond in (1e-3, 2e-3):
+        A, impacts = critical + beyond, [(float(point["phase"]), math.pi)]
+        for _ in range(8000):
+            impacts = [*impacts[-1:], bounced(A, *impacts[-1])]
+        (t, v), (later, other) = impacts
+        apart = (A * (math.sin(later) - math.sin(t)), other - v, later - t - TAU)
+        squares.append(np.dot(apart, apart) / 4 / beyond)
+    gamma = math.pi * 0.2 / 1.8
+    slope = 1.8**2 * critical / math.sqrt(critical**2 - gamma**2) / (1 - 0.64)
+    assert 2 * squares[0] - squares[1] == pytest.approx(slope / point["c"], rel=1e-3)
+
+
 # --- curves -----------------------------------------------------------------------------------
 
 

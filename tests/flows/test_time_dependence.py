@@ -36,6 +36,15 @@ def test_twice_the_period_of_the_forcing_is_one() -> None:
     assert forced(1.0, 2 * TAU).start["period"] == pytest.approx(2 * TAU)
 
 
+def test_half_the_period_is_one_of_half_a_symmetric_orbit() -> None:
+    half = cb.Flow(duffing, reset=lambda t, x, p: [-x[0], -x[1]])
+    orbit = cb.cycle(half, REST, {"w": 1.0, "F": 0.5}, period=lambda p: np.pi / p["w"], settle=60)
+    whole = forced(1.0, TAU)
+    end = cb.trace(orbit, "F", within={"F": (0.49, 0.5)}, towards="down")[0]
+    start = cb.trace(whole, "F", within={"F": (0.49, 0.5)}, towards="down")[0]
+    assert end.solution.max["x"] == pytest.approx(start.solution.max["x"], abs=1e-8)
+
+
 def bouncing(period, **functions):
     start, params = {"y": 0.46, "v": 3.1}, {"A": 0.6, "e": 0.8}
     fall = replace(TABLE, **functions)

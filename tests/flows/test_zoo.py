@@ -103,12 +103,13 @@ def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
 
 def test_the_doubled_orbit_of_the_moebius_strip_is_the_closed_form() -> None:
     """In the axes that turn along, q = (sqrt mu, 0): twice around, with its own multipliers."""
-    (arm,) = cb.switch(CASES["moebius"].branch.first("PD"), within={"mu": (-0.1, 0.5)})
-    for at in arm[1:]:
-        assert at["period"] == pytest.approx(4 * math.pi, abs=1e-8)
-        wanted = [math.exp(-8 * math.pi * at["mu"]), math.exp(-4 * math.pi * (1 + at["mu"]))]
-        found = np.sort(at.solution.others.real)[::-1]
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+    for name in ("moebius", "forced doubling"):
+        (arm,) = cb.switch(CASES[name].branch.first("PD"), within={"mu": (-0.1, 0.5)})
+        for at in arm[1:]:
+            assert at["period"] == pytest.approx(4 * math.pi, abs=1e-8)
+            wanted = [math.exp(-8 * math.pi * at["mu"]), math.exp(-4 * math.pi * (1 + at["mu"]))]
+            found = np.sort(at.solution.others.real)[::-1]
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["shaken pendulum", "pest control"])

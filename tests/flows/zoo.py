@@ -78,6 +78,11 @@ enter(
     "r", (1.5, 30.0), (("HB", 470 / 19),),
     lambda at: [(at["x"] ** 2, 8 / 3 * (at["r"] - 1)), (at["z"], at["r"] - 1)],
 )  # fmt: skip
+enter(
+    "lorenz, origin",
+    rest(lorenz, {"x": 0.0, "y": 0.0, "z": 0.0}, {**LORENZ, "r": 0.5}),
+    "r", (0.1, 3.0), (("BP", 1.0),),
+)  # fmt: skip
 
 
 # FitzHugh-Nagumo: trace 1 - v^2 - eps b = 0; then w = (v + a)/b and I = w - v + v^3/3.
@@ -270,6 +275,21 @@ def van_der_pol(t: Any, x: Any, p: Any) -> Any:
     return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
 
 
+# The period at mu = 1 is known to many digits.
+PERIOD_AT_ONE = 6.663286859323130
+
+
+def at_one(at: Any) -> Pairs:
+    return [(at["period"], PERIOD_AT_ONE)] if at["mu"] == 1.0 else []
+
+
+enter(
+    "van der pol",
+    cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50),
+    "mu", (0.2, 3.0), (), at_one,
+)  # fmt: skip
+
+
 def roessler(t: Any, x: Any, p: Any) -> Any:
     return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
 
@@ -300,6 +320,41 @@ enter(
     "mu", (-0.5, 1.0), (("LP", 0.0),),
     lambda at: [((at["max(y)"] - 1) ** 2, at["mu"]),
                 (np.log(at.solution.others.real), [-4 * np.pi * (at["max(y)"] - 1)])],
+)  # fmt: skip
+
+
+def forced_moebius(t: Any, x: Any, p: Any) -> Any:
+    """Half-turned axes around the point (cos t, 0)."""
+    du, dv = half_turned(p["mu"], np.cos(t), np.sin(t), x[0] - np.cos(t), x[1])
+    return [du - np.sin(t), dv]
+
+
+enter(
+    "forced doubling",
+    cycle(forced_moebius, {"u": 1.0, "v": 0.0}, {"mu": -0.3}, period=2 * np.pi, settle=20),
+    "mu", (-0.5, 0.5), (("PD", 0.0),), along_moebius,
+)  # fmt: skip
+
+
+def forced_torus(t: Any, x: Any, p: Any) -> Any:
+    """z' = (mu + i w) z - |z|^2 z around (cos t, 0): multipliers exp(2 pi (mu +- i w))."""
+    u, v = x[0] - np.cos(t), x[1]
+    growth = p["mu"] - u**2 - v**2
+    return [growth * u - p["w"] * v - np.sin(t), p["w"] * u + growth * v]
+
+
+def along_torus(at: Any) -> Pairs:
+    wanted = np.exp(2 * np.pi * (at["mu"] + 0.3j))
+    found = at.solution.others
+    return [(found[found.imag > 0], [wanted])]
+
+
+enter(
+    "forced torus",
+    cycle(
+        forced_torus, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 0.3}, period=2 * np.pi, settle=20
+    ),
+    "mu", (-0.5, 0.5), (("NS", 0.0),), along_torus,
 )  # fmt: skip
 
 
@@ -503,6 +558,37 @@ enter(
         dict(zip("Vis", buck_start(22.0), strict=True)), {"Vin": 22.0},
     ),
     "Vin", (20.0, 28.0), (("PD", buck_doubling()),),
+)  # fmt: skip
+
+
+# A relay with hysteresis b behind three lags; half of the orbit, mirrored.
+LAGS = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
+
+
+def mirrored(matrix: Any, push: list[float], T: float) -> Any:
+    """Where v' = A v + push is the negative of its start after a time: v = -(1 + E)^-1 (E - 1) A^-1
+    push, E = exp(A T)."""
+    E, one = expm(matrix * T), np.eye(len(matrix))
+    return -np.linalg.solve(one + E, (E - one) @ np.linalg.solve(matrix, push))
+
+
+def relay_start(T: float) -> Any:
+    return mirrored(LAGS, [0.0, 0.0, -2.0], T)
+
+
+def relay_half_period(b: float) -> float:
+    """From x = b down to -b."""
+    return brentq(lambda T: float(relay_start(T)[0]) - b, 1.0, 12.0, xtol=1e-14)
+
+
+enter(
+    "relay",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - 2],
+                until=lambda t, x, p: x[0] + p["b"], reset=lambda t, x, p: [-x[0], -x[1], -x[2]]),
+        {"x": 0.2, "y": 1.0, "z": 1.5}, {"b": 0.1}, settle=60,
+    ),
+    "b", (0.02, 1.0), (), lambda at: [(at["period"], relay_half_period(at["b"]))],
 )  # fmt: skip
 
 

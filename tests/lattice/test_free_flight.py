@@ -6,6 +6,8 @@ import math
 
 import mpmath as mp
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from contbreather.lattice import InfiniteChain, Ring
 from tests.lattice.by_hand import response, ring_mean
@@ -36,6 +38,25 @@ def test_response_of_a_ring_is_the_sum_over_its_modes(gamma, sites, n):
         exact = mode_sum(gamma, n, s, sites)
         scale = float(Ring(sites).first_harmonic(gamma, 0))
         assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 3e-15 * scale
+
+
+@pytest.mark.parametrize(("gamma", "n"), [(0.12, 0), (0.12, 1), (0.12, 300), (0.2499, 2)])
+def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
+    r = math.sqrt(1 - 4 * gamma)
+    laps = int(38 / (2 * math.atanh(r))) + 2 * n
+    for s in (0.0, NEAR, 2.0):
+        got = response(CHAIN, gamma, n, s)
+        exact = mode_sum(gamma, n, s, laps)
+        assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 1e-15 / r
+
+
+@settings(max_examples=50)
+@given(st.floats(0.0, 0.2499), st.integers(1, 30), st.floats(0.0, math.pi))
+def test_response_obeys_the_equation_of_motion_between_impacts(gamma, n, s):
+    for lattice in (CHAIN, Ring(7)):
+        v = {m: response(lattice, gamma, m, s) for m in (n - 1, n, n + 1)}
+        force = gamma * (v[n - 1][0] + v[n + 1][0] - 2 * v[n][0])
+        assert abs(v[n][2] - force) < 1e-15 / math.sqrt(1 - 4 * gamma)
 
 
 @pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(6)])

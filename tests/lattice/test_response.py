@@ -1,24 +1,67 @@
-"""Answers of rings to impulses that recur: by closed forms, by modes, and where one is resonant."""
+"""Answers of lattices to impulses that recur: by closed forms, by modes, against dense matrices."""
 
 from __future__ import annotations
 
 import math
 
+import networkx as nx
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
 from contbreather.lattice.answers import answers_of, resonant_modes
-from contbreather.lattice.finite import OpenChain
+from contbreather.lattice.finite import Grid, Lattice, OpenChain, stiffness_of
 from contbreather.lattice.response import (
     ModalResponse,
+    Response,
     UniformResponse,
 )
+
+TIED = OpenChain(6, ends="fixed")
+
+
+MASSES = Lattice.from_graph(nx.path_graph(5), masses=[1, 2, 0.5, 1, 3])
 
 
 def modal(lattice, held, hits, turns=1, sign=1, resonant=()) -> ModalResponse:
     return ModalResponse(lattice, Harmonic(), *held, hits, turns, sign, resonant)
+
+
+def recurring(of: Response, hit: int, since: float) -> np.ndarray:
+    """Displacements and velocities of all sites after an impulse that recurs with the sign of the
+    section, by dense matrices: nothing holds the lattice where it is, so springs must."""
+    lattice = of.lattice
+    one, masses = np.eye(lattice.sites), lattice.masses
+    A = of.gamma * stiffness_of(lattice).toarray() / masses[:, None] + of.spring * one
+    flow = np.block([[0 * one, one], [-A, -of.damping * one]])
+    kick = np.concatenate([0 * one[hit], one[hit]])
+    # x+ = sign M x+ + kick: after each section as after the last, but for its sign
+    start = np.linalg.solve(np.eye(len(flow)) - of.sign * expm(flow * of.length), kick)
+    return expm(flow * since) @ start
+
+
+HELD = [(0.1, 0.3, 0.0), (0.1, 0.3, 0.2), (0.2, 0.16, 0.8), (0.05, 0.01, 2.5)]
+
+
+@pytest.mark.parametrize("held", HELD)
+@pytest.mark.parametrize(("turns", "sign"), [(1, 1), (1, -1), (2, 1), (3, -1)])
+@pytest.mark.parametrize("lattice", [MASSES, TIED, Grid(2, 3), Ring(7), Ring(1)], ids=repr)
+def test_modes_answer_as_dense_matrices_do(lattice, turns, sign, held) -> None:
+    hit = lattice.sites // 2
+    of = modal(lattice, held, (hit,), turns, sign)
+    for since in (0.0, 0.4, 0.7 * of.length):
+        wanted = recurring(of, hit, since)
+        if sign > 0:  # less the static push of a mean impulse, 1 a section
+            A = held[0] * stiffness_of(lattice).toarray() / lattice.masses[:, None]
+            push = np.eye(lattice.sites)[hit] / of.length
+            wanted[: lattice.sites] -= np.linalg.solve(A + held[1] * np.eye(lattice.sites), push)
+        found = np.array([of.at(n, np.array([since]))[:2, 0] for n in range(lattice.sites)])
+        assert found.T.ravel() == pytest.approx(wanted, abs=1e-11)
+
+
+HELD = [(0.1, 0.3, 0.0), (0.1, 0.3, 0.2), (0.2, 0.16, 0.8), (0.05, 0.01, 2.5)]
 
 
 @pytest.mark.parametrize("sign", [1, -1])

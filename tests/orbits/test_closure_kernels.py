@@ -86,7 +86,9 @@ def test_boundaries_of_rings_are_those_of_single_steps(monkeypatch, kind, sites,
         ((0.2, 0.08, 0.8), "gamma", "NS"),
     ],
 )
-@pytest.mark.parametrize("pair", [("gamma", "a"), ("c3", "a"), ("k", "omega")])
+@pytest.mark.parametrize(
+    "pair", [("gamma", "a"), ("k", "gamma"), ("c3", "a"), ("omega", "a"), ("k", "omega")]
+)
 def test_boundaries_and_places_filled_in_are_those_of_single_steps(
     monkeypatch, start, free, kind, pair
 ) -> None:

@@ -18,6 +18,7 @@ from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
 from contbreather.stability import ns_points
 from tests.stability.by_hand import det_by_modes
+from tests.stability.half import dense_half_map
 
 CHAIN = cb.InfiniteChain()
 
@@ -89,6 +90,22 @@ def test_fold_is_the_closed_form_14(gamma: float, k: float, lattice: Any) -> Non
     assert fold["a"] == pytest.approx(low, rel=1e-13)
     assert fold["p"] == pytest.approx(chi / (chi**2 + q**2), rel=1e-10)
     assert fold.residual < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "kind", "multiplier", "beside"),
+    [(0.1, 0.1, "LP", -1, 0.1), (0.6, 0.04, "PF", 1, 0.727632)],
+)
+def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_and_one(
+    a: float, gamma: float, kind: str, multiplier: int, beside: float
+) -> None:
+    def distance(breather: cb.Orbit) -> float:
+        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        return float(abs(np.linalg.eigvals(half) - multiplier).min())
+
+    point = cb.trace(cb.symmetric(a, gamma, 0.8), "a").first(kind)
+    assert distance(point.solution) < (1e-10 if kind == "LP" else 1e-12)
+    assert distance(cb.symmetric(beside, gamma, 0.8)) > 1e-3
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.03, 0.4)])
@@ -199,6 +216,12 @@ def test_two_real_multipliers_that_become_a_pair_do_not_end_the_curve_of_another
     assert first[0] > first[1] + 0.1 > 1.2  # real
     assert last[0] == pytest.approx(last[1], abs=1e-9)
     assert last[2:6] == pytest.approx(1.005, abs=1e-8)
+
+
+def test_a_threshold_on_a_ring_must_exceed_one() -> None:
+    start = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(10))
+    with pytest.raises(cb.BadInput, match="above 1"):
+        cb.trace(start, "a", events=[cb.neimark_sacker(threshold=1.0)])
 
 
 @pytest.mark.parametrize("name", ["c1", "c3"])

@@ -541,6 +541,14 @@ def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) 
         assert highest == pytest.approx(1.0, abs=1e-6)
 
 
+def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
+    """The saltation has a pole there: no multiplier passes the circle."""
+    start = cb.symmetric(0.35, 0.02, 0.8, lattice=cb.Ring(6), spring=0.5)
+    branch = cb.trace(start, "a")
+    assert branch[0].kind == "VI"
+    assert not [point for point in (*branch.special, *branch.doubtful) if point.kind == "PF"]
+
+
 def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
     for damping in (1e-9, 1e-6, 3.0, 1e3):
         fly = propagator(np.array([0.0, 0.2]), math.pi, damping)

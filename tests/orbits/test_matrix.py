@@ -430,3 +430,12 @@ def test_branches_that_leave_are_the_same_by_every_representation(case, represen
     assert len(own) == len(wanted) > 0
     for one, other in zip(own, wanted, strict=True):
         assert one == pytest.approx(other, abs=1e-7)
+
+
+@cells
+def test_symmetry_related_orbits_solve_the_same_equations(case: str, representation: str) -> None:
+    orbit = solved(case, representation)
+    problem = orbit.problem
+    for image in problem.images(problem.x, problem.params):
+        assert abs(problem.residual(image, problem.params)).max() < 1e-11
+        assert abs(image - problem.x).max() < 10.0

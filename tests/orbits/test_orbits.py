@@ -166,6 +166,14 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
         assert asked(n, t) == pytest.approx(np.array(single), abs=1e-13)
 
 
+def test_all_sites_obey_the_equation_of_motion():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    n, t = np.arange(-2, 4), 1.234
+    pull = orbit.displacement(n + 1, t) + orbit.displacement(n - 1, t)
+    force = 0.04 * (pull - 2 * orbit.displacement(n, t)) - 0.82 * math.cos(t)
+    assert np.abs(orbit.acceleration(n, t) - force).max() < 1e-14
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -255,3 +263,14 @@ def test_images_of_an_orbit_are_its_shifts_that_hit_the_same_walls_in_the_same_o
 def test_an_orbit_whose_mirror_image_hits_other_walls_has_no_image() -> None:
     twice = [(0, 1, 0.0, -1.0), (0, 1, 1.0, -0.5), (0, -1, 3.5, 1.4)]
     assert list(images_of(orbit_from(twice, a=0.4, gamma=0.03))) == []
+
+
+def test_an_orbit_is_made_of_finite_numbers() -> None:
+    b = symmetric(0.5, 0.12, 0.4).unfolded()
+    for spoilt in (
+        {"offsets": (math.nan,)},
+        {"impacts": tuple(one._replace(time=math.inf) for one in b.impacts)},
+        {"impacts": tuple(one._replace(impulse=math.nan) for one in b.impacts)},
+    ):
+        with pytest.raises(BadInput, match="finite numbers are expected"):
+            replace(b.representation, **spoilt)

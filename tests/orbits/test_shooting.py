@@ -24,7 +24,7 @@ from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_equations import OrbitEquations
-from contbreather.orbits.section import Section
+from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
 from tests.stability.by_hand import slope
 
 from .by_hand import derivatives, in_phase, run_once
@@ -315,6 +315,19 @@ def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade):
             assert abs(1 + trace + det) < 1e-8
 
 
+def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.continuation.Point]):
+    lifted = lift(cascade[0])
+    curvature = []
+    for size in (0.005, 0.01):
+        problem = lifted.arm(size)
+        curvature.append((problem.params["a"] - cascade[0]["a"]) / size**2)
+        orbit = orbit_at(problem)
+        late = orbit.displacement(0, np.linspace(0, 1, 9) + 2 * math.pi)
+        assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
+    assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
+    assert curvature[0] > 0
+
+
 # --- boundaries ---------------------------------------------------------------------------------
 
 
@@ -429,6 +442,17 @@ def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
             assert run_once(orbit) < 1e-11
 
 
+def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
+    """There one multiplier grows beyond 1e20, and its rounding makes pairs of all others."""
+    branch = cb.trace(
+        shooting(cb.symmetric(0.5, 0.04, 0.8), sites=RING), "a", within={"a": (0.03, 1.2)}
+    )
+    end = branch.first("VI1")
+    assert abs(end.solution.hits[0].before) < 1e-9
+    assert end["a"] == pytest.approx(1.0, abs=1e-9)
+    assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
+
+
 # --- refusals -----------------------------------------------------------------------------------
 
 BY_HAND = {"a": 0.82, "sites": RING, **AT}
@@ -456,6 +480,15 @@ def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> No
     assert last.times[0] > last.times[1]
     assert last.residual == refused.value.residual < 1e-12
     assert refused.value.iterations > 1
+
+
+@pytest.mark.parametrize("sequence", [(), ((0, 1),), ((99, 1), (0, -1)), ((0, 2), (0, -1))])
+def test_impossible_sequence_is_carried_by_its_refusal(sequence) -> None:
+    ring = cb.Ring(RING)
+    with pytest.raises(cb.BadInput) as refused:
+        check_possible(Section(sequence).placed(ring), Conditions(0.5, 0.04, 0.8, lattice=ring))
+    assert isinstance(refused.value, ImpossibleSequence)
+    assert refused.value.sequence == sequence
 
 
 def test_solution_with_impacts_from_outside_is_no_orbit() -> None:

@@ -280,6 +280,18 @@ def test_above_the_fold_there_is_always_a_breather(gamma, k, times, c):
     assert b.residual < 1e-15 * (1 + a * strongest)
 
 
+def test_forcing_with_many_harmonics_is_solved_too():
+    forcing = SQUARE
+    assert forcing.highest > 64
+    chi, q, a = CHAIN.chi(0.1), 0.25, 0.5
+    phi = np.linspace(-math.pi, math.pi, 40001)
+    reduced = a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
+    at = np.flatnonzero(reduced[:-1] * reduced[1:] < 0)
+    found = symmetric_roots(a, 0.1, 0.6, forcing=forcing)
+    assert len(found) == np.sum(a * forcing.f(phi[at]) < 1)
+    assert all(b.residual < 1e-14 for b in found)
+
+
 # ------------------------------------------------------------------------------------ lattices
 
 
@@ -393,6 +405,37 @@ def test_bad_input_is_refused_with_what_was_given_and_what_is_wanted(given, says
 
 def test_a_breather_put_together_by_hand_says_how_wrong_it_is():
     assert Orbit(ClosedForm(**GOOD, p=0.68, phi=-2.5)).residual > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"gamma": 0.25}, "gamma"),
+        ({"gamma": -1e-12}, "gamma"),
+        ({"gamma": math.nan}, "gamma"),
+        ({"k": 1.0 + 1e-12}, "k <= 1"),
+        ({"k": math.nan}, "k <= 1"),
+        ({"a": math.inf}, "finite"),
+    ],
+)
+def test_the_kernels_of_the_continuation_refuse_what_lies_beyond_the_rim(change, says):
+    closure, x = Closure(), np.array([0.68, -2.5])
+    params = {"a": 0.5, "gamma": 0.12, "k": 0.4} | change
+    for kernel in (
+        closure.residual,
+        closure.jacobian,
+        lambda x, params: closure.sensitivity(x, params, "a"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            kernel(x, params)
+
+
+def test_the_kernels_refuse_what_is_not_finite_or_unknown():
+    closure, params = Closure(TWO), {"a": 0.5, "gamma": 0.12, "k": 0.4}
+    with pytest.raises(BadInput, match="finite"):
+        closure.residual(np.array([math.nan, 0.0]), params)
+    with pytest.raises(BadInput, match=r"unknown parameter 'c9'.*a, gamma, k, c1, c3"):
+        closure.sensitivity(np.array([0.6, 0.0]), params, "c9")
 
 
 def test_a_state_of_many_sites_is_that_of_each():

@@ -81,7 +81,7 @@ def test_neimark_sacker_line_is_complete(k: float) -> None:
     order = np.argsort(line["arclength"])
     gamma, a = line["gamma"][order], line["a"][order]
     seen = 0
-    for coupling in np.linspace(0.0203, 0.2453, 46):  # off the comb, so that no node is hit
+    for coupling in np.linspace(0.0203, 0.2453, 91):  # off the comb, so that no node is hit
         crossings = _crossings(gamma, a, coupling)
         wanted = [_amplitude(coupling, k, root.b) for root in ns_points(coupling, k)]
         wanted = [value for value in wanted if value is not None]
@@ -225,6 +225,20 @@ def test_all_sheets_of_a_forcing_with_several_breathers(several: cb.orbits.Zones
 @pytest.fixture(scope="module")
 def several() -> cb.orbits.Zones:
     return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)}, past_folds=True)
+
+
+@pytest.mark.parametrize("gamma", [0.005, 0.03])
+def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(gamma: float):
+    """The curve lies beyond k = 0.97, and the counts on both sides of it differ by a pair."""
+    (line,) = cb.zones(gamma=gamma)["NS"]
+    assert line["k"].min() > 0.97
+    point = line[len(line) // 2]
+    counts = {
+        cb.symmetric(point["a"], gamma, point["k"] + shift).stability().unstable
+        for shift in (-1e-6, 1e-6)
+    }
+    assert len(counts) == 2
+    assert max(counts) - min(counts) == 2
 
 
 @pytest.mark.parametrize("a", [0.97, 0.98, 0.99])

@@ -16,7 +16,7 @@ from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import as_counted
 from tests.stability.by_hand import apart, flight, impact, pitchfork_b, ring_map
-from tests.stability.half import unstable_count, unstable_multipliers
+from tests.stability.half import D, determinant, unstable_count, unstable_multipliers
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -52,12 +52,35 @@ def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(sites, gamma,
     assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
 
 
+def test_reduced_determinant_is_that_of_the_whole_matrix():
+    sites, gamma, k, kicks = 150, 0.06, 0.5, CASES[4][3]
+    map = OrbitMap(gamma, k, kicks, 2)
+    M = dense(sites, gamma, k, kicks, 2)
+    free = flight(sites, gamma, 4 * np.pi)
+    for mu in (2.3, -2.1 + 0.4j, 6.0j):
+        whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
+            free - mu * np.eye(2 * sites)
+        )
+        assert determinant(map, np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(
+            whole, rel=1e-10
+        )
+
+
 @pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
 def test_several_multipliers_at_1_are_not_outside(gamma):
     """Elastic impacts have them at the pitchfork, and rounding alone puts them on a side."""
     b = 2.0 * InfiniteChain().psi(gamma)
     count = OrbitMap(gamma, 1.0, [(0, 0.0, b), (0, math.pi, b)]).count()
     assert (count.count, count.certain) == (0, False)
+
+
+def test_symmetric_breather_is_its_half_map_twice():
+    gamma, k, b = 0.1, 0.8, 0.7
+    map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+    for kappa in ([0.2 - 0.1j, 0.45 - 0.7j, 0.1 - 0.02j], [0.2 + 0j, 0.05, 0.42]):
+        kappa = np.array(kappa, dtype=complex)  # mu^2 of the half map: the second row on the band
+        halves = D(gamma, kappa, k, b) * D(gamma, kappa + 1, k, b)
+        assert np.abs(determinant(map, kappa) - halves).max() < 1e-13
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2, 0.7)])

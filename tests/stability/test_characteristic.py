@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -33,6 +34,29 @@ def test_D_is_the_determinant_of_the_mean_over_modes_to_thirty_digits(gamma, lat
         size = 1 + np.abs(G).max() ** 2
         for k, b in ((0.8, 0.3), (0.0, -2.0), (1.0, 5.0)):
             assert abs(D(gamma, nu, k, b, lattice) - by_G(G, k, b)) < 3e-14 * size * (1 + abs(b))
+
+
+def shifted_path(gamma: float, nu: float, h: float) -> np.ndarray:
+    """G on the arc by theory section 3: theta -> x + i h sin x keeps clear of the band."""
+    x = 2 * np.pi * (np.arange(4000) + 0.5) / 4000
+    theta = x + 1j * h * np.sin(x)
+    weight = (1 + 1j * h * np.cos(x)) / x.size
+    w = 2 * math.sqrt(gamma) * np.sin(theta / 2)
+    mu = cmath.exp(1j * math.pi * nu)
+    det = 1 - 2 * mu * np.cos(np.pi * w) + mu**2
+    g11 = np.sum(weight * (1 - mu * np.cos(np.pi * w)) / det)
+    g12 = np.sum(weight * -mu * np.sin(np.pi * w) / w / det)
+    g21 = np.sum(weight * mu * w * np.sin(np.pi * w) / det)
+    return np.array([[g11, g12], [g21, g11]])
+
+
+@pytest.mark.parametrize("gamma", [0.02, 0.0969710, 0.2, 0.24])
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.9])
+def test_on_the_band_D_is_the_limit_from_outside(gamma, part):
+    nu = 2 * math.sqrt(gamma) * part
+    at = D(gamma, nu, 0.8, 0.3)
+    assert at == pytest.approx(by_G(shifted_path(gamma, nu, 0.3), 0.8, 0.3), abs=2e-12)
+    assert at == pytest.approx(D(gamma, nu - 1e-9j, 0.8, 0.3), abs=1e-6)
 
 
 @pytest.mark.parametrize("lattice", LATTICES[1:], ids=str)

@@ -45,6 +45,15 @@ MAPS = {
 }
 
 
+@pytest.mark.parametrize("name", MAPS)
+def test_the_reduced_determinant_is_the_product_over_all_multipliers(name: str) -> None:
+    map, mu = MAPS[name], np.array([1.3, -1.2, 0.7 + 1.1j, -0.4 + 1.2j])
+    poles = map.reduced.poles
+    free = np.concatenate([poles, poles.conj()])
+    wanted = [np.prod((map.coupled - one) / (free - one)) for one in mu]
+    assert map.reduced.D(mu) == pytest.approx(np.array(wanted), rel=1e-9)
+
+
 @pytest.mark.parametrize("threshold", [1.005, 1.05, 1.2])
 @pytest.mark.parametrize("name", MAPS)
 def test_the_first_pair_to_leave_is_that_of_all_multipliers(name: str, threshold: float) -> None:
