@@ -155,6 +155,19 @@ def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_
         assert point["max(x)"] == pytest.approx(-point["min(x)"], abs=1e-7)
 
 
+def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() -> None:
+    rest = {"x": 0.0, "v": 0.0}
+    twice = cb.cycle(BANG, rest, {"om": 0.7}, period=driven, settle=300)
+    assert twice.start["durations"].size == 4
+    window, steps = {"om": (0.695, 0.72)}, cb.Steps(most=25)
+    back = cb.trace(twice, "om", within=window, towards="up", steps=steps)
+    assert [point.kind for point in back.special if point.kind != "EP"] == ["BP"]
+    once = cb.cycle(BANG, rest, {"om": 0.75}, period=driven, settle=300)
+    symmetric = cb.trace(once, "om", within={"om": (0.71, 0.76)})
+    for arm in cb.switch(symmetric.first("BP"), within={"om": (0.703, 0.73)}):
+        assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
+
+
 def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doubles() -> None:
     start = {"x": 2.0, "v": 5.0}
     once = cb.cycle(BANG, start, {"om": 1.03}, period=driven, settle=300)

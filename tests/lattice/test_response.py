@@ -61,9 +61,6 @@ def test_modes_answer_as_dense_matrices_do(lattice, turns, sign, held) -> None:
         assert found.T.ravel() == pytest.approx(wanted, abs=1e-11)
 
 
-HELD = [(0.1, 0.3, 0.0), (0.1, 0.3, 0.2), (0.2, 0.16, 0.8), (0.05, 0.01, 2.5)]
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("gamma", [0.0, 1e-9, 0.05, 0.2])
 @pytest.mark.parametrize("sites", [1, 2, 9, 20])

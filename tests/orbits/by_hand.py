@@ -10,9 +10,11 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
+from scipy.optimize import brentq
 
 from contbreather.lattice import InfiniteChain, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
+from contbreather.orbits import neighbour_peak, symmetric
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
@@ -78,6 +80,19 @@ def two_impacts(d: Any, gamma: Any, k: Any, sites: int | None = None) -> SimpleN
         cosine, sine = p * q / mp.cos(d), -p * B / mp.sin(d)
         middle = mp.atan2(sine, cosine)
         return SimpleNamespace(p=p, a=mp.hypot(cosine, sine), middle=middle, c=p * q * mp.tan(d))
+
+
+def touching(
+    site: int, gamma: float, k: float, low: float, high: float = 3.0, **more: Any
+) -> tuple[Orbit, float]:
+    """The symmetric breather with an amplitude between two at which a site reaches its wall, and
+    when it does."""
+
+    def above(a: float) -> float:
+        return neighbour_peak(symmetric(a, gamma, k, root=1, **more), site)[1] - 1.0
+
+    b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, root=1, **more)
+    return b, neighbour_peak(b, site)[0]
 
 
 def distance(curves: Iterable[Any], point: Any, *names: str) -> float:

@@ -22,9 +22,12 @@ from contbreather.orbits import (
     symmetric,
     symmetric_roots,
 )
-from contbreather.orbits.clearance import least_margin
+from contbreather.orbits.clearance import Clearance, least_margin
 from contbreather.orbits.constructors import shooting
-from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.grazing import other_contacts
+from contbreather.orbits.orbit import Orbit, orbit_at
+
+from .by_hand import touching
 
 CHAIN = InfiniteChain()
 upper = partial(symmetric, root=1)  # admissible or not
@@ -247,6 +250,53 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
         own = verdict.places["centre"][1]
         assert (site, math.remainder(time - own, math.pi)) == (0, pytest.approx(0.0, abs=1e-7))
         assert whole.centre == pytest.approx(verdict.centre, abs=1e-12)
+
+
+def undone(contact: Clearance, b: Orbit, site: int) -> float:
+    """The margin m of ``m/(|m| + d)``, d the root mean square difference of two motions."""
+    t = b.phi + math.pi / 8 * np.arange(16)
+    moves = b.displacement(contact.site, t)
+    other = b.a * b.forcing.f(t) if contact.site == site else b.displacement(site, t)
+    d = float(np.sqrt(np.mean((moves - other) ** 2)))
+    return d * contact.margin / (1 - abs(contact.margin))
+
+
+GRAZING = [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -0.15}, sin={3: 0.3, 5: 0.2})]
+
+
+@pytest.mark.parametrize("forcing", GRAZING)
+@pytest.mark.parametrize("gamma", [0.0, 0.05])
+def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing, gamma) -> None:
+    k = brentq(lambda k: centre_margin(upper(0.97, gamma, k, forcing=forcing)), 0.0, 0.4)
+    b = upper(0.97, gamma, k, forcing=forcing)
+    site, t = b.admissibility().places["centre"]
+    assert site == 0
+    dip = t - b.phi
+    s = np.linspace(0, math.pi, 200001)[1:-1]
+    s = s[abs(s - dip) > 1e-2]
+    room = (s + k) * s * (math.pi - s) * (s - dip) ** 2
+    ratio = (1 - b.displacement(0, b.phi + s) ** 2) / room
+    own = other_contacts(b.motion, 0, t)[0]
+    assert own.site == 0
+    assert undone(own, b, 0) == pytest.approx(float(ratio.min()), rel=1e-3)
+    # both a dip and the very end, where it falls off, may be the least
+    assert own.time - b.phi == pytest.approx(float(s[ratio.argmin()]), abs=1e-3)
+
+
+@pytest.mark.parametrize("forcing", GRAZING)
+@pytest.mark.parametrize("site", [1, 2])
+def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(forcing, site):
+    gamma, k = 0.1, 0.8
+    low = 1.1 * smallest_amplitude(gamma, k, forcing)
+    b, t = touching(site, gamma, k, low, forcing=forcing)
+    wall = math.copysign(1.0, float(b.displacement(site, t)))
+    s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
+    ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
+    own = other_contacts(b.motion, site, t)[0]
+    assert own.site == site
+    assert undone(own, b, site) == pytest.approx(float(ratio.min()), rel=1e-5)
+    apart = (own.time - t - float(s[ratio.argmin()]) + math.pi) % (2 * math.pi) - math.pi
+    assert abs(apart) < 1e-2
 
 
 # ------------------------------------------------------------------- besides a grazing crest

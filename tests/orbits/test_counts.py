@@ -187,3 +187,12 @@ def test_a_point_at_a_fold_goes_to_a_ring() -> None:
     orbit = orbit_at(cb.shooting(fold, sites=20))
     assert orbit.residual < 1e-12
     assert orbit.p == pytest.approx(fold["p"], rel=1e-6)
+
+
+def test_the_angle_of_a_pair_is_known_from_its_window() -> None:
+    start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
+    found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
+    ends = sorted(ns_points(found["gamma"], 0.8), key=lambda point: point.b)
+    own = window(found["gamma"], 0.8)
+    assert abs(own.miss(found.solution.representation.b)) < 1e-10
+    assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)

@@ -17,8 +17,10 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import multibreathers
+from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.plotting.multipliers import band
 
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
@@ -320,6 +322,29 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     assert ended["gamma"].max() == pytest.approx((1.44 - 0.1) / 4, rel=1e-3)
     assert "omega = 1.2, comes to the band of the lattice, 0.316228 to 1.199" in ended.reason
     assert "at gamma = 0.33" in ended.reason
+
+
+TWO = cb.Fourier(cos={1: 1.0, 3: 0.3}, sin={3: 0.2})
+
+
+@pytest.mark.parametrize("free", ["a", "gamma", "omega"])
+@pytest.mark.parametrize(
+    "on", [{}, {"spring": 0.05}, {"forcing": TWO}, {"spring": 0.05, "forcing": TWO}]
+)
+def test_tests_of_many_breathers_at_once_are_those_of_each(free, on):
+    start = cb.symmetric(0.4, 0.04, 0.8, omega=1.1, **on)
+    within = {"a": (0.2, 0.9), "gamma": (0.0, 0.16), "omega": (0.85, 1.6)}[free]
+    branch = cb.trace(start, free, within={free: within}, events=(), inadmissible=True)
+    many, each = breathers_along(branch.points), [point.solution for point in branch]
+    alone = [least_margin(orbit.motion) for orbit in each]
+    assert many.margins() == pytest.approx(alone, abs=1e-14)
+    for mu in (-1.0, 1.0):
+        assert many.map.crosses(mu) == pytest.approx([o.map.crosses(mu) for o in each], abs=1e-14)
+        assert (many.map.beyond(mu) == [orbit.map.beyond(mu) for orbit in each]).all()
+    off, passed = many.map.pairs()
+    assert off == pytest.approx([orbit.map.pairs()[0] for orbit in each], rel=1e-11, abs=1e-14)
+    assert passed == pytest.approx([orbit.map.pairs()[1] for orbit in each], abs=1e-13)
+    assert (many.map.unstable(1.0) == [orbit.map.unstable(1.0) for orbit in each]).all()
 
 
 # --- runs, zones, commands ------------------------------------------------------------------------

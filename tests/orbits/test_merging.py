@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.continuation.curve.curve import Curve
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
@@ -54,6 +55,24 @@ def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
     line = cb.boundary(fold, ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
     assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")
     assert line[-1]["t2"] - line[-1]["t1"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("late", [0.3, 3e-3, 1e-4, -1e-3])
+def test_equations_of_impacts_at_one_wall_are_smooth_where_these_are_one(twice, late: float):
+    """The derivative fits differences, before, at and beyond the place, both ways."""
+    half = twice.first("LP").solution
+    on = Conditions(half.a, 0.01, half.k, lattice=cb.Ring(3))
+    whole = half.unfolded()
+    waves = orbit_of(on, whole.section, whole.times, whole.impulses).problem
+    modes = twice.problem
+    for problem in (waves, modes):
+        curve = Curve(problem, ("a",))
+        z, step = curve.start.copy(), 1e-5
+        z[1] = z[0] + late
+        found = curve.jacobian(z)
+        for column, aside in enumerate(step * np.eye(z.size)):
+            slope = (curve.equations(z + aside) - curve.equations(z - aside)) / (2 * step)
+            assert found[:, column] == pytest.approx(slope, abs=1e-7)
 
 
 def test_a_fold_on_a_curve_of_vanishing_impacts_is_named_by_both() -> None:

@@ -174,6 +174,18 @@ def test_all_sites_obey_the_equation_of_motion():
     assert np.abs(orbit.acceleration(n, t) - force).max() < 1e-14
 
 
+def test_an_impact_that_overtakes_another_site_changes_nothing_but_its_place_in_line():
+    early = [(0, 1, 0.1, -1.0), (1, 1, 0.2, -1.1), (0, -1, 3.0, 1.0), (1, -1, 3.1, 1.1)]
+    orbit = orbit_at(impact_problem(orbit_from(early)).at(t1=0.3))
+    in_order = [early[1], (0, 1, 0.3, -1.0), *early[2:]]
+    wanted = orbit_from(in_order)
+    assert sorted(k.b for k in orbit.map.kicks) == pytest.approx(
+        sorted(k.b for k in wanted.map.kicks)
+    )
+    assert orbit.map.count().count == wanted.map.count().count
+    assert orbit.admissibility().margin == pytest.approx(wanted.admissibility().margin)
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

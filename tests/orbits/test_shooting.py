@@ -417,6 +417,16 @@ def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:
         assert again.start["t1"] == pytest.approx(point["t1"], abs=1e-12)
 
 
+def test_neighbours_in_phase_move_alike() -> None:
+    problem = shooting(
+        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
+    )
+    orbit = orbit_at(problem)
+    t = np.linspace(0, 3, 20)
+    assert orbit.displacement(0, t) == pytest.approx(orbit.displacement(1, t), abs=1e-12)
+    assert orbit.displacement(-3, t) == pytest.approx(orbit.displacement(4, t), abs=1e-12)
+
+
 @functools.cache
 def together(top: float = 0.45) -> cb.Branch:
     """Neighbours that hit their walls at once."""
