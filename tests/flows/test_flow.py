@@ -67,6 +67,12 @@ def test_slopes_in_state_time_and_parameters_are_those_by_hand(f: Any) -> None:
     np.testing.assert_allclose(slope, by_hand(X, T), rtol=0, atol=1e-14 if exact else 1e-10)
 
 
+def test_slopes_beside_a_kink_are_one_sided_differences_apart() -> None:
+    x = X + np.array([[4.0], [0.0], [0.0]])  # off the kink, to the right of it
+    _, slope = slopes(kinked, T, x, P, ("k", "w"))
+    np.testing.assert_allclose(slope, by_hand(x, T), rtol=0, atol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("f", "way"), [(smooth, "complex steps"), (kinked, "differences"), (written_for_one, "diff")]
 )

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.flows.functions import slopes
 
 TAU = 2 * np.pi
 
@@ -19,6 +20,13 @@ def contact(t: Any, x: Any, p: Any) -> Any:
     """A force of Hertz's kind beyond 1, which complex steps lose."""
     deep = np.where(x[0] > 1, 20 * abs(x[0] - 1) ** 1.5, 0.0)
     return [x[1], -0.1 * x[1] - x[0] - deep + p["F"] * np.cos(0.7 * t)]
+
+
+def test_slopes_are_right_where_a_force_begins_that_was_not_seen_at_first() -> None:
+    x, t = np.linspace([-1.0, 0.0], [0.9, 1.0], 50, axis=1), np.linspace(0, 5, 50)
+    slopes(contact, t, x, {"F": 1.0})
+    deep = slopes(contact, t, x + 1, {"F": 1.0})[1][1, 0]
+    np.testing.assert_allclose(deep, -1 - 30 * np.sqrt(np.maximum(x[0], 0.0)), rtol=1e-6, atol=1e-6)
 
 
 def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:

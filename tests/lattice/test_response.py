@@ -18,6 +18,7 @@ from contbreather.lattice.response import (
     Response,
     UniformResponse,
 )
+from tests.stability.by_hand import slope
 
 TIED = OpenChain(6, ends="fixed")
 
@@ -85,6 +86,27 @@ def test_a_ring_at_rest_is_straight_between_sites_that_are_held(hits, gamma) -> 
     for by in ("", "gamma"):
         assert own.links(by) == pytest.approx(closed.links(by), abs=1e-14)
     assert closed.profile(np.array(hits)) == pytest.approx(np.eye(len(hits)), abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ["gamma", "spring", "damping"])
+@pytest.mark.parametrize("held", [*HELD, (0.1, 0.0, 0.0), (0.1, 0.0, 0.3)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_derivatives_in_what_holds_the_lattice(sign, held, name) -> None:
+    times, hits = np.array([0.3, 1.7, 2.0]), (1, 3, 1)
+    place = ("gamma", "spring", "damping").index(name)
+
+    def moved(h: float) -> ModalResponse:
+        return modal(MASSES, (*held[:place], held[place] + h, *held[place + 1 :]), hits, 1, sign)
+
+    step = 1e-5
+    for wanted, found in (
+        (slope(lambda h: moved(h).interactions(times)[:3], step),
+         moved(0.0).interactions(times, name)[:3]),
+        (slope(lambda h: moved(h).profile(0), step), moved(0.0).profile_slope(name, 0)),
+        (slope(lambda h: moved(h).links(), step),
+         moved(0.0).links(name) if name != "damping" else np.zeros((2, 2))),
+    ):  # fmt: skip
+        assert found == pytest.approx(wanted, abs=1e-8 * (1.0 + abs(wanted).max()))
 
 
 def test_a_mode_whose_amplitude_is_an_unknown_answers_without_its_harmonic() -> None:
