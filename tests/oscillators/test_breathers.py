@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
+from contbreather.oscillators.breather_problem import BreatherProblem
 from contbreather.oscillators.half_orbit import SparseHalfOrbit
 
 from .test_boundaries import HARD as PULL
@@ -43,6 +44,25 @@ def test_amplitudes_energies_and_multipliers_are_those_of_shooting(
     assert orbit.energy == pytest.approx(energy, abs=1e-9)
     assert orbit.largest == pytest.approx(largest, abs=1e-9)
     assert orbit.unstable == unstable
+
+
+@pytest.mark.parametrize("code", [{5: 1}, {5: 1, 6: -1}])
+def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> None:
+    """Those of many sites, on a lattice of few: multipliers, branches and their ends, too."""
+    few = phi4(cb.Ring(11), code, 0.05)
+    half = few.residual
+    of = half.flows, half.start, half.period, half.turns, half.states, half.sizes
+    sparse = SparseHalfOrbit(*of)
+    many = BreatherProblem.of(sparse, few.params, few.events, "").solve(tolerance=1e-12)[0]
+    assert many.x.size > 4 * few.x.size
+    mu, nu = (problem.solution.indices for problem in (few, many))
+    np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(nu), atol=1e-10)
+    for problem in (few, many):
+        assert abs(problem.solution.trivial - 1) < 1e-10
+    one, other = (cb.trace(problem, "c", within={"c": (0.02, 0.1)}) for problem in (few, many))
+    assert [p.kind for p in one.special] == [p.kind for p in other.special]
+    for name in ("energy", "largest", "max|u|"):
+        np.testing.assert_allclose(one[name][[0, -1]], other[name][[0, -1]], atol=1e-9)
 
 
 @pytest.mark.parametrize("number", [1, 2])
