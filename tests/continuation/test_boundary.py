@@ -10,11 +10,10 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import DefiningSystem, Stop
-from contbreather.continuation.curve.curve import Curve
-from contbreather.continuation.systems.defining_systems import extended
 from contbreather.errors import BadInput
 
 from . import zoo
+from .large import second
 from .lines import kinds
 
 WINDOW = {"b2": (-1.5, 1.5)}
@@ -135,18 +134,18 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
 
 
 @pytest.mark.parametrize(
-    ("second", "rows", "unit"),
+    ("derivative", "rows", "unit"),
     [
-        (zoo.mesh(20), np.logspace(-3, 3, 20), 1.0),
-        (zoo.mesh(100), 1.0, 1e-3),
+        (second(20).toarray(), np.logspace(-3, 3, 20), 1.0),
+        (second(100).toarray(), 1.0, 1e-3),
         (zoo.chebyshev(30), 1.0, 1.0),
     ],
     ids=["rows", "fine mesh", "Chebyshev"],
 )
-def test_a_cusp_is_one_in_any_units_and_on_any_mesh(second, rows, unit) -> None:
+def test_a_cusp_is_one_in_any_units_and_on_any_mesh(derivative, rows, unit) -> None:
     """The same equation: on the mesh the cubic coefficient falls as 1/n, and rows grow as n^2."""
-    weights = np.resize(rows, len(second))
-    problem = zoo.ignition(second, weights, unit, u=1.5, lam=5.0, eps=0.24)
+    weights = np.resize(rows, len(derivative))
+    problem = zoo.ignition(derivative, weights, unit, u=1.5, lam=5.0, eps=0.24)
     ahead = {
         "towards": "up",
         "events": [cb.fold()],
@@ -155,19 +154,6 @@ def test_a_cusp_is_one_in_any_units_and_on_any_mesh(second, rows, unit) -> None:
     line = cb.boundary(cb.trace(problem, "lam", **ahead).first("LP"), ("eps", "lam"), **ahead)
     assert line.first("CP")["eps"] == pytest.approx(0.24578, abs=1e-4)
     assert not line.doubtful
-
-
-@pytest.mark.parametrize("event", [cb.fold(), cb.hopf()], ids=["LP", "HB"])
-def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: cb.Branch) -> None:
-    point = planar.first(event.kind)
-    locus = event.locus(point)
-    base = Curve(point.problem, ("b1", "b2"))
-    longer = extended(base, locus)
-    curve = Curve(longer, ("b2",))
-    z = curve.start + 0.01 * np.cos(np.arange(curve.start.size))
-    exact = curve.jacobian(z)
-    by_differences = extended(base, replace(locus, derivative=None))
-    assert np.allclose(exact, Curve(by_differences, ("b2",)).jacobian(z), rtol=0, atol=1e-9)
 
 
 def test_a_wrong_derivative_of_a_locus_is_refused() -> None:

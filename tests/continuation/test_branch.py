@@ -328,19 +328,6 @@ def test_progress_is_lines_in_a_log_when_asked_for(capsys, monkeypatch, asked):
     assert all(re.fullmatch(r"\d+ points, h = [-0-9.e]+", line) for line in lines[1:])
 
 
-def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
-    from contbreather import progress
-
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
-    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
-    branch = trace_case(CUSP)
-    with progress.Counter(True) as shown:
-        for count, point in enumerate(branch[:3], start=1):
-            shown.advance(point)
-            assert str(shown.line.line.status).startswith(f"{count} points, h = {point['h']:.6g}")
-
-
 def test_a_point_answers_what_its_solution_answers() -> None:
     """And says of neither's names that they are missing; copies and pickles are no different."""
 

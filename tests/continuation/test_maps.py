@@ -200,18 +200,6 @@ def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
         trace(wrong, "r")
 
 
-def test_doubling_keeps_an_analytic_jacobian() -> None:
-    mine = FixedPoint(
-        logistic,
-        {"x": 0.6},
-        {"r": 2.5},
-        jacobian=lambda x, p: np.array([[p["r"] * (1 - 2 * x[0])]]),
-    )
-    (arm,) = switch(trace(mine, "r", within={"r": (2, 4)}).first("PD"), within={"r": (2, 4)})
-    at(arm.first("PD"), r=1 + math.sqrt(6))
-    assert arm.problem.jacobian is not None
-
-
 def test_neimark_sacker_points_have_no_arms_that_are_solutions() -> None:
     curve = trace(henon(1.0, 0.5, 0.5), "beta", within={"beta": (0.0, 2.0)})
     with pytest.raises(NothingToSwitch, match="leave points of kind NS"):

@@ -344,9 +344,6 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
 
 
-# --- closed forms at their rims -------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("harmonics", "a"), [({1: -1.0}, 0.3), ({1: -1.0, 3: -0.3}, 0.4), ({1: -1.0, 5: 2.0}, 0.2)]
 )

@@ -85,6 +85,8 @@ def test_a_start_from_which_plain_steps_lead_astray_is_moved_to_the_curve(s: flo
     assert [point.kind for point in branch.special] == ["EP", "HB", "LP", "LP", "HB", "EP"]
     known = [1.04099, 1.05220, 1.04204, 1.05155]  # as BifurcationKit prints them
     assert [point["q2"] for point in branch.special[1:-1]] == pytest.approx(known, abs=1e-5)
+    births = [point["l1"] * point["omega"] for point in branch.special if point.kind == "HB"]
+    assert births == pytest.approx([4.332247, 10.70259], rel=5e-4)  # MatCont's, by differences
     assert min(branch["x"].min(), branch["y"].min()) > 0
     distance = min(np.hypot(p["s"] - s, np.hypot(p["x"] - 0.07, p["y"] - 0.2)) for p in branch)
     assert branch.start_correction >= distance - 0.1

@@ -115,15 +115,6 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 # --- what each animal is in the zoo for -------------------------------------------------------
 
 
-@pytest.mark.parametrize("nodes", [50, 200])
-def test_fold_of_a_large_system_is_that_of_its_own_recurrence(nodes: int) -> None:
-    problem = zoo.analytic_bratu(zoo.mesh(nodes)).at(lam=1.0)
-    steps = Steps(first=0.1, largest=0.5)
-    branch = trace(problem, "lam", within={"lam": (1.0, 4.0)}, events=[fold()], steps=steps)
-    assert branch.first("LP")["lam"] == pytest.approx(zoo.mesh_fold(nodes), abs=2e-11)
-    assert len(branch) < 40  # arclength does not grow with the mesh
-
-
 def test_folds_on_both_sides_of_a_branch_point_within_one_step() -> None:
     for eps in (1e-2, 1e-4, 1e-6):
         case = zoo.crowded(eps)

@@ -327,11 +327,6 @@ def ignition(
     return Problem(residual, u, params, jacobian=jacobian, scales={"u": 1 / unit})
 
 
-def analytic_bratu(second: Array) -> Problem:
-    plain = bratu(second, jacobian=lambda u, p: second + np.diag(p["lam"] * np.exp(u)))
-    return knowing(plain, sensitivity=lambda u, p, name: np.exp(u))
-
-
 BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solution
     "bratu",
     bratu(chebyshev(20)).at(lam=1.0),
@@ -341,12 +336,6 @@ BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solu
     accuracy=1e-10,
     largest=0.3,
 )
-
-
-def mesh(n: int) -> Array:
-    """Second derivative by three points on n inner nodes of (0, 1)."""
-    bands = np.diag(np.full(n - 1, 1.0), 1) + np.diag(np.full(n - 1, 1.0), -1)
-    return (n + 1) ** 2 * (bands - 2 * np.eye(n))
 
 
 @cache

@@ -40,6 +40,12 @@ def grazings(branch: cb.Branch) -> Iterator[cb.Point]:
     return (point for point in branch.special if point.kind == "GR" and point.parent is None)
 
 
+@pytest.fixture(scope="module")
+def touches(resonance: cb.Branch) -> list[tuple[cb.Point, cb.Branch]]:
+    """Each place where contacts come to the curve, and the branch that sets out there."""
+    return [(end, *cb.switch(end, within=WITHIN)) for end in grazings(resonance)]
+
+
 def whole(branch: cb.Branch) -> list[cb.Branch]:
     """All branches that are reached through GR, each place taken once."""
     branches, places, ends = [branch], [], [*grazings(branch)]
@@ -90,20 +96,16 @@ def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch) -> None:
             assert arrived == pytest.approx([*orbit.states(orbit.times[0]), 0.0], abs=1e-9)
 
 
-def test_contact_without_a_jump_of_the_force_leaves_the_orbit_where_it_was(
-    resonance: cb.Branch,
-) -> None:
-    for end in grazings(resonance):
-        (arm,) = cb.switch(end, within=WITHIN)
+def test_contact_without_a_jump_of_the_force_leaves_the_orbit_where_it_was(touches) -> None:
+    for end, arm in touches:
         assert (arm[0]["beyond"], arm[0].parent) == ("persists", end)
         # beyond the touch in the parameter, and the orbit changes by the cube of the contact
         assert (arm[1]["w"] - end["w"]) * (end["w"] - 0.8) > 0
         assert arm[0]["max(x)"] == pytest.approx(end["max(x)"], rel=1e-8)
 
 
-def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch) -> None:
-    for end in grazings(resonance):
-        (arm,) = cb.switch(end, within=WITHIN)
+def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch, touches) -> None:
+    for end, arm in touches:
         there = cb.trace(
             arm[3].problem, "w", towards="up" if end["w"] < 0.8 else "down", within=WITHIN
         )
@@ -165,9 +167,9 @@ def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
     assert {branch[0].detail.get("beyond") for branch in beyond} >= {"persists"}
 
 
-def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch) -> None:
+def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch, touches) -> None:
     """Its first flow and its mesh may be others there: the orbits are the same."""
-    (arm,) = cb.switch(min(grazings(resonance), key=lambda end: end["w"]), within=WITHIN)
+    _, arm = min(touches, key=lambda pair: pair[0]["w"])
     far = next(grazings(arm))
     (less,) = cb.switch(far, within=WITHIN)
     towards = "up" if far["w"] > less[2]["w"] else "down"

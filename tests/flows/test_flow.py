@@ -90,16 +90,6 @@ def test_a_sum_over_all_states_is_not_taken_for_one_of_each() -> None:
     np.testing.assert_allclose(found, [X.sum(axis=0), X.max(axis=0), X[0]], rtol=1e-14)
 
 
-def test_a_condition_is_one_row() -> None:
-    def guard(t: Any, x: Any, p: Any) -> Any:
-        return x[0] - p["k"] * np.sin(t)
-
-    assert values(guard, T, X, P).shape == (1, 11)
-    _, slope = slopes(guard, 0.3, X[:, :1], P, ("k",))
-    assert slope.shape == (1, 5, 1)
-    np.testing.assert_allclose(slope[0, :, 0], [1, 0, 0, -2 * math.cos(0.3), -math.sin(0.3)])
-
-
 def test_small_and_large_units_are_differentiated_alike() -> None:
     """A converter in microseconds, with a function that no complex step suits."""
 
@@ -199,12 +189,6 @@ def test_a_bug_midway_surfaces_with_a_note() -> None:
     with pytest.raises(KeyError) as raised:
         values(f, 0.5, np.array([[1.0, 3.0]]), {})
     assert "at t = 0.5, x = [3.0]" in raised.value.__notes__[0]
-
-
-def test_a_field_without_a_value_gives_nan() -> None:
-    found = values(lambda t, x, p: [np.log(x[0])], 0.0, np.array([[1.0, -1.0]]), {})
-    assert found[0, 0] == 0.0
-    assert math.isnan(found[0, 1])
 
 
 @pytest.mark.parametrize("written", ["for many states", "for one state"])

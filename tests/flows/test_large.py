@@ -159,22 +159,3 @@ def test_many_states_without_events_ask_for_no_multipliers(monkeypatch: Any) -> 
     assert np.isfinite(cycles["max(u)"]).all()
     with pytest.raises(AssertionError, match="multipliers"):
         print(cycles[-1].solution.multipliers)
-
-
-def test_dissection_in_time_and_space_fills_in_less_than_an_order_of_columns() -> None:
-    from contbreather.continuation.algebra.sparse import factorised, first_columns
-    from contbreather.continuation.curve.curve import Curve
-
-    born = cb.trace(brusselator(60), "L", within={"L": (0.45, 0.6)}).first("HB")
-    (cycles,) = cb.switch(born, events=(), within={"L": (0.45, 0.6)}, steps=cb.Steps(most=1))
-    curve = Curve(cycles[0].problem, ("L",))
-    matrix = curve.jacobian(curve.start)
-    size = curve.size
-    assert sorted(matrix.elimination) == [*range(size)]
-    core = first_columns(matrix, size)
-    own, other = factorised(core, matrix.elimination), factorised(core)
-    assert 2 * own.U.nnz < other.U.nnz
-    right = core @ np.cos(np.arange(size))
-    for trans, given in (("N", right), ("T", core.T @ np.cos(np.arange(size)))):
-        off = own.solve(given, trans) - np.cos(np.arange(size))
-        assert abs(off).max() < 1e-6

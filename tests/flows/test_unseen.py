@@ -190,26 +190,6 @@ def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doub
 # --- tutorials of other programs ----------------------------------------------------------------
 
 
-def test_the_catalytic_oscillator_has_the_points_of_matcont_s_manual() -> None:
-    """Of Bykov, Yablonskii and Kim; MatCont's coefficients of HB are these times omega, and its
-    third derivatives are differences."""
-
-    def field(t, u, p):
-        x, y, s = u
-        z = 1 - x - y - s
-        meet = 10 * x * y
-        return [5 * z**2 - 2 * x**2 - meet, p["q"] * z - 0.1 * y - meet, 0.0675 * (z - 0.4 * s)]
-
-    start = {"x": 0.001137, "y": 0.891483, "s": 0.062345}
-    branch = cb.trace(cb.equilibrium(field, start, {"q": 2.204678}), "q", within={"q": (0.6, 2.21)})
-    found = {point["q"]: point for point in branch.special if point.kind != "EP"}
-    known = {1.040991: "HB", 1.042049: "LP", 1.051558: "HB", 1.052200: "LP"}
-    assert [found[q].kind for q in sorted(found)] == [*known.values()]
-    assert sorted(found) == pytest.approx([*known], abs=1e-6)
-    births = [point["l1"] * point["omega"] for point in branch.special if point.kind == "HB"]
-    assert sorted(births) == pytest.approx([4.332247, 10.70259], rel=5e-4)
-
-
 def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
     """Its demo plp: the cycles of the second Hopf point fold, and the folds are followed."""
 

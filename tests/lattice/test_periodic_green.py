@@ -11,7 +11,7 @@ import pytest
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
 from contbreather.lattice.answers import answers_of
-from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
+from contbreather.lattice.periodic_green import periodic_green
 from tests.lattice.by_hand import response, ring_mean
 
 CHAIN = InfiniteChain()
@@ -121,33 +121,6 @@ def test_doubled_period_is_the_same_function_on_a_slower_clock():
     fast = periodic_green(CHAIN, 0.12, (1,)).at(s / 2)
     assert np.abs(slow[0] - 2 * fast[0]).max() < 1e-14
     assert np.abs(slow[1] - fast[1]).max() < 1e-14
-
-
-@pytest.mark.parametrize("y", [0.0, 1e-7, 0.19, 0.21, 1.3])
-def test_slope_over_y_is_smooth_through_mid_period(y):
-    h = periodic_green(CHAIN, 0.15, (0,))
-    value, bend = slope_ratio(h, y)
-    *powers, first, second = h.table[0]
-    with mp.workdps(40):
-
-        def exact(x):
-            x = mp.mpf(x)
-            even = sum(
-                2 * i * mp.mpf(c) * x ** (2 * i - 2) for i, c in enumerate(powers[::-1]) if i
-            )
-            one = mp.mpf(1) if x == 0 else mp.sin(x) / x
-            two = mp.mpf(2) if x == 0 else mp.sin(2 * x) / x
-            return even - first * one - 2 * second * two
-
-        assert value == pytest.approx(float(exact(y)), rel=1e-14)
-        slope = float(mp.diff(exact, y)) if y else 0.0
-        assert bend == pytest.approx(slope, rel=1e-12, abs=1e-14)
-
-
-def test_sinc_has_no_seam_where_its_series_begins():
-    for y in (0.2 - 1e-12, 0.2 + 1e-12):
-        assert sinc(y)[0] == pytest.approx(math.sin(y) / y, rel=1e-15)
-        assert sinc(y)[1] == pytest.approx((math.cos(y) - math.sin(y) / y) / y, rel=1e-13)
 
 
 def test_infinite_chain_refuses_a_period_whose_harmonic_it_radiates():

@@ -1,5 +1,5 @@
 """Orbits put together from their impacts; asymmetric breathers in closed form; how well a ring
-repeats one; breathers whose neighbour just touches a wall; derivatives by differences."""
+repeats one; derivatives by differences."""
 
 from __future__ import annotations
 
@@ -119,14 +119,19 @@ def distance(curves: Iterable[Any], point: Any, *names: str) -> float:
 
 def repeats(orbit: Orbit, sites: int, t0: float = 0.3) -> tuple[float, float]:
     """How far a period of exact simulation takes a ring from its start, and half of one."""
-    own = orbit.on(Ring(sites))
-    u, v = own.state(sites, t0)
-    on, turns = own.conditions, own.section.turns
-    shared = {"a": on.a, "gamma": on.gamma, "k": on.k, "forcing": on.forcing}
-    run = simulate((u, v), **shared, periods=turns, t0=t0)
-    assert len(run.impacts) == len(own.impacts)
-    end = max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max())
-    return end, np.abs(run.strobe.u[turns // 2] - u).max()
+    own, turns = orbit.on(Ring(sites)), orbit.section.turns
+    run = simulate(own, periods=turns, t0=t0)
+    assert len(run.impacts) == len(own.hits)
+    end = np.abs(np.subtract(run.final, own.state(t=t0))).max()
+    return float(end), np.abs(run.strobe.u[turns // 2] - own.state(t=t0)[0]).max()
+
+
+def run_once(orbit: Orbit) -> float:
+    """How far an orbit of a finite lattice is from coming back, by the simulation."""
+    start = float(orbit.times.min()) - 0.02
+    run = simulate(orbit, periods=orbit.section.turns, t0=start)
+    assert len(run.impacts) == len(orbit.hits)
+    return float(np.abs(np.subtract(run.final, orbit.state(t=start))).max())
 
 
 def derivatives(

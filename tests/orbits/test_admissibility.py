@@ -252,9 +252,6 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
         assert whole.centre == pytest.approx(verdict.centre, abs=1e-12)
 
 
-# ------------------------------------------------------------------- besides a grazing crest
-
-
 def undone(contact: Clearance, b: Orbit, site: int) -> float:
     """The margin m of ``m/(|m| + d)``, d the root mean square difference of two motions."""
     t = b.phi + math.pi / 8 * np.arange(16)
@@ -302,17 +299,7 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(fo
     assert abs(apart) < 1e-2
 
 
-@pytest.mark.parametrize("site", [0, 1])
-def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
-    b = upper(0.6, 0.1, 0.8)
-    verdict = b.admissibility()
-    t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
-    found = {contact.site: contact for contact in other_contacts(b.motion, site, t)[1:]}
-    assert site not in found
-    for n, contact in found.items():
-        margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
-        assert undone(contact, b, site) == pytest.approx(margin, rel=1e-12)
-    assert set(found) >= {1 - site}
+# ------------------------------------------------------------------- besides a grazing crest
 
 
 # ---------------------------------------------------------------------------------- far field
@@ -414,11 +401,3 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
     scale = 0.25 * orbit.period**2 * (0.5 * orbit.period + 0.5)
     ends = abs(orbit.incoming[0]) / orbit.period / np.array([1.0, orbit.period + 0.5])
     assert orbit.admissibility().margin == pytest.approx(scale * min(ratio.min(), *ends), abs=1e-6)
-
-
-def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
-    b = upper(0.6, 0.1, 0.8)
-    t = b.admissibility().places["centre"][1]
-    first, later = (other_contacts(b.motion, 0, t + half * math.pi) for half in (0, 1))
-    assert [gap.site for gap in later] == [gap.site for gap in first]
-    assert [gap.margin for gap in later] == pytest.approx([gap.margin for gap in first], abs=1e-12)

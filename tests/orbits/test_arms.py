@@ -13,15 +13,13 @@ from contbreather.continuation import Steps, Stop, boundary, trace
 from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
-from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
+from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
-from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
+from contbreather.orbits.asymmetric_breather import AsymmetricEquations
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_equations import OrbitEquations
-from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.runs import load, save
 
@@ -46,22 +44,6 @@ def arms(gamma, k, lattice=InfiniteChain(), top=0.999):
 
 
 @pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
-@pytest.mark.parametrize("forcing", [Harmonic(), RICH])
-def test_they_are_sums_and_differences_of_the_general_ones(lattice, forcing):
-    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **forcing.params}
-    p, t1, t2, c = 1.1, -2.9, 0.8, 0.05
-    own = AsymmetricEquations(forcing, lattice).residual(np.array([p, t1, t2, c]), params)
-    general = OrbitEquations(Section(((0, 1), (0, -1))), forcing=forcing, lattice=lattice)
-    r = general.residual(np.array([t1, t2, -2 * p, 2 * p, c]), params)
-    delta = t2 - t1 - math.pi
-    # r: wall +1, wall -1, reset, reset, balance
-    assert own[0] == pytest.approx((r[0] - r[1]) / 2, abs=1e-14)
-    assert own[1] == pytest.approx((r[2] - r[3]) / 2, abs=1e-14)
-    assert own[2] * delta == pytest.approx(-(r[2] + r[3]), abs=1e-14)
-    assert own[3] == pytest.approx((r[0] + r[1]) / 2, abs=1e-14)
-
-
-@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
 @pytest.mark.parametrize("delta", [-0.7, 1e-3, 0.0, 0.3])
 def test_derivatives_are_those_of_the_residual_also_where_flights_are_equal(lattice, delta):
     equations = AsymmetricEquations(RICH, lattice)
@@ -69,13 +51,6 @@ def test_derivatives_are_those_of_the_residual_also_where_flights_are_equal(latt
     x = np.array([1.1, -2.9, -2.9 + math.pi + delta, 0.05])
     for name, found, wanted in derivatives(equations, x, params, 2e-4):
         assert np.abs(found - wanted).max() < (1e-9 if name else 2e-10)
-
-
-def test_difference_quotient_of_the_forcing_is_smooth_where_both_times_meet():
-    for t1, t2 in ((0.3, 1.1), (0.3, 0.3 + 1e-4)):
-        value = divided(RICH, t1, t2)[0]
-        assert value == pytest.approx((RICH.df(t2) - RICH.df(t1)) / (t2 - t1), rel=1e-11)
-    assert divided(RICH, 0.3, 0.3)[0] == pytest.approx(RICH.d2f(0.3), rel=1e-15)
 
 
 # --- figures --------------------------------------------------------------------------------------

@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import DefiningSystem, Point
+from contbreather.continuation import Point
 from contbreather.continuation.branches.boundary import boundary_problem
-from contbreather.continuation.branches.boundary import codim_two as meeting_of
 from contbreather.continuation.curve.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
-from contbreather.orbits import neighbour_peak, pitchfork
+from contbreather.orbits import neighbour_peak
 from contbreather.orbits.by_impacts import impact_problem
 from contbreather.orbits.closed_problem import Closure
 from contbreather.orbits.constructors import asymmetric, shooting
@@ -140,62 +139,15 @@ def test_the_derivative_of_a_boundary_is_that_of_its_equations(place: Place) -> 
     assert off.max() < 2e-6 * np.abs(wanted).max(), dict(zip(longer.names, off, strict=False))
 
 
-def of_locus(locus: DefiningSystem, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Its derivative as given, and by differences."""
-    extra = np.concatenate([np.atleast_1d(value) for value in locus.extra.values()] or [[]])
-    size = z.size
-    wanted = differences(
-        lambda both: np.asarray(locus.conditions(curve, both[:size], both[size:])),
-        np.append(z, extra),
-        2e-5,
-    )
-    assert locus.derivative is not None
-    return np.asarray(locus.derivative(curve, z, extra)), wanted
-
-
-MEETINGS = [
-    ("with letters", "LP", ("gamma", "a"), pitchfork),
-    ("in gamma", "NS", ("a", "gamma"), pitchfork),
-    ("with letters", "GR", ("gamma", "a"), pitchfork),
-    ("with letters", "PF", ("gamma", "a"), cb.grazing),
-    ("with letters", "GR", ("c", "gamma"), cb.neimark_sacker),
-]
-
-
-@pytest.mark.parametrize(
-    "meeting", MEETINGS, ids=lambda m: f"{m[1]}-{m[3].__name__} in {' '.join(m[2])}"
-)
-def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(meeting) -> None:
-    """Unknowns of the boundary, its angle or time among them, come between those of both."""
-    *place, make = meeting
-    point = special((*place,))
-    longer = boundary_problem(point.base_point, point.event, place[2], events=())
-    curve = Curve(longer, place[2][:1])
-    z = curve.start
-    there = Point(curve, z)
-    event = meeting_of(point.kind, make())
-    locus = event.locus(there)
-    assert all(name.endswith(f" of {make().kind}") for name in locus.extra)
-    found, wanted = of_locus(locus, curve, z)
-    assert np.abs(found - wanted).max() < 2e-6 * np.abs(wanted).max()
-    # what the boundary brought itself is no matter of the other's conditions
-    slots = [curve.slots[name] for name in place_extra(curve)]
-    assert np.all(found[:, slots] == 0.0)
-
-
-def place_extra(curve: Curve) -> list[str]:
-    return [name for name in curve.problem.start if name in ("nu", "t")]
-
-
-# --- what ends the grazing of a crest -------------------------------------------------------------
-
-
 def crests(orbit, n: int) -> list[tuple[float, float]]:
     """Time and height of every local maximum of |u_n| in a period."""
     t = np.linspace(0.0, 2 * math.pi, 20001)[:-1]
     u = np.abs(orbit.displacement(n, t))
     top = (u > np.roll(u, 1)) & (u >= np.roll(u, -1))
     return list(zip(t[top].tolist(), u[top].tolist(), strict=True))
+
+
+# --- what ends the grazing of a crest -------------------------------------------------------------
 
 
 def test_neighbours_told_apart_by_a_high_power_of_the_coupling_do_not_seem_to_touch() -> None:

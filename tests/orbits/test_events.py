@@ -79,16 +79,6 @@ def test_events_that_are_looked_for_change_no_point() -> None:
     assert np.array_equal(plain["a"], seen["a"])
 
 
-@pytest.mark.parametrize(
-    ("lattice", "free", "known"), [(CHAIN, "k", 4), (cb.Ring(6), "a", 3)], ids=["losses", "ring"]
-)
-def test_where_tests_of_many_points_are_not_known_each_is_asked(lattice, free, known) -> None:
-    breather = cb.symmetric(0.5, 0.06, 0.6, lattice=lattice)
-    branch = cb.trace(breather, free, within={free: (0.5, 0.7)})
-    given = [event.many(branch.points) for event in breather.problem.events if event.many]
-    assert given == known * [None]
-
-
 @pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.1, 0.4), (0.2, 0.8)])
 @pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
 def test_fold_is_the_closed_form_14(gamma: float, k: float, lattice: Any) -> None:
@@ -364,12 +354,10 @@ def test_only_orbits_with_impacts_have_longer_ones_beside_them() -> None:
         lift(branch.first("PD"))
 
 
-@pytest.mark.parametrize("spring", [None, 0.0])
-def test_at_elastic_impacts_no_pair_leaves_along_the_curve_of_pitchforks(spring) -> None:
+def test_at_elastic_impacts_no_pair_leaves_along_the_curve_of_pitchforks() -> None:
     """There the window of a pair ends at the pitchfork: how far off it is rounding all along."""
     forcing = cb.Fourier(cos={1: -1.0, 3: 0.0306}, sin={3: 0.269})
-    more = {} if spring is None else {"spring": spring}
-    start = cb.symmetric(0.6, 0.0395, 1.0, forcing=forcing, **more)
+    start = cb.symmetric(0.6, 0.0395, 1.0, forcing=forcing)
     fork = cb.trace(start, "a", within={"a": (0.5, 0.95)}).first("PF")
     line = cb.boundary(fork, ("gamma", "a"), within={"gamma": (0, 0.24)})
     assert [point.kind for point in line.special] == ["EP", "PF-GR"]

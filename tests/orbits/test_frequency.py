@@ -23,7 +23,6 @@ from contbreather.orbits.orbit import orbit_at
 from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.plotting.multipliers import band
 
-CHAIN = cb.InfiniteChain()
 POWERS = {"a": 2, "gamma": 2, "spring": 2, "damping": 1}
 OPEN = cb.OpenChain(5)
 UNEVEN = np.array([1.0, 0.5, 2.0, 1.0, 1.5])

@@ -52,12 +52,3 @@ def test_with_another_threshold_the_label_of_the_first_one_is_replaced() -> None
     first = cb.trace(b, "a", within=WITHIN, events=[cb.neimark_sacker(threshold=1.02)])
     second = cb.trace(first[0], "a", within=WITHIN, events=[cb.neimark_sacker(threshold=1.01)])
     assert second.problem.label == first.problem.label.replace("1.02", "1.01")
-
-
-def test_what_is_seen_as_a_pitchfork_and_is_none_is_told_apart() -> None:
-    branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.05, 0.9)})
-    (event,) = (event for event in branch.problem.events if event.kind == "PF")
-    found = event.examine(branch.first("PF"))
-    assert found["criticality"] in ("supercritical", "subcritical")
-    assert "is not zero" in event.examine(branch.first("LP"))
-    assert "is not zero" in event.examine(branch[0])

@@ -124,15 +124,6 @@ def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> Non
     assert all_of() == compiled
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
-def test_margins_of_other_contacts_are_between_minus_one_and_one(orbit: Orbit, mirrored: bool):
-    for site in list(orbit.motion.idle)[:3]:
-        time, _ = neighbour_peak(orbit, site)
-        others = other_contacts(orbit.motion, site, time, mirrored=mirrored)
-        assert all(-1.0 < gap.margin <= 1.0 for gap in others)
-
-
 def test_a_flat_crest_that_newton_s_step_leaves_is_climbed() -> None:
     """Without coupling neighbours follow the forcing, here one with all but straight flanks."""
     cos = {m: 0.97**m / m**2 for m in range(1, 60, 2)}

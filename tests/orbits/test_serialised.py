@@ -82,6 +82,12 @@ BRANCHES: dict[str, Callable[[], cb.Branch]] = {
     "multibreather": multibreather,
     "doubled": doubled,
     "waves": waves,
+    "even drive": lambda: cb.trace(
+        cb.shooting(symmetric(lattice=cb.Ring(3)), symmetric=False,
+                    forcing=cb.Fourier(cos={0: 0.002, 1: -1.0, 2: 0.01})),
+        "c0", within={"c0": (0.0, 0.004)}, steps=SHORT,
+    ),
+    "frequency": lambda: cb.trace(symmetric(), "omega", within={"omega": (0.97, 1.03)}),
     "each site": lambda: cb.trace(
         cb.symmetric(0.4, 0.05, 0.6, lattice=cb.OpenChain(3), spring=[0.1, 0.3, 0.2],
                      damping=[0.02, 0.01, 0.03]), "a", within={"a": (0.35, 0.45)}

@@ -13,8 +13,6 @@ from contbreather.lattice.conditions import spring_response
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability.one_impact import window
 
-TWO = cb.Fourier.from_response(cos={1: 1.0, 3: 0.2}, sin={3: 0.1})
-
 
 def branch_in_a(spring: float, gamma: float, k: float = 0.8) -> cb.Branch:
     start = cb.symmetric(0.5 * (1 - spring), gamma, k, spring=spring)
@@ -137,18 +135,14 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
         assert abs(window(b.gamma, b.k, b.spring).miss(b.representation.b)) < 1e-9
 
 
-def test_a_spring_of_zero_is_none_but_can_be_traced() -> None:
-    plain, given = cb.symmetric(0.5, 0.08, 0.8), cb.symmetric(0.5, 0.08, 0.8, spring=0.0)
-    assert given.p == pytest.approx(plain.p, abs=1e-15)
-    assert given.stability().unstable == plain.stability().unstable
-    assert "spring" not in plain.problem.params
-    branch = cb.trace(given, "spring", within={"spring": (0, 0.1)})
+@pytest.mark.parametrize("lattice", [InfiniteChain(), cb.Ring(40)], ids=repr)
+def test_a_spring_is_traced_from_none(lattice) -> None:
+    start = cb.symmetric(0.5, 0.08, 0.8, lattice=lattice)
+    assert "spring" not in start.problem.params
+    branch = cb.trace(start, "spring", within={"spring": (0, 0.1)})
     assert branch[-1]["spring"] == pytest.approx(0.1)
     there = cb.symmetric(0.5, 0.08, 0.8, spring=0.1)
-    assert branch[-1]["p"] == pytest.approx(there.p, abs=1e-12)
-    ring = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(40), spring=0.0)
-    around = cb.trace(ring, "spring", within={"spring": (0, 0.1)})
-    assert around[-1].solution.p == pytest.approx(there.p, abs=1e-12)
+    assert branch[-1].solution.p == pytest.approx(there.p, abs=1e-12)
 
 
 @pytest.mark.parametrize(

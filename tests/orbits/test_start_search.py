@@ -10,7 +10,6 @@ import pytest
 import contbreather as cb
 from contbreather import progress
 from contbreather.orbits import find_event, find_symmetric, smallest_amplitude
-from contbreather.parameters import window_of
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
 
@@ -55,18 +54,6 @@ def test_breather_that_is_found_is_admissible_and_inside_of_the_window(free: str
 
 
 # --- where is looked ------------------------------------------------------------------------------
-
-
-def test_where_nothing_is_said_all_values_are_looked_at() -> None:
-    known = {name: window_of(name) for name in ("a", "gamma", "k", "damping", "spring")}
-    assert known == {
-        "a": (0.0, math.inf),
-        "gamma": (0.0, 0.2499),
-        "k": (0.01, 0.999),
-        "damping": (0.0, 1e4),
-        "spring": (0.0, 1e8),
-    }
-    assert window_of("c3") == (-math.inf, math.inf)
 
 
 NEAR, RING = {"gamma": 0.1, "k": 0.8}, {"lattice": cb.Ring(5), "gamma": 0.02, "k": 0.8}

@@ -13,6 +13,8 @@ import contbreather as cb
 from contbreather.continuation.curve.derivative_checks import wrong_entry
 from contbreather.orbits.normal_form import pitchfork_form
 
+from .by_hand import run_once
+
 RING = {"gamma": 0.03, "k": 0.8, "damping": 0.05, "lattice": cb.Ring(8)}
 CASES = {
     "ring of 8": ([0, 1], "a", {"a": 0.6, **RING}, (0.6, 0.72)),
@@ -48,15 +50,6 @@ def arms(name: str) -> tuple[cb.Branch, ...]:
     point, free = fork(name), CASES[name][1]
     near = (point[free] - 0.02, point[free] + 0.02)
     return cb.switch(point, within={free: near}, steps=cb.Steps(first=1e-3, largest=0.02))
-
-
-def run_once(orbit: cb.orbits.Orbit) -> float:
-    """How far an orbit is from coming back, by the simulation."""
-    start = orbit.times.min() - 0.3
-    names = ("a", "gamma", "k", "damping", "spring", "lattice")
-    given = {name: getattr(orbit, name) for name in names}
-    run = cb.simulate(orbit.state(t=start), t0=start, periods=1, **given)
-    return float(abs(np.ravel(run.final) - np.ravel(orbit.state(t=start))).max())
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -89,9 +89,3 @@ def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere(
         with pytest.raises(cb.BadInput, match=why):
             cb.boundary(bare.first("PF"), pair)
         assert len(cb.boundary(next_to.first("PF"), pair, steps=cb.Steps(most=2))) > 1
-
-
-def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:
-    for lattice, spring in ((cb.Ring(6), None), (cb.Ring(6), 0.0)):
-        found = cb.orbits.symmetric_roots(0.5, 0.1, 0.6, lattice=lattice, spring=spring)
-        assert [orbit.representation.family for orbit in found] == ["upper", "lower"]

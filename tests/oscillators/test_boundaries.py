@@ -18,7 +18,7 @@ HARD = lambda u: (u + u**3, 1 + 3 * u**2)  # noqa: E731
 
 
 def half_map(pull, K, c, u, time):
-    """The state and its derivative half a period after rest at u: blocks of u and v."""
+    """The state and its derivative a time, half a period, after rest at u: blocks of u and v."""
     n = len(u)
 
     def right(t, y):
@@ -30,6 +30,21 @@ def half_map(pull, K, c, u, time):
     end = solve_ivp(right, (0, time), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
     M = end[2 * n :].reshape(2, n, 2, n).transpose(0, 2, 1, 3)
     return end[: 2 * n], {"uu": M[0, 0], "uv": M[0, 1], "vu": M[1, 0], "vv": M[1, 1]}
+
+
+def whole(blocks):
+    return np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
+
+
+def apart(point):
+    """(I1 - I2)^2 of two pairs beside the orbit, and I1 + I2: by the traces of an integrated half,
+    M = R M_half^-1 R M_half, which are sums of cos and of cos 2 of their angles."""
+    orbit = point.base_point.solution
+    R, K = np.repeat([1.0, -1.0], 3), stiffness(orbit.lattice)
+    half = whole(half_map(CUBIC, K, point["c"], orbit.state()[0], np.pi / point["omega"])[1])
+    M = R[:, None] * np.linalg.inv(half) * R @ half
+    first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1
+    return abs(second + 2 - first**2), first
 
 
 def stiffness(lattice):
@@ -123,41 +138,28 @@ def test_boundaries_are_where_blocks_of_the_half_map_lose_rank(kind: str) -> Non
 
 
 def test_collisions_beside_pd_are_all_located() -> None:
-    """Where two pairs of opposite signature meet both of their indices are one: by the traces of
-    an integrated half, M = R M_half^-1 R M_half."""
+    """Where two pairs of opposite signature meet both of their indices are one."""
     start = CASES["PD"][0]()
     branch = cb.trace(start, "omega", within={"omega": (1.9, 2.3)})
     assert not branch.doubtful
     meetings = [point for point in branch.special if point.kind == "KC"]
     assert len(meetings) == 2
-    R, K = np.repeat([1.0, -1.0], 3), stiffness(start.solution.lattice)
     for point in meetings:
-        u = point.solution.state()[0]
-        blocks = half_map(CUBIC, K, point["c"], u, np.pi / point["omega"])[1]
-        half = np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
-        M = R[:, None] * np.linalg.inv(half) * R @ half
-        first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1  # sums of cos and of cos 2
-        squares = (second + 2) / 2
-        assert abs(2 * squares - first**2) < 1e-8  # (I1 - I2)^2
+        assert apart(point)[0] < 1e-8
         assert point.detail["signatures"] == "+ -"
 
 
 def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:
-    """By the traces of an integrated half, as above, at both ends of the curve and between."""
+    """At both ends of the curve and between."""
     start = CASES["PD"][0]()
     branch = cb.trace(start, "omega", within={"omega": (2.0, 2.17)}, towards="up")
-    R, K = np.repeat([1.0, -1.0], 3), stiffness(start.solution.lattice)
     line = cb.boundary(branch.first("KC"), ("c", "omega"), within={"c": (0.09, 0.11)})
     assert (line["c"].min(), line["c"].max()) == (0.09, 0.11)
     assert np.ptp(line["omega"]) > 0.01
     for point in (line[0], line[len(line) // 2], line[-1]):
-        u = point.base_point.solution.state()[0]
-        blocks = half_map(CUBIC, K, point["c"], u, np.pi / point["omega"])[1]
-        half = np.block([[blocks["uu"], blocks["uv"]], [blocks["vu"], blocks["vv"]]])
-        M = R[:, None] * np.linalg.inv(half) * R @ half
-        first, second = np.trace(M) / 2 - 1, np.trace(M @ M) / 2 - 1
-        assert abs(second + 2 - first**2) < 1e-8  # (I1 - I2)^2
-        assert np.cos(point["angle"]) == pytest.approx(first / 2, abs=1e-6)
+        off, both = apart(point)
+        assert off < 1e-8
+        assert np.cos(point["angle"]) == pytest.approx(both / 2, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["PF", "PD", "LP", "KC"])

@@ -12,29 +12,15 @@ from contbreather.flows.functions import slopes
 from contbreather.oscillators.breather_problem import BreatherProblem
 from contbreather.oscillators.half_orbit import SparseHalfOrbit
 
+from .test_boundaries import HARD as PULL
+from .test_boundaries import half_map, whole
+
 HARD, LINEAR = "u**2/2 + u**4/4", "c*r**2/2"
 
 
 def phi4(lattice, code, c, **how):
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=lattice)
     return cb.breather(chain, code, omega=1.5, params={"c": c}, **how)
-
-
-def by_hand(stiffness, c, t, y):
-    """The hard chain with its variational equations, written down again."""
-    n = len(stiffness)
-    u, v, M = y[:n], y[n : 2 * n], y[2 * n :].reshape(2 * n, -1)
-    K = np.diag(1 + 3 * u**2) + c * stiffness
-    turned = np.vstack([M[n:], -K @ M[:n]])
-    return np.concatenate([v, -u - u**3 - c * stiffness @ u, turned.ravel()])
-
-
-def monodromy(stiffness, c, u, period):
-    n = len(stiffness)
-    start = np.concatenate([u, 0 * u, np.eye(2 * n).ravel()])
-    how = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
-    end = solve_ivp(lambda t, y: by_hand(stiffness, c, t, y), (0, period), start, **how).y[:, -1]
-    return end[: 2 * n], end[2 * n :].reshape(2 * n, -1)
 
 
 # by half a period's shooting with DOP853 at 1e-13 and the variational equations
@@ -140,7 +126,9 @@ def test_rounding_of_a_formula_in_the_tails_is_no_doubt_about_it(caplog) -> None
 def test_an_own_integration_returns_and_has_the_same_multipliers() -> None:
     lattice = cb.OpenChain(5, ends="fixed")
     orbit = phi4(lattice, {1: 1, 2: -1}, 0.05).solution
-    end, M = monodromy(lattice.stiffness, 0.05, orbit.displacement(slice(None), 0.0), orbit.period)
+    u = orbit.displacement(slice(None), 0.0)
+    end, blocks = half_map(PULL, lattice.stiffness, 0.05, u, orbit.period)
+    M = whole(blocks)
     np.testing.assert_allclose(end, np.concatenate(orbit.state()), atol=1e-9)
     trace = np.trace(M)  # of pairs: twice the sum of indices, that of the trivial pair is 1
     assert 2 * (orbit.indices.sum().real + 1) == pytest.approx(trace, abs=1e-8)

@@ -15,7 +15,6 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import as_counted
-from tests.campaigns.band_ends import by_modes
 from tests.stability.by_hand import apart, flight, impact, pitchfork_b, ring_map
 from tests.stability.half import D, determinant, unstable_count, unstable_multipliers
 
@@ -65,15 +64,6 @@ def test_reduced_determinant_is_that_of_the_whole_matrix():
         assert determinant(map, np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(
             whole, rel=1e-10
         )
-
-
-@pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
-@pytest.mark.parametrize("distance", [0, 1, 4])
-def test_mean_propagators_are_means_over_the_modes(gamma, distance):
-    """Through the determinant of two impacts, next to the circle and far from it."""
-    map = OrbitMap(gamma, 0.7, [(0, 0.0, 0.4), (distance, 2.4, -1.3)])
-    kappa = np.array([0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j])
-    assert determinant(map, kappa) == pytest.approx(by_modes(map, kappa), rel=1e-11)
 
 
 @pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
@@ -232,15 +222,6 @@ def test_verdicts_name_their_chain():
     assert "ring of 20" in repr(ring)
     assert "threshold 1.005" in repr(ring)
     assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
-
-
-@pytest.mark.parametrize("gamma", [0.01, 0.05, 0.0624, 0.09, 0.2])
-def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolvent(gamma) -> None:
-    """``D(-1)/(1 + |g|^2)`` with ``|g|^-2 = s^2 |s^2 - 4 gamma|`` at s = 1/2."""
-    map = OrbitMap(gamma, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)])
-    size = 0.25 * abs(0.25 - 4 * gamma)
-    whole = complex(determinant(map, np.array([0.5 - 1e-13j]))[0])
-    assert map.crosses(-1.0) == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [-1, 1])

@@ -12,10 +12,9 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.modal_flow import propagator
 from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.one_impact import HalfMap, half_map
-from contbreather.stability.saltation import Saltation, saltation
+from contbreather.stability.saltation import saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import outermost
-from tests.stability.by_hand import ring_map
 
 
 def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float = 0.0) -> ModalMap:
@@ -62,22 +61,6 @@ def test_scalars_change_sign_where_the_count_does(mu: float, spring: float) -> N
     assert np.count_nonzero(np.diff(signs)) == 1
     changed = np.flatnonzero(np.diff(signs))[0]
     assert abs(real[changed + 1] - real[changed]) == 1
-
-
-def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
-    gamma, k, b = 0.11, 0.8, -0.3
-    ring = half_by_modes(24, gamma, k, b)
-    mu = ring.coupled[ring.coupled.imag > 1e-3]
-    mu = mu[abs(mu).argmax()]
-    angle, radius = float(np.angle(mu)) / math.pi, float(abs(mu))
-    whole = ring_map(Ring(24), gamma, k, (Saltation(0, 0.0, b), Saltation(0, math.pi, b)))
-    for map, turned, size in (
-        (ring, angle, radius),
-        (half_map(gamma, k, b, Ring(24)), angle, radius),
-        (whole, 2 * angle, radius**2),
-    ):
-        off = abs(map.on_circle(turned + 0.05, size))
-        assert abs(map.on_circle(turned, size)) < 1e-7 * off
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.07])
