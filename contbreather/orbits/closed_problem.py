@@ -8,7 +8,7 @@ two and the unknown time for a site that grazes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -110,10 +110,6 @@ class Closure:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
         return self.derivatives(x, params, (name,))[:, 2]
 
-    def along(self, x: Array, params: Mapping[str, float], way: Mapping[str, float]) -> Array:
-        """Derivatives along a direction of the parameters, rates by name."""
-        return self.derivatives(x, params, tuple(way))[:, 2:] @ [*way.values()]
-
     def derivatives(self, x: Array, params: Mapping[str, float], names: tuple[str, ...]) -> Array:
         """Derivatives in both and in parameters, beside each other."""
         at = self._at(x, params)
@@ -204,6 +200,16 @@ class SymmetricProblem(OrbitProblem):
     def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
         slopes: Array = self.equations.derivatives(x, params, free)
         return slopes
+
+    def along(
+        self, x: Array, params: Mapping[str, float], rates: Sequence[Mapping[str, float]]
+    ) -> Array:
+        names = tuple({name: None for way in rates for name in way})
+        whole = self.derivatives(x, params, names)  # all of them by one evaluation
+        chain = np.reshape(
+            [[way.get(n, 0.0) for way in rates] for n in names], (len(names), len(rates))
+        )
+        return np.hstack([whole[:, :2], whole[:, 2:] @ chain])
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -9,7 +11,16 @@ from scipy.optimize import brentq
 from contbreather.stability import ns_points
 from contbreather.stability.one_impact import window
 from tests.stability.by_hand import b_of, slope
-from tests.stability.half import on_arc, unstable_count
+from tests.stability.half import D, on_arc, unstable_count
+
+
+def test_the_two_equations_are_D_without_its_poles():
+    for gamma, k, b in [(0.1, 0.8, 0.1), (0.2, 0.3, -2.0), (0.01, 0.0, 0.5)]:
+        edge = 2 * math.sqrt(gamma)
+        nu = edge * np.linspace(0.02, 0.98, 25)
+        value = D(gamma, nu, k, b) * nu * np.sqrt(4 * gamma - nu**2)
+        found = [on_arc(gamma, float(one), k, b).value for one in nu]
+        np.testing.assert_allclose(found, value, atol=1e-13)
 
 
 @pytest.mark.parametrize(
