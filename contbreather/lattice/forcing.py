@@ -132,34 +132,14 @@ class TrigonometricSeries:
         return np.fft.irfft(spectrum, size)
 
     def extrema(self) -> list[float]:
-        """Extrema in [-pi, pi), by the companion matrix of the slope.
-
-        Roots off the unit circle give spurious angles; as points between which to look they do
-        no harm, so none is thrown away and no tolerance decides.
-        """
-        slope = {m: (m * s, -m * c) for m, c, s in self.waves}
-        largest = max(math.hypot(c, s) for c, s in slope.values())
-        # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
-        orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
-        # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
-        if max(orders) > 64:
-            # times next to which the slope is or comes near to zero
-            size, terms = 32 * max(slope), tuple((m, c, s) for m, (c, s) in slope.items())
-            values = TrigonometricSeries(terms).on_grid(size)
-            small, later = np.abs(values), np.roll(values, -1)
-            low = (small <= np.roll(small, 1)) & (small <= abs(later))
-            start = 2.0 * math.pi * np.flatnonzero(low | (values * later <= 0.0)) / size
-        else:
-            # of odd harmonics only: with Z = z^2 the matrix has half the size
-            top, step = max(orders), 2 if all(m % 2 for m in orders) else 1
-            poly = np.zeros(2 * top // step + 1, dtype=complex)
-            for m in orders:
-                # c cos + s sin = Re (c - i s) z^m, z = exp(i phi); times z^top a polynomial
-                c, s = slope[m]
-                poly[(top - m) // step] += 0.5 * complex(c, -s)
-                poly[(top + m) // step] += 0.5 * complex(c, s)
-            turned = np.angle(np.roots(poly)) / step
-            start = np.concatenate([turned + math.pi * i for i in range(step)])
+        """Extrema in [-pi, pi), by Newton's method from where the slope is or comes next to zero on
+        a grid."""
+        slope = TrigonometricSeries(tuple((m, m * s, -m * c) for m, c, s in self.waves))
+        size = 32 * max(m for m, _, _ in self.waves)
+        values = slope.on_grid(size)
+        small, later = np.abs(values), np.roll(values, -1)
+        low = (small <= np.roll(small, 1)) & (small <= abs(later))
+        start = 2.0 * math.pi * np.flatnonzero(low | (values * later <= 0.0)) / size
         extrema = (math.remainder(self._settled(phi), 2.0 * math.pi) for phi in start.tolist())
         distinct: list[float] = []
         for phi in sorted(extrema):

@@ -1,7 +1,6 @@
 """A forcing written as a formula in t: read, never executed, and expanded in harmonics by FFT.
 
-Each term of a sum is expanded by itself, so that a small one keeps all its digits beside a large
-one. Slopes in the parameters are complex steps.
+Slopes in the parameters are complex steps.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -83,7 +82,7 @@ class Formula(NamedTuple):
 
     text: str
     letters: frozenset[str]  # names that need a value
-    terms: tuple[Value, ...]
+    value: Value
     work: int  # operations on a sample: (1 + parameters) times the nodes
 
     def check_work(self, size: int) -> None:
@@ -115,10 +114,10 @@ def read_formula(text: str) -> Formula:
         ) from None
     except (RecursionError, MemoryError):
         raise _too_large(text) from None
-    terms, letters = tuple(_terms(tree)), _names(tree) - {"t", "pi"}
+    value, letters = _value(tree), _names(tree) - {"t", "pi"}
     work = 5 * sum(isinstance(node, ast.expr) for node in ast.walk(tree))
     work += 200 * plain.count("besselj")
-    formula = Formula(plain, letters, terms, (1 + len(letters)) * work)
+    formula = Formula(plain, letters, value, (1 + len(letters)) * work)
     formula.check_work(0)
     return formula
 
@@ -132,16 +131,6 @@ def _too_large(text: str) -> BadInput:
 def _names(tree: ast.AST) -> frozenset[str]:
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     return frozenset(names - FUNCTIONS.keys())
-
-
-def _terms(node: ast.expr, sign: float = 1.0) -> Iterator[Value]:
-    match node:
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
-            yield from _terms(left, sign)
-            yield from _terms(right, sign if isinstance(op, ast.Add) else -sign)
-        case _:
-            value = _value(node)
-            yield lambda at: sign * value(at)
 
 
 def _value(node: ast.expr) -> Value:
@@ -216,20 +205,11 @@ def _expanded(
     at = {"t": t, "pi": np.float64(np.pi), **{n: np.float64(v) for n, v in params.items()}}
     steps = 1j * STEP * np.eye(len(params))[:, :, None]
     beside = at | {n: at[n] + step for n, step in zip(params, steps, strict=True)}
-    rows, values = np.zeros((2, 1 + len(params), t.size))
-    spectra, sizes = 0j * turns, abs(0.0 * turns)
-    resolved: Any = np.True_
-    for term in formula.terms:
-        rows[0] = term(at)
-        if params:
-            rows[1:] = np.imag(term(beside)) / STEP
-        part, fine = _chopped(spectrum_of(rows[:, :size]) * turns, rows)
-        spectra, sizes, values = spectra + part, sizes + abs(part), values + rows
-        resolved = resolved & fine
-    spectra[abs(spectra) < 4e-16 * sizes] = 0.0  # terms that cancel
-    # at last also terms that only their sum makes smooth
-    if size == FINEST and not resolved.all():
-        resolved = _chopped(spectra, values)[1]
+    values = np.zeros((1 + len(params), t.size))
+    values[0] = formula.value(at)
+    if params:
+        values[1:] = np.imag(formula.value(beside)) / STEP
+    spectra, resolved = _chopped(spectrum_of(values[:, :size]) * turns, values)
     return spectra, values, resolved
 
 
@@ -288,8 +268,8 @@ def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resol
 class Symbolic(Periodic):
     """A formula (or sympy expression) in ``t`` for F/a; other names in it are parameters.
 
-    It is expanded in harmonics, each term until the rest is below 4e-15 of its largest one; even
-    ones below 1e-12 are rounding. Nothing is executed. What drives no breather (not 2 pi periodic,
+    It is expanded in harmonics until the rest is below 4e-15 of the largest one; even ones below
+    1e-12 are rounding. Nothing is executed. What drives no breather (not 2 pi periodic,
     not finite, with jumps, kinks or poles) is `BadInput`, and so is what would take long.
 
     Parameters
@@ -366,7 +346,7 @@ def sampled(force: Callable[[float], float]) -> Samples:
                 f"{type(error).__name__}: {error}"
             ) from error
 
-    formula = Formula(name, frozenset(), (value,), 1)
+    formula = Formula(name, frozenset(), value, 1)
     series = _series_of(formula, ())[""]
     # four samples to the shortest period, as `Samples` asks for
     size = max(8, 4 * max(m for m, _, _ in series.harmonics))
