@@ -23,8 +23,9 @@ x' being the derivative along the symmetric orbits: arms that leave linearly, an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
 
+NAMES = "criticality", "coefficient", "power"  # of what a located pitchfork knows
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
 
 
@@ -110,22 +112,39 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     return _form(Point(curve, curve.start, along))
 
 
-def bends(point: Point) -> Mapping[str, Any]:
-    """Normal form of a pitchfork as its detail, on a branch in one parameter."""
-    if len(point.curve.varied) > 1:
-        return {}
-    try:
-        form = _form(point)
-    except OUT_OF_DOMAIN as error:
-        return {"criticality": f"unknown: {error}"}
-    return {name: getattr(form, name) for name in ("criticality", "coefficient", "power")}
+class PitchforkDetail(Mapping[str, Any]):
+    """Normal form of a pitchfork as its detail, on a branch in one parameter, found when it is
+    asked for: most branches are only passed through."""
+
+    def __init__(self, point: Point) -> None:
+        self.point = point
+
+    @cached_property
+    def known(self) -> dict[str, Any]:
+        try:
+            form = _form(self.point)
+        except OUT_OF_DOMAIN as error:
+            return {"criticality": f"unknown: {error}"}
+        return {name: getattr(form, name) for name in NAMES}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in NAMES:
+            raise KeyError(name)
+        return self.known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.known)
+
+    def __len__(self) -> int:
+        return len(self.known)
 
 
 def _form(point: Point) -> PitchforkForm:
     orbit: Orbit = point.solution
     if not orbit.section.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
-    curve = Curve(orbit.unfolded().problem.having(*point.curve.free), point.curve.free)
+    whole = orbit.unfolded()
+    curve = Curve(whole.problem.having(*point.curve.free), point.curve.free)
     matrix = curve.jacobian(curve.start)
     left, sizes, right = np.linalg.svd(matrix[:, :-1])
     if sizes[-1] > _SINGULAR * sizes[0]:
@@ -139,7 +158,7 @@ def _form(point: Point) -> PitchforkForm:
     shifts = right[-1][m : 2 * m] - right[-1][:m]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]  # G_x v = 0, w G_x = 0
-    kink = changes_order(orbit.unfolded(), v)
+    kink = changes_order(whole, v)
     bend = _slope(curve, point, v) if kink else _curvature(curve, matrix, v, w)
     power = 1 if kink else 2
     return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0, power)

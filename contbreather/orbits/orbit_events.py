@@ -40,7 +40,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
-from contbreather.orbits.normal_form import bends
+from contbreather.orbits.normal_form import PitchforkDetail
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
 from contbreather.orbits.pair_events import is_blurred, pair_leaves
@@ -139,7 +139,8 @@ def _examine_real(mu: float, point: Point) -> Examined:
     # at the fold (14) the half map QS has the multiplier -1
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
-    return bends(point)
+    # on a boundary it has none
+    return PitchforkDetail(point) if len(point.curve.varied) == 1 else ""
 
 
 def from_arms(event: Event) -> Event:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -41,11 +42,13 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
         verdict = event.examine(point)
     if isinstance(verdict, str) and verdict:
         return replace(point, located=False, detail={**point.detail, "reason": verdict})
-    more = dict(verdict or {})
-    if isinstance(event.test, Level):
-        more["level"] = str(event.test)
-    kind = more.pop("kind", point.kind)
-    return replace(point, kind=kind, detail={**point.detail, **more})
+    # not copied: what is dear to know is found when it is asked for
+    more: Any = verdict if isinstance(verdict, Mapping) else {}
+    kind = more.get("kind", point.kind)
+    if "kind" in more:
+        more = {name: value for name, value in more.items() if name != "kind"}
+    level = {"level": str(event.test)} if isinstance(event.test, Level) else {}
+    return replace(point, kind=kind, detail=ChainMap(level, more, dict(point.detail)))
 
 
 def not_simple(kind: str) -> str:
