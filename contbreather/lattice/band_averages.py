@@ -168,19 +168,64 @@ def laps(z: float, r: float, sites: int) -> tuple[float, float, float]:
 @lru_cache(maxsize=256)
 def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, BandAverage]:
     """Expansions of the means; ``sites=None`` is the infinite chain."""
-    shifted = in_powers_of_x(spring)
-    return {name: _series(raw, sites, spring, shifted) for name, raw in _functions().items()}
+    return {name: _series(name, sites, spring) for name in _functions()}
 
 
-def _series(raw: _Raw, sites: int | None, spring: float, shifted: FloatArray) -> BandAverage:
-    powers = (raw.powers @ shifted) * q_moments(sites, 0)
-    # with w^2 = s + x: w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
-    weights = [weight * P / (P - spring) for P, weight in raw.poles.items()]
-    widths = [P - spring for P in raw.poles]
-    powers[0] += sum(weight * spring / (P - spring) for P, weight in raw.poles.items())
+def _series(name: str, sites: int | None, spring: float) -> BandAverage:
+    of = held_mean(name, sites)
+    parts = np.empty(of.poles.size), np.empty(of.poles.size), np.empty(of.powers.size)
+    hold(of, BandAverage(*parts, 0), spring)
     # lists of numbers: Python takes one from them sooner than from an array
-    rows: Any = weights, widths, powers[::-1].tolist(), sites or 0
+    rows: Any = *(part.tolist() for part in parts), sites or 0
     return BandAverage(*rows)
+
+
+class HeldMean(NamedTuple):
+    """A mean as a function of the springs that hold the lattice."""
+
+    weights: Vector  # of the poles without springs
+    poles: Vector
+    powers: Vector  # of w^2, that of the lowest first
+    shifted: Vector  # the same of w^2 - spring
+    moments: Vector  # <q^j> of the band
+
+
+def held_mean(name: str, sites: int | None = None) -> HeldMean:
+    poles, powers = _functions()[name]
+    weights, places = np.array([*poles.values()]), np.array([*poles])
+    return HeldMean(weights, places, powers, powers.copy(), q_moments(sites, 0))
+
+
+@inlined
+def hold(of: HeldMean, mean: BandAverage, s: float) -> None:
+    """Put springs under the lattice: ``w^2 = s + x``."""
+    last = of.powers.size - 1
+    for n in range(last + 1):
+        of.shifted[n] = of.powers[n]
+    for n in range(last):  # a polynomial around s, by Horner's scheme
+        for j in range(last - 1, n - 1, -1):
+            of.shifted[j] += s * of.shifted[j + 1]
+    for n in range(last + 1):
+        mean.powers[last - n] = of.shifted[n] * of.moments[n]
+    # w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
+    for i in range(of.poles.size):
+        P, weight = of.poles[i], of.weights[i]
+        mean.weights[i], mean.widths[i] = weight * P / (P - s), P - s
+        mean.powers[last] += weight * s / (P - s)
+
+
+@inlined
+def slope_in_spring(of: HeldMean, s: float, x: float, sites: int) -> float:
+    """Evaluate the derivative of a mean in the spring that it is held by."""
+    total = 0.0
+    for n in range(of.powers.size - 1, 0, -1):
+        total = total * x + n * of.shifted[n] * of.moments[n - 1]
+    for i in range(of.poles.size):
+        room = of.poles[i] - s
+        z = x / room
+        grown = 1.0 + excess(z, sites) + z * excess_slope(z, sites)
+        total += of.weights[i] * of.poles[i] / (room * room) * grown
+    return total
 
 
 def means_of_chains(gamma: FloatArray, spring: Any) -> dict[str, FloatArray]:
@@ -206,13 +251,6 @@ def _by_gauss() -> tuple[FloatArray, FloatArray, FloatArray]:
     functions = _functions().values()
     weights = [[raw.poles.get(P, 0.0) for raw in functions] for P in (1.0, 4.0)]
     return q, np.transpose([raw.powers for raw in functions]) / size, np.array(weights)
-
-
-def chi_of_chain() -> tuple[FloatArray, ...]:
-    """Weights and poles of chi, coefficients by powers of w^2, room for as many, and moments."""
-    poles, powers = _functions()["chi"]
-    weights, places = np.array([*poles.values()]), np.array([*poles])
-    return weights, places, powers, powers.copy(), q_moments(None, 0)
 
 
 _POWERS = range(TERMS + 1)
@@ -355,11 +393,7 @@ class UniformLattice:
 
     def by_spring(self, gamma: float, name: str) -> float:
         """Derivative of `mean` with respect to the spring."""
-        raw, s = _functions()[name], self.spring
-        x = 4.0 * check_gamma(gamma, s)  # w^2 in [s, s + x]
-        total = float((np.arange(1, TERMS + 1) * raw.powers[1:]) @ self.powers(gamma, 0)[:-1])
-        for P, weight in raw.poles.items():
-            z = x / (P - s)
-            more = 1.0 + excess(z, self.sites or 0) + z * excess_slope(z, self.sites or 0)
-            total += weight * P / (P - s) ** 2 * more
-        return total
+        x, s = 4.0 * check_gamma(gamma, self.spring), self.spring  # w^2 in [s, s + x]
+        of = held_mean(name, self.sites)
+        np.matmul(of.powers, in_powers_of_x(s), out=of.shifted)
+        return slope_in_spring(of, s, x, self.sites or 0)

@@ -659,7 +659,7 @@ def _refuse_gaps(phases: Any, fitted: Any, F: Any, least: float, highest: int) -
 def _left_by(
     kept: FloatArray, F: FloatArray, highest: int, mean: float, odd: bool, other: str
 ) -> float:
-    """What harmonics leave of a force, rms; refused where that is more than they explain."""
+    """Measure what harmonics leave of a force, rms; refuse where they explain less than that."""
     left, explained = math.sqrt(np.mean((F - kept) ** 2)), float(np.std(kept))
     if not left < explained:
         lopsided = "not antisymmetric, F(t + T/2) = -F(t), then symmetric=False, or "

@@ -253,7 +253,7 @@ def half_period_tables(
 
 @lru_cache(maxsize=16)
 def _weighted_moments(distances: tuple[int, ...]) -> FloatArray:
-    """What each power of 4 gamma adds to a table, (TERMS + 1, sites POWERS)."""
+    """Shares of each power of 4 gamma in a table, (TERMS + 1, sites POWERS)."""
     moments = moments_of(InfiniteChain(), distances)
     return np.einsum("mj,jp->jmp", moments, weights_per_impulse()).reshape(TERMS + 1, -1)
 

@@ -386,20 +386,15 @@ def _kicks(lattice: Any, hit: Sites, hits: Sites) -> FloatArray:
     return np.asarray(lattice.basis(hit).at(sites) * lattice.masses[sites][:, None])
 
 
-@lru_cache(maxsize=64)
-def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArray:
-    """How strongly each mode passes an impulse on from each impact to each site, (n, m, K)."""
-    values = lattice.basis(hit).at(np.array(sites))[:, None]
-    return np.asarray(values * _kicks(lattice, hit, hits))
-
-
 @lru_cache(maxsize=256)
 def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
     waves = of._slopes if by else of._waves
     sizes, level = waves.sizes, waves.level
     if by == "damping":
         sizes, level = sizes * waves.rates, 0.0 * level
-    weights = _passed_on(of.lattice, of.hit, sites, of.hit).reshape(-1, level.size)
+    # how strongly each mode passes an impulse on to each site
+    values, kicks = of.basis.at(np.array(sites))[:, None], _kicks(of.lattice, of.hit, of.hit)
+    weights = (values * kicks).reshape(-1, level.size)
     if by == "gamma":
         weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes

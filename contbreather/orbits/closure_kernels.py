@@ -17,12 +17,13 @@ from contbreather.continuation.algebra.walk_kernel import walker
 from contbreather.kernels import Counts, Matrix, Vector, inlined
 from contbreather.lattice.band_averages import (
     BandAverage,
+    HeldMean,
     average,
     average_slope,
-    chi_of_chain,
-    excess,
-    excess_slope,
+    held_mean,
+    hold,
     polynomial,
+    slope_in_spring,
 )
 from contbreather.lattice.conditions import SpringResponse
 from contbreather.lattice.forcing import Fourier, harmonic, series_motion
@@ -55,16 +56,6 @@ A, GAMMA, SPRING, K, OMEGA, COEFFICIENTS = range(6)
 Four = tuple[float, float, float, float]  # f and its first three derivatives
 
 
-class HeldMean(NamedTuple):
-    """chi on the infinite chain with springs; nothing without them."""
-
-    weights: Vector  # of the poles without springs
-    poles: Vector
-    powers: Vector  # of w^2, that of the lowest first
-    shifted: Vector  # the same of w^2 - spring
-    moments: Vector  # <q^j> of the band
-
-
 class ClosureData(NamedTuple):
     """A symmetric breather on a chain, with some parameters free."""
 
@@ -77,7 +68,7 @@ class ClosureData(NamedTuple):
     chi: BandAverage  # of the lattice, at the coupling if that is not free
     sigma: BandAverage
     eta: BandAverage
-    held: HeldMean
+    held: HeldMean  # chi on the infinite chain with springs; nothing without them
     extra: int  # unknowns of an event between phi and the freed parameters
 
 
@@ -134,37 +125,6 @@ def unpack(z: Any, on: ClosureData) -> int:
 
 
 @inlined
-def hold(of: HeldMean, chi: BandAverage, s: float) -> None:
-    """Put springs under the chain, ``w^2 = s + x``: see `band_averages`."""
-    last = of.powers.size - 1
-    for n in range(last + 1):
-        of.shifted[n] = of.powers[n]
-    for n in range(last):  # a polynomial around s, by Horner's scheme
-        for j in range(last - 1, n - 1, -1):
-            of.shifted[j] += s * of.shifted[j + 1]
-    for n in range(last + 1):
-        chi.powers[last - n] = of.shifted[n] * of.moments[n]
-    for i in range(of.poles.size):
-        P, weight = of.poles[i], of.weights[i]
-        chi.weights[i], chi.widths[i] = weight * P / (P - s), P - s
-        chi.powers[last] += weight * s / (P - s)
-
-
-@inlined
-def by_spring(of: HeldMean, s: float, x: float) -> float:
-    """The derivative of chi in the spring, see `UniformLattice.by_spring`."""
-    total = 0.0
-    for n in range(of.powers.size - 1, 0, -1):
-        total = total * x + n * of.shifted[n] * of.moments[n - 1]
-    for i in range(of.poles.size):
-        room = of.poles[i] - s
-        z = x / room
-        grown = 1.0 + excess(z, 0) + z * excess_slope(z, 0)
-        total += of.weights[i] * of.poles[i] / (room * room) * grown
-    return total
-
-
-@inlined
 def moved(on: ClosureData, i: int) -> tuple[float, float, float]:
     """Derivatives of a, gamma and spring, in the time of the drive, in freed parameter i."""
     place, omega = on.freed[i], on.params[OMEGA]
@@ -216,7 +176,8 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
         if by_gamma != 0.0:
             by_mean = by_gamma * average_slope(mean, 4.0 * on.params[GAMMA])
         if pull != 0.0:
-            by_mean += pull * by_spring(on.held, on.params[SPRING], 4.0 * on.params[GAMMA])
+            x = 4.0 * on.params[GAMMA]
+            by_mean += pull * slope_in_spring(on.held, on.params[SPRING], x, 0)
         u, v, w, _ = forcing_slope(on, i, z[1], f)
     p, k = 1.0 if column == 0 else 0.0, 1.0 if place == K else 0.0
     return ClosureTerms(p, k, by_mean, u, v, w)
@@ -400,6 +361,6 @@ def closure_data(
         lattice.expansion("chi", fixed),
         lattice.expansion("sigma", fixed),
         lattice.expansion("eta", fixed),
-        HeldMean(*chi_of_chain()) if held else HeldMean(*np.empty((5, 0))),
+        held_mean("chi") if held else HeldMean(*np.empty((5, 0))),
         extra,
     )
