@@ -299,15 +299,6 @@ class Lattice:
         return _seen(self, tuple(sorted(set(hit))))
 
 
-def _upright(shapes: FloatArray, hit: list[int]) -> FloatArray:
-    """Give them the sign that makes a site that is hit move upwards most: orbits in files are told
-    by their modes, whatever sign another machine gives these."""
-    there = shapes[hit]
-    # the first of those that are as large, but for rounding
-    top = (abs(there) > 0.999 * abs(there).max(axis=0)).argmax(axis=0)
-    return np.asarray(shapes * np.sign(there[top, np.arange(top.size)]))
-
-
 @lru_cache(maxsize=64)
 def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
     lam, vectors = lattice.spectrum
@@ -320,7 +311,12 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
         seen = int(np.count_nonzero(sizes > UNSEEN))
         values += [lam[space].mean()] * seen
         unseen += [lam[space].mean()] * (space.size - seen)
-        shapes.append(_upright(modes @ turned[:seen].T, list(hit)))
+        shape = modes @ turned[:seen].T
+        there = shape[list(hit)]
+        # of the sites that are hit the one that moves most, the first of those but for rounding,
+        # moves upwards: orbits in files are told by their modes, whatever their sign elsewhere
+        top = (abs(there) > 0.999 * abs(there).max(axis=0)).argmax(axis=0)
+        shapes.append(shape * np.sign(there[top, np.arange(seen)]))
     return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
 
 
