@@ -50,7 +50,7 @@ def mode_waves(
     place, shares = np.append(z[plain], around), np.append(np.ones(plain.size), mean)
     root = np.sqrt(place - critical)
     rates = np.stack([1j * root, -1j * root]) - 0.5 * damping
-    sizes = shares / np.stack([2j * root, -2j * root]) * laps(rates * length, sign)
+    sizes = shares / np.stack([2j * root, -2j * root]) * all_laps(rates * length, sign)
     # of a mode that swings both waves are one, and its conjugate
     both = (np.arange(place.size) < plain.size) & (place.real > critical)
     sizes[0, both] *= 2.0
@@ -69,7 +69,7 @@ def mode_waves(
     return ModeWaves(waves[0][order], waves[1][order], whose[order], level)
 
 
-def laps(turn: Array, sign: int) -> Array:
+def all_laps(turn: Array, sign: int) -> Array:
     """Sum of an impulse and all before it, by the exponent of a wave over a section."""
     return 1.0 / (1.0 + np.exp(turn) if sign < 0 else -np.expm1(turn))
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import PACE, Finite, stiffness_of
-from contbreather.lattice.modal_waves import PLACES, laps
+from contbreather.lattice.modal_waves import PLACES, all_laps
 from contbreather.one_thread import one_thread
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,7 @@ class SiteModes:
     def recurring(self, length: float, sign: int) -> tuple[Array, Array]:
         """Sums of all laps, and what each grows by with a longer section, in proportion."""
         turns = self.rates * length
-        every = laps(turns, sign)
+        every = all_laps(turns, sign)
         return every, sign * turns * np.exp(turns) * every
 
 
