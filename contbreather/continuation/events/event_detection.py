@@ -25,9 +25,8 @@ from ..systems.defining_systems import factors_at, regular_between, regular_step
 from .event_location import (
     BESIDE,
     at_end,
+    double_zeros,
     first_jump,
-    has_double_zero,
-    kinks,
     locate,
     not_simple,
     separated,
@@ -156,10 +155,6 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     """On a boundary: one label for all that is seen at one place, where several tests vanish at
     once. An event that ends the curve goes before one where others cross it, and that before the
     rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
-
-    def first_of(p: Point) -> tuple[bool, bool, bool]:
-        return p.located, bool(p.event and p.event.ends), "tangents" in p.detail
-
     left = list(points)
     while left:
         point, length = left[0], left[0].curve.length
@@ -169,7 +164,10 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
             verified = (p for p in left[1:] if p.event and p.event.examine)
             together += [p for p in verified if length(p.z - point.z) <= reach]
         left = [p for p in left if p not in together]
-        best = max(together, key=first_of)
+        best = max(
+            together,
+            key=lambda p: (p.located, bool(p.event and p.event.ends), "tangents" in p.detail),
+        )
         also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
@@ -223,8 +221,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
 def _dipped(samples: StepSamples) -> Iterator[Point]:
     if 0.5 not in samples.values or samples.jumps or samples.changes():
         return
-    if not has_double_zero(samples):
-        yield from kinks(samples)
+    yield from double_zeros(samples)
     if samples.event.matrix:
         for _, middle in samples.changes()[:-1]:
             samples.beside(middle)

@@ -233,11 +233,6 @@ def along_by_difference(
 # --- problem and defining system together -------------------------------------------------------
 
 
-def _scale(value: Any) -> float:
-    # an angle or a squared frequency is measured by its size: it is not what the steps are about
-    return max(1.0, abs(float(value)))
-
-
 class Extended:
     """Residual of a problem and the conditions of a locus together.
 
@@ -374,7 +369,8 @@ def extended(
     clash = set(locus.extra) & set(problem.names)
     if clash:
         raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
-    scalars = {name: _scale(value) for name, value in locus.extra.items() if np.ndim(value) == 0}
+    # an angle or a squared frequency is measured by its size: it is not what the steps are about
+    scalars = {n: abs(float(value)) for n, value in locus.extra.items() if np.ndim(value) == 0}
     sizes = {name: size for name, size in scalars.items() if size > 1.0}
     return make(
         Extended(base, locus, event),
