@@ -65,7 +65,8 @@ def zones(
             raise BadInput(f"--{second}: one value is expected in planes of omega, not several")
         typed[second] = typed[second][0]
     options = {**(typed or {"k": RESTITUTIONS}), **plane.options(), "beyond": beyond}
-    diagrams, cut = until_interrupted(cb.zones, **options, save=into.save)
+    several: Any = cb.zones  # of a list of values a tuple
+    diagrams, cut = until_interrupted(several, **options, save=into.save)
     if not any(map(any, diagrams)):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
-from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
 from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
-from ..systems.defining_systems import factors_at, regular_between, regular_step
+from ..systems.defining_systems import regular_between
 from .event_location import (
     BESIDE,
     at_end,
@@ -132,12 +131,6 @@ def quiet_steps(
                 return np.zeros_like(quiet)
             quiet[i] &= regular_between(bordered_matrix(first), matrices)
     return quiet
-
-
-def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
-    """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
-    begin, end = factors_at(matrix, first), factors_at(matrix, last)
-    return isinstance(begin, Dense) and regular_step(begin, end.whole)
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

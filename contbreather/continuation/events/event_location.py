@@ -21,7 +21,7 @@ from ..curve.curve import Curve
 from ..curve.point import Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
 from ..systems.defining_systems import extended
-from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
+from .step_interpolant import ASIDE, LOW, StepSamples, count_at
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -254,10 +254,12 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
 def separated(samples: StepSamples) -> Iterator[Point]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
-    event, segment = samples.event, samples.segment
-    if event.count is None or not counts_apart(event, segment.first, segment.last):
+    event = samples.event
+    if event.count is None:
         return
     counts = {u: count_at(event, samples.place(u)) for u in (0.0, 1.0)}
+    if not abs(counts[0.0] - counts[1.0]) > 1:
+        return
     size = _TOUCH * max(abs(samples.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:

@@ -65,9 +65,11 @@ def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
     return point.curve.cached(matrix, np.array([point.z, point.direction]), make)
 
 
-def regular_step(first: Dense, last: Array) -> bool:
-    """Tell whether no interpolation between two small matrices is singular."""
-    change = first.solve(first.whole - last)
+def stays_regular(matrix: Callable[[Point], Matrix], first: Point, last: Point) -> bool:
+    """Tell whether no interpolation of the matrix of an event between two points is singular; of a
+    large one nobody knows."""
+    begin, end = factors_at(matrix, first), factors_at(matrix, last)
+    change = begin.solve(begin.whole - end.whole) if isinstance(begin, Dense) else None
     return change is not None and bool(_reaches_nothing(change[None])[0])
 
 

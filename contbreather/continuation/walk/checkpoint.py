@@ -113,19 +113,6 @@ class Inner(Checkpoint):
         """Leave that to the outermost call."""
 
 
-@contextmanager
-def piece_of(
-    file: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
-) -> Iterator[Checkpoint | None]:
-    """The file for a call within another, of whose result `whole` makes that of the outer one: on
-    disk, and where it is interrupted; `before` is what the outer one has by then without it."""
-    try:
-        yield file and Inner(file, whole)
-    except KeyboardInterrupt as stop:
-        piece = getattr(stop, "partial", None)
-        raise Interrupted(partial=before if piece is None else whole(piece)) from None
-
-
 Save = str | Path | Checkpoint | None
 
 
