@@ -307,11 +307,11 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
         return
     highest, middle, bend = max(size.values()), size[0.5], f0 - 2 * f1 + f2
     steep = [u for u in (0.0, 1.0) if 2 * middle < size[u]]
-    lowest = [0.5 + (0.5 - u) * middle / (size[u] - middle) for u in steep]
+    guesses = [0.5 + (0.5 - u) * middle / (size[u] - middle) for u in steep]
     # of a vertex well above zero, in units of the least value so far, there is none to come
     if bend and (f1 - (f2 - f0) ** 2 / (8 * bend)) / min(values, key=abs) <= 0.7:
-        lowest.append(0.5 - (f2 - f0) / (4 * bend))
-    for u in lowest:
+        guesses.append(0.5 - (f2 - f0) / (4 * bend))
+    for u in guesses:
         if 0.0 < u < 1.0 and min(abs(u - v) for v in size) > _ONE:
             size[u] = seen(u)
     places = sorted(size)

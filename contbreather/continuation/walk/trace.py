@@ -169,8 +169,7 @@ def walk_from(
                     break
         result = so_far()
         assert result is not None
-        if kept:
-            kept.finish(result)
+        kept.finish(result)
     return result
 
 
@@ -331,7 +330,7 @@ class ContinuationIterator:
     def follow(
         self,
         shown: Counter,
-        kept: Checkpoint | None,
+        kept: Checkpoint,
         so_far: Callable[[], Branch | None],
         look: Callable[[Point], Finer | None],
     ) -> Finer | None:
@@ -340,8 +339,7 @@ class ContinuationIterator:
         for piece in self.pieces():
             self.walked.append(piece)
             shown.advance(last := piece[-1], len(piece))
-            if kept:
-                kept.look(bool(piece.special), so_far)
+            kept.look(bool(piece.special), so_far)
             if unresolved(last):
                 if (finer := look(last)) is not None:
                     return finer
