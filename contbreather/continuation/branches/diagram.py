@@ -289,7 +289,8 @@ def diagram(
     with checkpoint(save, "diagram", growth.so_far) as kept, Counter(progress) as growth.shown:
         growth.kept = kept
         growth.run(start)
-        kept.finish(growth.diagram())
+        if kept:
+            kept.finish(growth.diagram())
     return growth.diagram()
 
 
@@ -301,7 +302,7 @@ class _Growth:
     most: int
     beyond: bool
     shown: Counter = field(init=False)
-    kept: Checkpoint = field(init=False)
+    kept: Checkpoint | None = field(init=False)
     tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
     queue: deque[Place] = field(default_factory=deque)
 
@@ -390,7 +391,7 @@ class _Growth:
             return growth.so_far()
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
-            save = Inner(self.kept, whole)
+            save = self.kept and Inner(self.kept, whole)
             branch = walk(**how, steps=self.settings.steps, progress=self.shown, save=save)
         self._add(branch, birth)
 

@@ -277,7 +277,7 @@ def switch(
     listed = all_of(events)
     arms: list[Branch] = []
     with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
-        inner = Inner(kept, lambda arm: (*arms, arm))
+        inner = kept and Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
@@ -293,7 +293,8 @@ def switch(
             moved = [*images(arm[1])] if len(arm) > 1 else []
             known = (i for i, other in enumerate(arms) if any(lies_on(at, other) for at in moved))
             arms.append(replace(arm, image_of=next(known, None)))
-        kept.finish(tuple(arms))
+        if kept:
+            kept.finish(tuple(arms))
     return Branches(arms)
 
 

@@ -254,10 +254,10 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
 def separated(samples: StepSamples) -> Iterator[Point]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
-    event = samples.event
+    event, segment = samples.event, samples.segment
     if event.count is None:
         return
-    counts = {u: count_at(event, samples.place(u)) for u in (0.0, 1.0)}
+    counts = {0.0: count_at(event, segment.first), 1.0: count_at(event, segment.last)}
     if not abs(counts[0.0] - counts[1.0]) > 1:
         return
     size = _TOUCH * max(abs(samples.values[u]) for u in counts)
@@ -301,13 +301,15 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     def glanced(u: float) -> float:  # kept
         return abs(samples.deflated(u, samples.glance(u)))
 
-    f0, f1, f2 = values = [samples.deflated(u) for u in (0.0, 0.5, 1.0)]
+    f0, f1, f2 = values = [*map(samples.deflated, (0.0, 0.5, 1.0))]
     size = dict(zip((0.0, 0.5, 1.0), map(abs, values), strict=True))
     if not (min(size.values()) > 0 and sum(size.values()) < math.inf):  # nor NaN
         return
     highest, middle, bend = max(size.values()), size[0.5], f0 - 2 * f1 + f2
-    steep = [u for u in (0.0, 1.0) if 2 * middle < size[u]]
-    guesses = [0.5 + (0.5 - u) * middle / (size[u] - middle) for u in steep]
+    guesses = list[float]()
+    for end in (0.0, 1.0):
+        if 2 * middle < size[end]:
+            guesses.append(0.5 + (0.5 - end) * middle / (size[end] - middle))
     # of a vertex well above zero, in units of the least value so far, there is none to come
     if bend and (f1 - (f2 - f0) ** 2 / (8 * bend)) / min(values, key=abs) <= 0.7:
         guesses.append(0.5 - (f2 - f0) / (4 * bend))

@@ -101,7 +101,8 @@ def extend(
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
             raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
-        file.finish(done[-1])
+        if file:
+            file.finish(done[-1])
     return done[-1]
 
 
@@ -126,7 +127,7 @@ def _over(branch: Branch, side: str, settings: Settings) -> str:
 
 
 def _further(
-    branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint
+    branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint | None
 ) -> Branch:
     line = branch if side == "last" else branch.reversed()
     asked = None if event_of(branch.problem) else settings.events
@@ -136,7 +137,7 @@ def _further(
         return longer if side == "last" else longer.reversed()
 
     # the other end may follow: a piece of what is kept
-    inner = Inner(file, lambda longer: longer)
+    inner = file and Inner(file, lambda longer: longer)
     longer = walk_from(
         line[-1].problem, branch.free, replace(settings, events=asked), "both",
         line[-1].direction, progress, inner, whole=whole, continues=line,

@@ -64,18 +64,16 @@ class NotKept(BadInput):
 
 class Checkpoint:
     """A file that is written anew every few seconds, and where something happens; its result has
-    this name in it, those of a tuple are numbered, those of a dict have names. None is written
-    without a path."""
+    this name in it, those of a tuple are numbered, those of a dict have names."""
 
-    def __init__(self, path: str | Path | None, name: str) -> None:
-        self.path = None if path is None else netcdf.target_of(path)
-        self.name = name
+    def __init__(self, path: str | Path, name: str) -> None:
+        self.path, self.name = netcdf.target_of(path), name
         self.soonest = self.due = time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         """Write what there is, if it is time; `piece` gives it, or None."""
         now = time.monotonic()
-        if self.path is None or now < (self.soonest if special else self.due):
+        if now < (self.soonest if special else self.due):
             return
         if (result := piece()) is not None:
             try:  # without recorded columns, which may take as long as the run
@@ -94,8 +92,6 @@ class Checkpoint:
             raise NotKept(str(error), result) from error
 
     def _write(self, result: Any, *, recorded: bool | None) -> None:
-        if self.path is None:
-            return
         several, named = isinstance(result, tuple), {self.name: result}
         if several:
             named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
@@ -121,17 +117,18 @@ Save = str | Path | Checkpoint | None
 
 
 @contextmanager
-def checkpoint(save: Save, name: str, so_far: Callable[[], Any]) -> Iterator[Checkpoint]:
-    """The file that a call keeps its result in; an interruption carries what there is by then,
-    `so_far()`, and so does the file. One that cannot be written is refused before anything is
-    computed."""
+def checkpoint(save: Save, name: str, so_far: Callable[[], Any]) -> Iterator[Checkpoint | None]:
+    """The file that a call keeps its result in, None for none; an interruption carries what there
+    is by then, `so_far()`, and so does the file. One that cannot be written is refused before
+    anything is computed."""
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
-    file = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
+    file = save if save is None or isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
         yield file
     except KeyboardInterrupt:
-        if (partial := so_far()) is not None:
+        partial = so_far()
+        if file and partial is not None:
             file.finish(partial)
         raise Interrupted(partial=partial) from None
 

@@ -141,11 +141,11 @@ def walk_from(
     save: Save = None,
     *,
     name: str = "branch",
-    whole: Callable[[Branch], Branch] = lambda branch: branch,
+    whole: Callable[[Branch], Branch] | None = None,
     continues: Branch | None = None,
 ) -> Branch:
     """Walk with these settings; from the end of a branch in its unknowns, and back to its start.
-    What is returned, and kept under a name in a file, is made of the walk by `whole`."""
+    What is returned, and kept under a name in a file, is made of the walk by `whole`, if given."""
     one_of("towards", towards, ("both", "up", "down"))
     origin = start if isinstance(start, Point) else None
     if origin and free in origin.base_point.curve.free[:1]:
@@ -154,7 +154,7 @@ def walk_from(
 
     def so_far() -> Branch | None:
         branch = _joined(walks, settings=settings, origin=origin)
-        return branch and whole(branch)
+        return branch if branch is None or whole is None else whole(branch)
 
     with checkpoint(save, name, so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = having(problem_in(start), free), along
@@ -169,7 +169,8 @@ def walk_from(
                     break
         result = so_far()
         assert result is not None
-        kept.finish(result)
+        if kept:
+            kept.finish(result)
     return result
 
 
@@ -330,7 +331,7 @@ class ContinuationIterator:
     def follow(
         self,
         shown: Counter,
-        kept: Checkpoint,
+        kept: Checkpoint | None,
         so_far: Callable[[], Branch | None],
         look: Callable[[Point], Finer | None],
     ) -> Finer | None:
@@ -339,7 +340,8 @@ class ContinuationIterator:
         for piece in self.pieces():
             self.walked.append(piece)
             shown.advance(last := piece[-1], len(piece))
-            kept.look(bool(piece.special), so_far)
+            if kept:
+                kept.look(bool(piece.special), so_far)
             if unresolved(last):
                 if (finer := look(last)) is not None:
                     return finer
