@@ -263,20 +263,18 @@ def small(lattice: Any) -> Any:
 def told_apart(curves: Mapping[str, Branch]) -> tuple[str, dict[str, str]]:
     """Say what all curves share of the parameters that vary, those that do not and the lattice, and
     name each by its code and what it does not share: codes by names."""
-    facts = {code: _facts(branch) for code, branch in curves.items()}
+    facts: dict[str, list[str]] = {}
+    for code, branch in curves.items():
+        varied, orbit = branch.curve.varied, point_of("", branch, 0).orbit
+        facts[code] = [f"in {', '.join(varied)}"]
+        facts[code] += [] if orbit is None else [orbit.lattice.describe()]
+        fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
+        facts[code] += [f"{name} = {value:.6g}" for name, value in fixed]
     first = next(iter(facts.values()), [])
     shared = [fact for fact in first if all(fact in its for its in facts.values())]
     own = {code: ", ".join(fact for fact in facts[code] if fact not in shared) for code in facts}
     by_name = {": ".join(filter(None, (code, words))): code for code, words in own.items()}
     return ", ".join(shared), by_name
-
-
-def _facts(branch: Branch) -> list[str]:
-    varied, first = branch.curve.varied, point_of("", branch, 0)
-    facts = [f"in {', '.join(varied)}"]
-    facts += [first.orbit.lattice.describe()] if first.orbit is not None else []
-    fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
-    return facts + [f"{name} = {value:.6g}" for name, value in fixed]
 
 
 @lru_cache(maxsize=1)

@@ -94,7 +94,12 @@ def plot_branches(
                     axes.plot(*line, style, color=GREY if grey else colour)
                 its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
                 for mark in its:
-                    _draw_mark(axes, mark)
+                    kind, end = mark.point.kind, mark.point.kind == "EP"
+                    edge = {"EP": "none", "MX": colour}.get(kind, axes.get_facecolor())
+                    canvas.to_the_rim(axes.plot(
+                        mark.x, mark.y, **canvas.marker_of(kind), color=GREY if end else colour,
+                        markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
+                    ))  # fmt: skip
                 marks += its[: None if side == 0 else 0]  # an envelope is named at its top
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
@@ -196,13 +201,11 @@ def _ordinate(branches: Sequence[Branch]) -> str:
     ]
     common = [one for one in names[0] if all(one in its for its in names)] or names[0]
     # what stays as it is says nothing: between walls the largest displacement is where these are
-    telling = (one for one in common if any(_varies(branch, one) for branch in branches))
-    return next(telling, common[0])
-
-
-def _varies(branch: Branch, name: str) -> bool:
-    columns = (column_of(branch, one) for one in ordinates(branch, name))
-    return any(np.ptp(u) > ROUNDING * abs(u).max() for u in columns)
+    for name in common:
+        drawn = (column_of(branch, one) for branch in branches for one in ordinates(branch, name))
+        if any(np.ptp(u) > ROUNDING * abs(u).max() for u in drawn):
+            return name
+    return common[0]
 
 
 def _parting(branches: Sequence[Branch]) -> str | None:
@@ -337,15 +340,6 @@ def pieces(
     for start, end in pairwise(cuts):
         curve = _curve(branch[start : end + 1], x, y)
         yield str(styles[start]) if styles.size else STABLE, *curve
-
-
-def _draw_mark(ax: Axes, mark: Marker) -> None:
-    kind, end = mark.point.kind, mark.point.kind == "EP"
-    edge = {"EP": "none", "MX": mark.colour}.get(kind, ax.get_facecolor())
-    canvas.to_the_rim(ax.plot(
-        mark.x, mark.y, **canvas.marker_of(kind), color=GREY if end else mark.colour,
-        markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
-    ))  # fmt: skip
 
 
 def _without_offset(axis: Axis, scale: float) -> None:

@@ -101,7 +101,13 @@ def draw_multipliers(
     else:
         ring = 400 if orbit.lattice.sites is None else None
         mu, waves, alone = with_band(orbit, ring if sites is None else sites, half)
-    _circle_and_band(axes, waves)
+    angle = np.linspace(-math.pi, math.pi, 361)
+    axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=0.6, zorder=1)
+    for part in waves:
+        axes.plot(part.real, part.imag, color=SKY, linewidth=5.0, alpha=0.5, zorder=2,
+                  solid_capstyle="butt")  # fmt: skip
+    axes.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
+    axes.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
     size = np.abs(mu)  # those far out are shown at the edge, in their direction
     shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
     reach = max(1.6, 1.1 * float(np.abs(shown).max()))  # with room for words outside the circle
@@ -250,16 +256,6 @@ def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
     for place in shown[far]:
         pointing = (3, 0, math.degrees(np.angle(place)) - 90.0)  # a triangle that points outwards
         ax.plot(place.real, place.imag, marker=pointing, color=VERMILLION, markersize=5, zorder=3)
-
-
-def _circle_and_band(ax: Axes, waves: Array) -> None:
-    angle = np.linspace(-math.pi, math.pi, 361)
-    ax.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=0.6, zorder=1)
-    for part in waves:
-        ax.plot(part.real, part.imag, color=SKY, linewidth=5.0, alpha=0.5, zorder=2,
-                solid_capstyle="butt")  # fmt: skip
-    ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
-    ax.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
 
 
 def _number(mu: complex, digits: int, space: str) -> str:

@@ -7,7 +7,7 @@ with the rest.
 from __future__ import annotations
 
 from contbreather.studies.run import Report, cluster, run
+from contbreather.studies.schema import read
 from contbreather.studies.tasks import DryRun, dry_run
-from contbreather.studies.validation import read
 
 __all__ = ["DryRun", "Report", "cluster", "dry_run", "read", "run"]

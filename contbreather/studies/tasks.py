@@ -28,8 +28,7 @@ from contbreather.orbits.start_search import find_symmetric
 from contbreather.orbits.zones import zones
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.schema import Arms, Boundary, Chain, FromPoint, Study, ZonesTask
-from contbreather.studies.validation import read
+from contbreather.studies.schema import Arms, Boundary, Chain, FromPoint, Study, ZonesTask, read
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 MARKS = ".study"  # folder of what is known of the files beside it

@@ -41,8 +41,8 @@ from ..curve.settings import (
 )
 from ..systems.branch_points import Crossings, branch_point_test, branches_cross
 from ..systems.defining_systems import Extended, ExtendedProblem, event_of, extended
-from ..walk.checkpoint import Save, checkpoint, piece_of
-from ..walk.trace import trace
+from ..walk.checkpoint import Save
+from ..walk.trace import walk_from
 
 
 @one_thread
@@ -109,17 +109,10 @@ def boundary(
     base_point, event = _having(point.base_point, _traceable(point), pair)
     settings = Settings.of(within, events, steps, inadmissible, Steps(most=500))
     longer = boundary_problem(base_point, event, pair, settings.events, inadmissible=inadmissible)
-    born = partial(replace, settings=settings, origin=point)
-    with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:
-        line = born(
-            trace(
-                longer, pair[0], within=within, towards=towards, steps=settings.steps,
-                progress=progress, save=inner,
-            )
-        )  # fmt: skip
-        if kept:
-            kept.finish(line)
-    return line
+    return walk_from(
+        longer, pair[0], replace(settings, events=None, inadmissible=False), towards, None,
+        progress, save, name="boundary", whole=partial(replace, settings=settings, origin=point),
+    )  # fmt: skip
 
 
 def named_pair(pair: Any) -> tuple[str, str]:

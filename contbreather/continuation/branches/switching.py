@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...checks import kind_of
-from ...errors import BadInput, NotConverged
+from ...errors import BadInput, NotConverged, add_partial_result
 from ...one_thread import one_thread
 from ...progress import Counter
 from ...tables import Column, HtmlRepr, Sheet
@@ -27,10 +27,10 @@ from ..curve.curve import Curve
 from ..curve.kinds import look_of
 from ..curve.point import Event, Point
 from ..curve.problem import Problem
-from ..curve.settings import Steps, Within, all_of, walls_are_lifted
+from ..curve.settings import Settings, Steps, Within, all_of, walls_are_lifted
 from ..systems.branch_points import GAP
-from ..walk.checkpoint import Checkpoint, Save, checkpoint, piece_of
-from ..walk.trace import trace
+from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
+from ..walk.trace import walk_from
 from .duplicates import images, lies_on
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
@@ -276,16 +276,18 @@ def switch(
         )
     listed = all_of(events)
     arms: list[Branch] = []
-    with checkpoint(save, "arm") as kept:
+    with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
+        inner = kept and Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
-            with piece_of(kept, lambda arm: (*arms, arm), tuple(arms) or None) as inner:
-                here, there = point.curve.problem, seed.problem
-                same = there.residual is here.residual or there.events == here.events
+            here, there = point.curve.problem, seed.problem
+            same = there.residual is here.residual or there.events == here.events
+            asked = point.curve.asked if listed is None and same else listed
+            with add_partial_result(arms.append):
                 arm = follow(
-                    point, seed, within=within, steps=steps, progress=progress, save=inner,
-                    events=point.curve.asked if listed is None and same else listed,
+                    point, seed, within=within, events=asked, steps=steps, progress=progress,
+                    save=inner,
                 )  # fmt: skip
             _refuse_twins(arm, arms)
             moved = [*images(arm[1])] if len(arm) > 1 else []
@@ -330,18 +332,29 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
 
 
-def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: Any) -> Branch:
-    """One arm from a point, which is its first; how is as for `trace`."""
+def follow(
+    point: Point,
+    seed: Seed,
+    *,
+    within: Within | None = None,
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Counter | None = None,
+    save: Checkpoint | None = None,
+) -> Branch:
+    """One arm from a point, which is its first; arguments are as for `trace`."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
     start = Point(Curve(seed.problem, (free,)), seed.z.copy()).problem
-    with piece_of(save, lambda arm: _with_parent(arm, point, seed)) as inner:
-        arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
+    settings = Settings.of(within, events, steps, lifted)
+    arm = walk_from(
+        start, free, settings, along=seed.tangent, progress=progress, save=save,
+        whole=partial(_with_parent, point=point, seed=seed),
+    )  # fmt: skip
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
             f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",
             residual=arm[0].residual,
         )
-    arm = _with_parent(arm, point, seed)
     within_a_step = all(point.kind for point in arm)  # nothing but what was located on it
     if within_a_step and arm.stop is Stop.EVENT and seed.ends_at_once:
         why = BadInput(seed.ends_at_once)

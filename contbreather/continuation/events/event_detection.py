@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -17,17 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.newton import Undefined
-from ..algebra.sparse import Dense
 from ..curve.branch import Points
 from ..curve.point import Event, Point
 from ..systems.branch_points import GAP, bordered_matrices, bordered_matrix
-from ..systems.defining_systems import factors_at, regular_between, regular_step
+from ..systems.defining_systems import regular_between
 from .event_location import (
     BESIDE,
     at_end,
+    double_zeros,
     first_jump,
-    has_double_zero,
-    kinks,
     locate,
     not_simple,
     separated,
@@ -135,12 +133,6 @@ def quiet_steps(
     return quiet
 
 
-def stays_regular(matrix: Callable[[Point], Any], first: Point, last: Point) -> bool:
-    """Tell whether the matrix of an event stays regular; of a large one nobody knows."""
-    begin, end = factors_at(matrix, first), factors_at(matrix, last)
-    return isinstance(begin, Dense) and regular_step(begin, end.whole)
-
-
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Tell whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
@@ -156,10 +148,6 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     """On a boundary: one label for all that is seen at one place, where several tests vanish at
     once. An event that ends the curve goes before one where others cross it, and that before the
     rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
-
-    def first_of(p: Point) -> tuple[bool, bool, bool]:
-        return p.located, bool(p.event and p.event.ends), "tangents" in p.detail
-
     left = list(points)
     while left:
         point, length = left[0], left[0].curve.length
@@ -169,7 +157,10 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
             verified = (p for p in left[1:] if p.event and p.event.examine)
             together += [p for p in verified if length(p.z - point.z) <= reach]
         left = [p for p in left if p not in together]
-        best = max(together, key=first_of)
+        best = max(
+            together,
+            key=lambda p: (p.located, bool(p.event and p.event.ends), "tangents" in p.detail),
+        )
         also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
@@ -223,8 +214,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
 def _dipped(samples: StepSamples) -> Iterator[Point]:
     if 0.5 not in samples.values or samples.jumps or samples.changes():
         return
-    if not has_double_zero(samples):
-        yield from kinks(samples)
+    yield from double_zeros(samples)
     if samples.event.matrix:
         for _, middle in samples.changes()[:-1]:
             samples.beside(middle)

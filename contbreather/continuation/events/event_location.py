@@ -3,8 +3,7 @@
 A float test has a zero in its bracket, an int one a jump. With a defining system Newton's method
 finds either, all equations at once, and the test says whether it is the one in the bracket; without
 one brentq and bisection do. Double zeros, which leave no bracket, are looked for by the counts of
-unstable directions, by a parabola, and, as the least of several singular values has a kink, by
-golden section.
+unstable directions, and downhill, by golden section.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from ..curve.curve import Curve
 from ..curve.point import Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
 from ..systems.defining_systems import extended
-from .step_interpolant import ASIDE, LOW, StepSamples, count_at, counts_apart
+from .step_interpolant import ASIDE, LOW, StepSamples, count_at
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -259,9 +258,11 @@ def separated(samples: StepSamples) -> Iterator[Point]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
     event, segment = samples.event, samples.segment
-    if event.count is None or not counts_apart(event, segment.first, segment.last):
+    if event.count is None:
         return
-    counts = {u: count_at(event, samples.place(u)) for u in (0.0, 1.0)}
+    counts = {0.0: count_at(event, segment.first), 1.0: count_at(event, segment.last)}
+    if not abs(counts[0.0] - counts[1.0]) > 1:
+        return
     size = _TOUCH * max(abs(samples.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:
@@ -290,41 +291,11 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             yield special(samples, point, left, right, not_simple(event.kind))
 
 
-def has_double_zero(samples: StepSamples) -> bool:
-    """Tell whether a test that keeps its sign dips through zero and back within the step, as smooth
-    tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
-    places = [0.0, 0.5, 1.0]
-    for _ in range(4):
-        (u0, u1, u2), (f0, f1, f2) = places, map(samples.deflated, places)
-        if not (f0 and f1 and f2 and math.isfinite(f0 + f1 + f2)):
-            return False
-        # by divided differences: f0 + (x - u0) (slope + curvature (x - u1))
-        slope = (f1 - f0) / (u1 - u0)
-        curvature = ((f2 - f1) / (u2 - u1) - slope) / (u2 - u0)
-        vertex = 0.5 * (u0 + u1 - slope / curvature) if curvature else math.inf
-        if not u0 < vertex < u2:
-            return False
-        depth = f0 + (vertex - u0) * (slope + curvature * (vertex - u1))
-        # well above zero, in units of the least value so far, there is none to come; and two zeros
-        # of one test closer than 1e-4, relative to the step, may be one
-        if (
-            depth / min(f0, f1, f2, key=abs) > 0.3
-            or min(abs(vertex - u) for u in places) < 1e-6
-            or any(abs(vertex - zero) < 1e-4 for zero in samples.zeros)
-        ):
-            return False
-        samples.glance(vertex)
-        if samples.changes():
-            return True
-        around = sorted([*places, vertex])
-        lowest = min(range(1, 3), key=lambda i: abs(samples.deflated(around[i])))
-        places = around[lowest - 1 : lowest + 2]
-    return False
-
-
-def kinks(samples: StepSamples) -> Iterator[Point]:
-    """Look where the size of a test may have a kink at zero, as the least of several does: on the
-    line through the middle of the step and one end of it, and from there downhill."""
+def double_zeros(samples: StepSamples) -> Iterator[Point]:
+    """Look for two zeros, which leave no change of sign, downhill from the lowest place seen: the
+    middle of the step; the vertex of the parabola through its values, as smooth tests dip through
+    zero and back; where the line through the middle and an end vanishes, as the least of several
+    has a kink at zero."""
 
     def seen(u: float) -> float:  # on the cubic, not kept
         value = samples.event.value_or_nan(samples.segment.provisional(u))
@@ -333,16 +304,21 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     def glanced(u: float) -> float:  # kept
         return abs(samples.deflated(u, samples.glance(u)))
 
-    places = [0.0, 0.5, 1.0]
-    size = dict(zip(places, map(abs, map(samples.deflated, places)), strict=True))
+    f0, f1, f2 = values = [*map(samples.deflated, (0.0, 0.5, 1.0))]
+    size = dict(zip((0.0, 0.5, 1.0), map(abs, values), strict=True))
     if not (min(size.values()) > 0 and sum(size.values()) < math.inf):  # nor NaN
         return
-    highest, middle = max(size.values()), size[0.5]
+    highest, middle, bend = max(size.values()), size[0.5], f0 - 2 * f1 + f2
+    guesses = list[float]()
     for end in (0.0, 1.0):
         if 2 * middle < size[end]:
-            u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
-            if min(abs(u - v) for v in size) > _ONE:
-                size[u] = seen(u)
+            guesses.append(0.5 + (0.5 - end) * middle / (size[end] - middle))
+    # of a vertex well above zero, in units of the least value so far, there is none to come
+    if bend and (f1 - (f2 - f0) ** 2 / (8 * bend)) / min(values, key=abs) <= 0.7:
+        guesses.append(0.5 - (f2 - f0) / (4 * bend))
+    for u in guesses:
+        if 0.0 < u < 1.0 and min(abs(u - v) for v in size) > _ONE:
+            size[u] = seen(u)
     places = sorted(size)
     at = places.index(min(places, key=size.__getitem__))
     if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():

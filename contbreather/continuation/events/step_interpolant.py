@@ -124,11 +124,6 @@ def count_at(event: Event, point: Point) -> Any:
     return point.curve.cached(f"count {id(event)}", point.z, lambda _: ask(point))
 
 
-def counts_apart(event: Event, first: Point, last: Point) -> bool:
-    """Tell whether the number beside a test speaks of two zeros between two points."""
-    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
-
-
 @dataclass
 class StepSamples:
     """The values of one test along one step, by u from 0 to 1."""

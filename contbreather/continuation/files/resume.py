@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 from ...checks import check_kind, number, one_of, whole
-from ...errors import BadInput
+from ...errors import BadInput, add_partial_result
 from ...one_thread import one_thread
 from ..algebra.newton import Undefined
 from ..curve.branch import Branch, Points, Stop, labelled
@@ -20,7 +20,7 @@ from ..curve.point import Event, Point
 from ..curve.settings import Settings, Steps, Within
 from ..events.step_interpolant import StepInterpolant
 from ..systems.defining_systems import event_of
-from ..walk.checkpoint import Checkpoint, Save, checkpoint, piece_of
+from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import walk_from
 from .branch_from_dict import no_equations
 
@@ -91,7 +91,7 @@ def extend(
         old.steps,
     )
     done, over = [branch], dict[str, str]()
-    with checkpoint(save, "branch") as file:
+    with checkpoint(save, "branch", lambda: done[-1]) as file, add_partial_result(done.append):
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, settings)
             if why:
@@ -136,13 +136,13 @@ def _further(
         longer = replace(line.join(piece), settings=settings)
         return longer if side == "last" else longer.reversed()
 
-    with piece_of(file, whole, branch) as inner:
-        piece = walk_from(
-            line[-1].problem, branch.free, replace(settings, events=asked), "both",
-            line[-1].direction, progress, inner, continues=line,
-        )  # fmt: skip
-    longer = whole(piece)
-    if piece.stop is not Stop.CLOSED:
+    # the other end may follow: a piece of what is kept
+    inner = file and Inner(file, lambda longer: longer)
+    longer = walk_from(
+        line[-1].problem, branch.free, replace(settings, events=asked), "both",
+        line[-1].direction, progress, inner, whole=whole, continues=line,
+    )  # fmt: skip
+    if (longer.stop if side == "last" else longer.began) is not Stop.CLOSED:
         return longer
     made = dict(longer.points.made)
     if (first := line[0]).kind == "EP" and first.parent is None:  # no end any more

@@ -65,9 +65,11 @@ def factors_at(matrix: Callable[[Point], Matrix], point: Point) -> Any:
     return point.curve.cached(matrix, np.array([point.z, point.direction]), make)
 
 
-def regular_step(first: Dense, last: Array) -> bool:
-    """Tell whether no interpolation between two small matrices is singular."""
-    change = first.solve(first.whole - last)
+def stays_regular(matrix: Callable[[Point], Matrix], first: Point, last: Point) -> bool:
+    """Tell whether no interpolation of the matrix of an event between two points is singular; of a
+    large one nobody knows."""
+    begin, end = factors_at(matrix, first), factors_at(matrix, last)
+    change = begin.solve(begin.whole - end.whole) if isinstance(begin, Dense) else None
     return change is not None and bool(_reaches_nothing(change[None])[0])
 
 
@@ -233,11 +235,6 @@ def along_by_difference(
 # --- problem and defining system together -------------------------------------------------------
 
 
-def _scale(value: Any) -> float:
-    # an angle or a squared frequency is measured by its size: it is not what the steps are about
-    return max(1.0, abs(float(value)))
-
-
 class Extended:
     """Residual of a problem and the conditions of a locus together.
 
@@ -374,7 +371,8 @@ def extended(
     clash = set(locus.extra) & set(problem.names)
     if clash:
         raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
-    scalars = {name: _scale(value) for name, value in locus.extra.items() if np.ndim(value) == 0}
+    # an angle or a squared frequency is measured by its size: it is not what the steps are about
+    scalars = {n: abs(float(value)) for n, value in locus.extra.items() if np.ndim(value) == 0}
     sizes = {name: size for name, size in scalars.items() if size > 1.0}
     return make(
         Extended(base, locus, event),

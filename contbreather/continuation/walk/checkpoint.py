@@ -113,36 +113,21 @@ class Inner(Checkpoint):
         """Leave that to the outermost call."""
 
 
-@contextmanager
-def piece_of(
-    file: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
-) -> Iterator[Checkpoint | None]:
-    """The file for a call within another, of whose result `whole` makes that of the outer one: on
-    disk, and where it is interrupted; `before` is what the outer one has by then without it."""
-    try:
-        yield file and Inner(file, whole)
-    except KeyboardInterrupt as stop:
-        piece = getattr(stop, "partial", None)
-        raise Interrupted(partial=before if piece is None else whole(piece)) from None
-
-
 Save = str | Path | Checkpoint | None
 
 
 @contextmanager
-def checkpoint(
-    save: Save, name: str, so_far: Callable[[], Any] | None = None
-) -> Iterator[Checkpoint | None]:
+def checkpoint(save: Save, name: str, so_far: Callable[[], Any]) -> Iterator[Checkpoint | None]:
     """The file that a call keeps its result in, None for none; an interruption carries what there
-    is by then, and so does the file: `so_far()`, or what an inner call has made of it. A file that
-    cannot be written is refused before anything is computed."""
+    is by then, `so_far()`, and so does the file. One that cannot be written is refused before
+    anything is computed."""
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
     file = save if save is None or isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
         yield file
-    except KeyboardInterrupt as stop:
-        partial = so_far() if so_far else getattr(stop, "partial", None)
+    except KeyboardInterrupt:
+        partial = so_far()
         if file and partial is not None:
             file.finish(partial)
         raise Interrupted(partial=partial) from None

@@ -26,8 +26,9 @@ from ..curve.derivative_checks import advice, unlike_scales
 from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, find, quiet_steps, stays_regular
+from ..events.event_detection import Ends, find, quiet_steps
 from ..events.step_interpolant import StepInterpolant
+from ..systems.defining_systems import stays_regular
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
@@ -122,7 +123,6 @@ def trace(
     >>> trace(circle, "mu").stop.name
     'CLOSED'
     """
-    one_of("towards", towards, ("both", "up", "down"))
     if isinstance(start, Branch):
         raise BadInput(
             "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
@@ -140,15 +140,23 @@ def walk_from(
     progress: bool | Counter | None = None,
     save: Save = None,
     *,
+    name: str = "branch",
+    whole: Callable[[Branch], Branch] | None = None,
     continues: Branch | None = None,
 ) -> Branch:
-    """Walk with these settings; from the end of a branch in its unknowns, and back to its start."""
+    """Walk with these settings; from the end of a branch in its unknowns, and back to its start.
+    What is returned, and kept under a name in a file, is made of the walk by `whole`, if given."""
+    one_of("towards", towards, ("both", "up", "down"))
     origin = start if isinstance(start, Point) else None
     if origin and free in origin.base_point.curve.free[:1]:
         start = origin.base_point
     walks: list[ContinuationIterator] = []
-    so_far = partial(_joined, walks, settings=settings, origin=origin)
-    with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
+
+    def so_far() -> Branch | None:
+        branch = _joined(walks, settings=settings, origin=origin)
+        return branch if branch is None or whole is None else whole(branch)
+
+    with checkpoint(save, name, so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = having(problem_in(start), free), along
         while finer is not None:
             coarse, along = finer
@@ -159,11 +167,11 @@ def walk_from(
                 finer = walk.follow(shown, kept, so_far, look)
                 if finer is not None or walk.end.stop is Stop.CLOSED:
                     break
-        whole = so_far()
-        assert whole is not None
+        result = so_far()
+        assert result is not None
         if kept:
-            kept.finish(whole)
-    return whole
+            kept.finish(result)
+    return result
 
 
 def _joined(walks: Sequence[ContinuationIterator], **about: Any) -> Branch | None:
