@@ -64,9 +64,9 @@ def zones(
         if len(typed[second]) != 1:
             raise BadInput(f"--{second}: one value is expected in planes of omega, not several")
         typed[second] = typed[second][0]
-    options = {**(typed or {"k": RESTITUTIONS}), **plane.options(), "beyond": beyond}
-    several: Any = cb.zones  # of a list of values a tuple
-    diagrams, cut = until_interrupted(several, **options, save=into.save)
+    options = {("ks" if name == "k" else name): values for name, values in typed.items()}
+    options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
+    diagrams, cut = until_interrupted(_computed, options, beyond, into.save)
     if not any(map(any, diagrams)):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
@@ -83,6 +83,23 @@ def of_zones(diagrams: Sequence[cb.orbits.Zones], within: Any = None) -> Result:
         lambda: stacked_table(({}, diagram.columns()) for diagram in there),
         lambda: cb.plotting.plot_zones(diagrams, within=within)[0],
     )
+
+
+def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbits.Zones, ...]:
+    from contbreather.continuation.walk.checkpoint import checkpoint
+    from contbreather.workers import Failed
+
+    done: list[cb.orbits.Zones] = []
+    with checkpoint(save, "zones") as file:
+        for result in cb.zones_many(**options):
+            if isinstance(result, Failed):
+                raise result.error
+            done.append(replace(result, beyond=beyond))
+            if file:
+                file.look(True, lambda: tuple(done))
+        if file:
+            file.finish(tuple(done))
+    return tuple(done)
 
 
 def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
