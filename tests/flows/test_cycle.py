@@ -55,13 +55,16 @@ def variational(f, orbit: Cycle, names: int) -> np.ndarray:
 # --- smooth, autonomous -------------------------------------------------------------------------
 
 
-def test_multipliers_are_those_of_an_independent_integration() -> None:
-    for f, start, params, settle in (
-        (roessler, BEGIN, {**BAND, "c": 2.5}, 300),
-        (van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, 60),
-    ):
-        orbit = cycle_of(cb.cycle(f, start, params, settle=settle))
-        wanted = variational(f, orbit, len(start))
+@pytest.fixture(scope="module")
+def relaxation() -> Cycle:
+    """Van der Pol's at mu = 1."""
+    return cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+
+
+def test_multipliers_are_those_of_an_independent_integration(relaxation: Cycle) -> None:
+    band = cycle_of(cb.cycle(roessler, BEGIN, {**BAND, "c": 2.5}, settle=150))
+    for f, orbit in ((roessler, band), (van_der_pol, relaxation)):
+        wanted = variational(f, orbit, len(orbit.multipliers))
         assert orbit.multipliers == pytest.approx(wanted, abs=1e-7 * abs(wanted[0]))
 
 
@@ -69,7 +72,7 @@ def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
     """Liouville: the product of all multipliers is the exponential of the mean divergence."""
     branch = cb.trace(
         cb.cycle(roessler, BEGIN, {**BAND, "c": 3.0},
-                 settle=300, collocation=Collocation(intervals=40)),
+                 settle=150, collocation=Collocation(intervals=40)),
         "c", within={"c": (3, 5)}, towards="up", events=(),
     )  # fmt: skip
     orbit = branch[-1].solution
@@ -173,15 +176,14 @@ def test_around_a_doubling_the_orbit_is_closed_where_it_closes(c, settle, period
     assert orbit.period == pytest.approx(period, abs=1e-8 if settle == 100 else 1e-7)
 
 
-def test_samples_of_two_periods_are_one_orbit_of_either() -> None:
-    once = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
-    t = np.linspace(0, 2 * once.period, 200)
-    orbit = cycle_of(cb.cycle(van_der_pol, (t, once.states(t)), {"mu": 1.0}))
-    assert orbit.period == pytest.approx(once.period, abs=1e-9)
+def test_samples_of_two_periods_are_one_orbit_of_either(relaxation: Cycle) -> None:
+    t = np.linspace(0, 2 * relaxation.period, 200)
+    orbit = cycle_of(cb.cycle(van_der_pol, (t, relaxation.states(t)), {"mu": 1.0}))
+    assert orbit.period == pytest.approx(relaxation.period, abs=1e-9)
 
 
-def test_states_are_known_at_all_times() -> None:
-    orbit = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+def test_states_are_known_at_all_times(relaxation: Cycle) -> None:
+    orbit = relaxation
     t = np.linspace(0, orbit.period, 7)
     run = solve_ivp(
         lambda t, x: van_der_pol(t, x, {"mu": 1.0}), (0, orbit.period), orbit.states(0.0),
@@ -386,12 +388,11 @@ def test_doubled_bounces_set_out_at_the_doubling() -> None:
     assert run.events[-1].time == pytest.approx(arm[3].solution.times[-1], abs=1e-8)
 
 
-def test_half_of_a_symmetric_orbit_is_closed_by_a_mirror() -> None:
+def test_half_of_a_symmetric_orbit_is_closed_by_a_mirror(relaxation: Cycle) -> None:
     mirror = cb.Flow(van_der_pol, reset=lambda t, x, p: [-x[0], -x[1]])
     half = cycle_of(cb.cycle(mirror, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
-    whole = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
-    assert 2 * half.period == pytest.approx(whole.period, rel=1e-9)
-    assert half.others[0].real ** 2 == pytest.approx(whole.others[0].real, rel=1e-6)
+    assert 2 * half.period == pytest.approx(relaxation.period, rel=1e-9)
+    assert half.others[0].real ** 2 == pytest.approx(relaxation.others[0].real, rel=1e-6)
 
 
 @pytest.mark.parametrize("lag", [0.0, math.atan2(0.14, 0.51)])
