@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import logging
+import re
 import shutil
 import sys
+import warnings
+from contextlib import ExitStack
 from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
+
+from matplotlib import pyplot
+from sphinx.errors import ExtensionError
 
 from contbreather.parameters import table
 
@@ -71,6 +77,33 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
     return str(figure_rst(shown, settings["src_dir"]))
 
 
+WARNED = ExitStack()
+
+
+def warnings_are_errors(settings: dict[str, Any], name: str, when: str) -> None:
+    """Fail an example that is warned, but for what other packages deprecate among themselves, and
+    of figures that those before it left."""
+    if when == "after":
+        WARNED.close()
+        pyplot.close("all")
+        return
+    WARNED.enter_context(warnings.catch_warnings())
+    warnings.simplefilter("error")
+    for later in (DeprecationWarning, PendingDeprecationWarning, FutureWarning):
+        warnings.simplefilter("default", later)
+
+
+PRINTED = re.compile(r"^ \.\. code-block:: none\n((?:\n| .*\n)+)", flags=re.MULTILINE)
+
+
+def numbers_are_numbers(app: Any, page: str, source: list[str]) -> None:
+    """Fail where an example prints nothing, or what is no number."""
+    folder, _, name = page.rpartition("/")
+    told = "".join(PRINTED.findall(source[0]))
+    if folder == "auto_examples" and name in STORY and (not told or "nan" in told):
+        raise ExtensionError(f"{page} prints {told!r}")
+
+
 STORY = (
     "breather", "branch", "zones", "switching", "beyond_grazing", "lattice", "disorder",
     "measurement", "shooting", "simulate", "smooth_walls", "your_own_problem", "henon", "lorenz",
@@ -97,6 +130,8 @@ if any(EXAMPLES.glob("*.py")):  # each is run: its page shows what it really dra
         "gallery_dirs": "auto_examples",
         "filename_pattern": r"\.py$",
         "image_scrapers": (saved_figures,),
+        "reset_modules": ("matplotlib", warnings_are_errors),
+        "reset_modules_order": "both",
         "within_subsection_order": InTheOrderOfTheStory,
         "thumbnail_size": (400, 400),
         "download_all_examples": False,
@@ -114,3 +149,4 @@ def bars_are_bars(app: Any, what: str, name: str, obj: Any, options: Any, lines:
 
 def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", bars_are_bars)
+    app.connect("source-read", numbers_are_numbers)

@@ -41,8 +41,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Loops that were edited since the installation are compiled before the first test, and nothing
     is behind it. Each worker of xdist has a core: a second thread of the linear algebra that tests
-    do themselves would only wait for that of another.
+    do themselves would only wait for that of another. Hundreds of tests begin a process, and each
+    would compile every module again where nobody may write down what came of it.
     """
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
     if not config.getoption("--as-a-user"):
         for name in THREADS:
             os.environ.setdefault(name, "1")

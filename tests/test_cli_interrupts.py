@@ -76,11 +76,8 @@ def test_what_is_done_is_written_and_marked_as_cut_short(run: Run, monkeypatch: 
                 assert end == f"# {WORDS}"
                 assert {row.count(",") for row in rows} == {names.count(",")}
             path.unlink()
-
-
-@pytest.mark.apart
-def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    Clock(monkeypatch).last = 24  # of more than forty
+    # and in tables for people
+    clock.asked, clock.last = 0, 24  # of more than forty
     assert "interrupted, curves may be missing." in run(ZONES.replace("--json ", ""))[1]
 
 
@@ -106,17 +103,16 @@ def drawn(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
 
 
 @pytest.mark.apart
-def test_while_it_writes_one_interruption_waits(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn(monkeypatch, 1)
-    status, out, err = run(BRANCH)
+def test_while_it_writes_one_interruption_waits_and_a_second_does_not(run, monkeypatch):
+    with monkeypatch.context() as patch:
+        drawn(patch, 1)
+        status, out, err = run(BRANCH)
     assert (status, err) == (INTERRUPTED, "contbreather: interrupted\n")
     content = json.loads(out)
     assert content["interrupted"] is False  # the numbers are complete
     assert sorted(content["written"]) == sorted(os.listdir()) == ["branch.csv", "branch.svg"]
-
-
-@pytest.mark.apart
-def test_while_it_writes_the_second_interruption_does_not_wait(run, monkeypatch):
+    for name in content["written"]:
+        Path(name).unlink()
     drawn(monkeypatch, 2)
     assert run(BRANCH)[:2] == (INTERRUPTED, "")
     assert os.listdir() == ["branch.csv"]

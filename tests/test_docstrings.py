@@ -13,7 +13,10 @@ import contbreather.continuation as engine
 
 # types that nobody but the engine makes, and `load`, which the example of `save` shows
 WITHOUT = {"Branch", "Point", "Stop", "DefiningSystem", "Seed", "load"}
+# half a minute of simulations: tests/paper/test_time_series.py has the numbers that these show
+FIGURES = "contbreather.paper.time_series"
 MODULES = [one.name for one in pkgutil.walk_packages(contbreather.__path__, "contbreather.")]
+MODULES.remove(FIGURES)
 
 
 @pytest.mark.parametrize(

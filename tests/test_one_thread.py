@@ -115,8 +115,13 @@ def seen_by(walk) -> set[int]:
     return seen
 
 
+def walked(problem: cb.Problem) -> cb.Branch:
+    """A few points, for each question about threads takes a hundredth of a second."""
+    return cb.trace(problem, "mu", steps=cb.Steps(most=3))
+
+
 def test_equations_are_asked_with_one_thread(two) -> None:
-    assert seen_by(lambda circle: cb.trace(circle, "mu")) == {1}
+    assert seen_by(walked) == {1}
     assert threads() == {2}
 
 
@@ -146,10 +151,10 @@ def test_of_two_walks_at_a_time_the_last_to_end_gives_them_back(two) -> None:
         return np.array([x[0] ** 2 + p["mu"] ** 2 - 1.0])
 
     problem = cb.Problem(waiting, {"x": 1.0}, {"mu": 0.0}, events=[])
-    longer = threading.Thread(target=cb.trace, args=(problem, "mu"), daemon=True)
+    longer = threading.Thread(target=walked, args=(problem,), daemon=True)
     longer.start()
     began.wait()
-    shorter = seen_by(lambda circle: cb.trace(circle, "mu"))
+    shorter = seen_by(walked)
     goes_on.set()
     longer.join()
     assert shorter == after == {1}

@@ -142,7 +142,7 @@ def ends(branch: cb.Branch) -> Iterator[cb.Point]:
 
 def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
     on, within = {"c": 0.04, "k": 0.8, "w": 2.2, "s": 0.1}, {"w": (0.55, 2.2)}
-    mesh = cb.Collocation(intervals=14)
+    mesh = cb.Collocation(intervals=10)
     start = {"x": -0.2, "v": 0.0}
     orbit = cb.cycle([HIT], start, on, period=period, settle=60, collocation=mesh)
     branch = cb.trace(orbit, "w", within=within)
@@ -151,7 +151,7 @@ def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
         (branch,) = cb.switch(grazing, within=within)
         assert {len(point.solution.flights) for point in branch} == {count}
         assert max(map(misses, hard(branch)[::8])) < 1e-9
-        near = {"w": (grazing["w"] - 0.05, grazing["w"] + 0.05)}
+        near = {"w": (grazing["w"] - 0.01, grazing["w"] + 0.01)}
         there = cb.trace(branch[2].problem, "w", within=near, towards="both")
         gone = next(end for end in ends(there) if end.kind == "VI")
         assert gone["w"] == pytest.approx(grazing["w"], rel=1e-9)

@@ -81,14 +81,14 @@ def check(branch: cb.Branch, system: cb.Filippov, flows: list[str], V: float = 0
 
 def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
     within = {"A": (1.6, 2.1)}
-    moving = cb.trace(pushed(2.0), "A", within=within, towards="both")
+    moving = cb.trace(pushed(2.0), "A", within=within, towards="down")
     (sticking,) = cb.switch(moving.first("SL"), within=within)
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["A"] == pytest.approx(ONSET, abs=1e-12)
     assert sticking[-1]["A"] == 1.6
     check(sticking, MASS, ["below", "sticks up", "above", "sticks down"])
     # and from the other side
-    again = cb.trace(pushed(1.8), "A", within=within, towards="both").first("SL")
+    again = cb.trace(pushed(1.8), "A", within=within, towards="up").first("SL")
     assert again["A"] == pytest.approx(ONSET, abs=1e-12)
     (back,) = cb.switch(again, within=within)
     assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.1)
@@ -104,16 +104,16 @@ def test_without_symmetry_one_side_sticks_first() -> None:
 
     mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
     within, roads = {"A": (1.7, 2.0)}, []
-    for start in (1.95, 1.75):
+    for start, way in ((1.95, "down"), (1.75, "up")):
         orbit = cb.cycle(mass, {"v": 0.3}, {"A": start}, period=TAU, settle=25)
-        branch = cb.trace(orbit, "A", within=within, towards="both")
+        branch = cb.trace(orbit, "A", within=within, towards=way)
         places = []
         for _ in range(2):
             places.append(branch.first("SL"))
             (branch,) = cb.switch(places[-1], within=within)
             check(branch, mass, names(branch[0].solution, mass))
         roads.append([place["A"] for place in places])
-        assert len(branch[-1].solution.flights) == (4 if start > 1.8 else 2)
+        assert len(branch[-1].solution.flights) == (4 if way == "down" else 2)
     assert roads[0] == pytest.approx(roads[1][::-1], abs=1e-12)
 
 

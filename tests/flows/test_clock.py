@@ -66,12 +66,12 @@ def test_what_only_the_period_ends_has_doubled_orbits() -> None:
         reset=lambda t, x, p: [x[0], x[1] - p["K"] * np.sin(x[0])],
     )
     rest = cb.cycle([flow], {"th": 0.0, "v": 0.0}, {"K": 1.0, "d": 0.3}, period=1.0)
-    flip = cb.trace(rest, "K", within={"K": (0.2, 8)}).first("PD")
+    flip = cb.trace(rest, "K", within={"K": (0.9, 5)}).first("PD")
     steepest = 0.6 / np.tanh(0.15)
     assert flip["K"] == pytest.approx(steepest, rel=1e-9)
-    (arm,) = cb.switch(flip, within={"K": (0.2, 8)})
+    (arm,) = cb.switch(flip, within={"K": (0.9, 6)})
     th = arm["max(th)"][1:]
-    assert arm[-1]["K"] == 8
+    assert arm[-1]["K"] == 6
     assert arm["K"][1:] * np.sin(th) == pytest.approx(steepest * th, rel=1e-8)
 
 

@@ -174,9 +174,12 @@ def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
     """There the pair, the fold's multiplier and the trivial one are all 1: beyond it the curve ran
     on along the folds."""
     start = {"A": 6.0, "B": 25.0, "X": 0.01, "Y": 0.09}
-    cycle = cb.cycle(peroxidase_oxidase, start, {"k7": 1.5, "k8": 0.75}, settle=500)
-    torus = cb.trace(cycle, "k8", within={"k8": (0.7, 0.95)}).first("NS")
-    line = cb.boundary(torus, ("k7", "k8"), within={"k7": (1.0, 2.0)}, towards="up")
+    params, mesh = {"k7": 1.5, "k8": 0.75}, Collocation(intervals=14)
+    cycle = cb.cycle(peroxidase_oxidase, start, params, settle=500, collocation=mesh)
+    torus = cb.trace(cycle, "k8", within={"k8": (0.75, 0.84)}, towards="up").first("NS")
+    line = cb.boundary(
+        torus, ("k7", "k8"), within={"k7": (1.0, 2.0)}, towards="up", steps=cb.Steps(first=0.1)
+    )
     assert [point.kind for point in line.special] == ["EP", "CH", "R1"]
     assert (line.stop.name, line.doubtful) == ("EVENT", ())
     end = line.special[-1]

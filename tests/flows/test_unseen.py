@@ -3,7 +3,7 @@ vanish, units of any size."""
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,7 @@ def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
 
     system = cb.Filippov(field(0.2067), field(0.0), lambda t, x, p: x[1] - p["h"])
     params, start = {"h": 2.43, "d": 0.0444}, {"u": 0.3, "v": 0.4}
-    mesh = cb.flows.Collocation(intervals=60)
+    mesh = cb.flows.Collocation(intervals=40)
     orbit = cb.cycle(system, start, params, settle=200, collocation=mesh)
     sliding = cb.trace(orbit, "h", within={"h": (2.4, 3.0)}, towards="up")
     assert (sliding.special[-1].kind, sliding.doubtful) == ("SL", ())
@@ -143,16 +143,21 @@ def driven(p):
     return TAU / p["om"]
 
 
+@cache
+def pushed_about(om: float, x: float = 0.0, v: float = 0.0) -> cb.Problem:
+    return cb.cycle(BANG, {"x": x, "v": v}, {"om": om}, period=driven, settle=120)
+
+
 def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_doubles() -> None:
     """A mirror image after half a period, x(t + T/2) = -x(t): a half that ends in a mirror, whose
     multiplier is -1 where the whole loses its symmetry."""
     mirrored = cb.Flow(partial(pushed, 1.0), reset=lambda t, x, p: [-x[0], -x[1]])
     half = cb.cycle(
-        mirrored, {"x": 0.0, "v": 0.0}, {"om": 0.75}, period=lambda p: np.pi / p["om"], settle=300
+        mirrored, {"x": 0.0, "v": 0.0}, {"om": 0.75}, period=lambda p: np.pi / p["om"], settle=120
     )
     lost = cb.trace(half, "om", within={"om": (0.7, 1.2)})
     wanted = [point["om"] for point in lost.special if point.kind == "PD"][-2:]
-    whole = cb.cycle(BANG, {"x": 2.0, "v": 5.0}, {"om": 1.03}, period=driven, settle=300)
+    whole = pushed_about(1.03, 2.0, 5.0)
     found = []
     for way, count in (("down", 28), ("up", 38)):
         branch = cb.trace(whole, "om", towards=way, steps=cb.Steps(most=count))
@@ -164,23 +169,20 @@ def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_
 
 
 def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() -> None:
-    rest = {"x": 0.0, "v": 0.0}
-    twice = cb.cycle(BANG, rest, {"om": 0.7}, period=driven, settle=300)
+    twice = pushed_about(0.7)
     assert twice.start["durations"].size == 4
     window, steps = {"om": (0.695, 0.72)}, cb.Steps(most=25)
     back = cb.trace(twice, "om", within=window, towards="up", steps=steps)
     assert [point.kind for point in back.special if point.kind != "EP"] == ["BP"]
-    once = cb.cycle(BANG, rest, {"om": 0.75}, period=driven, settle=300)
-    symmetric = cb.trace(once, "om", within={"om": (0.71, 0.76)})
+    symmetric = cb.trace(pushed_about(0.75), "om", within={"om": (0.71, 0.76)})
     for arm in cb.switch(symmetric.first("BP"), within={"om": (0.703, 0.73)}):
         assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
 
 
 def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doubles() -> None:
-    start = {"x": 2.0, "v": 5.0}
-    once = cb.cycle(BANG, start, {"om": 1.03}, period=driven, settle=300)
+    once = pushed_about(1.03, 2.0, 5.0)
     asymmetric = cb.trace(once, "om", within={"om": (0.95, 1.04)}, towards="down")
-    twice = cb.cycle(BANG, start, {"om": 0.985}, period=driven, settle=300)
+    twice = pushed_about(0.985, 2.0, 5.0)
     assert twice.start["durations"].size == 2 * once.start["durations"].size
     back = cb.trace(twice, "om", within={"om": (0.95, 1.0)}, towards="up")
     assert [point.kind for point in back.special if point.kind != "EP"] == ["LP", "BP"]

@@ -51,7 +51,7 @@ def test_long_rings_tend_to_the_isolated_pair_at_the_threshold() -> None:
 
 @pytest.fixture(scope="module", params=[0.8, 0.4])
 def line(request: pytest.FixtureRequest):
-    return neimark_sacker_line(request.param, points=6, sites=200)
+    return neimark_sacker_line(request.param, points=6, sites=100)
 
 
 @pytest.mark.slow
