@@ -8,10 +8,7 @@ S. Aubry, Nonlinearity 7, 1623, 1994). Of driven ones a code chooses attractors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from operator import itemgetter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,14 +19,17 @@ from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
+from ..flows.cycle_problem import Cycle
 from ..flows.flow import Flow
-from ..flows.functions import Params
+from ..flows.functions import Function, Params
+from ..flows.several_starts import cycles
 from .oscillator_lattice import SHARE, Oscillators
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
 _ESCAPED = 10.0  # relative to the same
+_ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
 _MOST = 400  # periods after which it has settled, or never will
 
 # flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
@@ -157,8 +157,6 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> str:
 
 # --- driven ones ---------------------------------------------------------------------------------
 
-Attractor = tuple[float, Array]  # how far it swings, and its state at t = 0
-
 
 def forcing_period(t: Any, x: Any, p: Params) -> Any:
     return 2 * math.pi / p["omega"]
@@ -179,124 +177,89 @@ def refuse_other_period(chain: Oscillators, p: Params) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class UncoupledSites:
-    """All sites of a driven lattice, each by itself, as there is no coupling in the parameters:
-    states have the shape (2, N, m), of m motions of each."""
+def single_field(chain: Oscillators, site: int, p: Params) -> Function:
+    """The field of one site without coupling, its position and its velocity."""
+    p, rows = {**p, SHARE: 0.0}, [site, chain.sites + site]
 
-    chain: Oscillators
-    params: Params
+    def field(t: Any, x: Any, _: Params) -> Any:
+        whole = np.zeros((2 * chain.sites, *x.shape[1:]), dtype=x.dtype)
+        whole[rows] = x
+        return chain(t, whole, p)[rows]
 
-    @property
-    def period(self) -> float:
-        return float(forcing_period(0.0, None, self.params))
-
-    def run(self, x: Array, times: Any, tolerance: float) -> Array:
-        """States at times, the last axis; what comes too far has escaped, and stays there."""
-        from scipy.integrate import solve_ivp
-
-        far, size = _ESCAPED * self.sizes, abs(x).max() or 1.0
-
-        def rates(t: float, y: Array) -> Array:
-            field = self.chain(t, y.reshape(2 * self.chain.sites, -1), self.params)
-            inside = abs(y.reshape(x.shape)[0]) < far
-            return np.ravel(np.where(inside, field.reshape(x.shape), 0.0))
-
-        how: Any = {"t_eval": times, "rtol": tolerance, "atol": tolerance * size}
-        ends: Array = solve_ivp(rates, (0.0, times[-1]), x.ravel(), "DOP853", **how).y
-        return ends.reshape(*x.shape, -1)
-
-    @cached_property
-    def sizes(self) -> Array:
-        """The largest amplitude at which each site by itself has the frequency of the drive; where
-        there is none, that of a free mass."""
-        chain, omega, sizes = self.chain, self.params["omega"], dict[Any, float]()
-        drive = abs(chain.drive(np.linspace(0, self.period, 64), self.params)).max()
-        every = [SingleOscillator(chain, n, self.params) for n in range(chain.sites)]
-        kinds = [(one.mass, *one.terms) for one in every]
-        for kind, one in dict(zip(kinds, every, strict=True)).items():
-            amplitudes = one.amplitudes(omega, 1.0) + one.amplitudes(omega, -1.0)
-            sizes[kind] = max(amplitudes, default=drive / one.mass / omega**2)
-        return np.array([[sizes[kind]] for kind in kinds])
-
-    def attractors(self) -> list[list[Attractor]]:
-        """Those of each site that are found from phases and sizes up to beyond where it resonates,
-        those that swing least first."""
-        r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
-        ways = np.array([(r * np.cos(s)).ravel(), -self.params["omega"] * (r * np.sin(s)).ravel()])
-        chain, far = self.chain, _ESCAPED * self.sizes
-        loss = chain.lattice.dampings / chain.masses * float(chain.damping(0.0, self.params))
-        periods = math.ceil(min(_MOST, 12.0 / loss.min() / self.period))
-        end = self.run(self.sizes * ways[:, None], [periods * self.period], 1e-6)[..., 0]
-        inside = abs(end[0]) < far
-        closed, largest = self.closed(np.where(inside, end, 0.0))
-        inside &= abs(closed[0]) < far  # what has escaped stays, but is no motion
-        times = np.linspace(0, self.period, 200)
-        swings = 0.5 * np.ptp(self.run(closed, times, 1e-6)[0], axis=2)
-        found: list[list[Attractor]] = [[] for _ in range(chain.sites)]
-        for n, k in np.argwhere(inside & (largest < 1 + 1e-6)):
-            state = closed[:, n, k]
-            if all(abs(state - other).max() > 1e-6 * self.sizes[n] for _, other in found[n]):
-                found[n].append((float(swings[n, k]), state))
-        return [sorted(of, key=itemgetter(0)) for of in found]
-
-    def closed(self, x: Array) -> tuple[Array, Array]:
-        """Newton's iteration for states that come back, and the modulus of the largest multiplier
-        of each; NaN where none does."""
-        # beside rest in that of what the drive makes of it
-        drive = abs(self.chain(0.0, np.zeros((x[:, :, 0].size, 1)), self.params)[-len(x[0]) :])
-        sizes = np.where(x.any(axis=0), abs(x).max(axis=0), np.where(drive, drive, 1.0))
-        lost, off = np.zeros(sizes.shape, dtype=bool), np.full(sizes.shape, math.inf)
-        for _ in range(8):
-            if (lost | (off < 1e-9 * sizes)).all():
-                break
-            step, (u, v) = 1e-5 * sizes, x
-            beside = np.array([np.hstack([u, u + step, u]), np.hstack([v, v, v + step])])
-            end, by_u, by_v = np.split(self.run(beside, [self.period], 1e-12)[..., 0], 3, axis=2)
-            M = np.stack([by_u - end, by_v - end], axis=1) / step  # (2, 2, N, m)
-            M, gap = M.transpose(2, 3, 0, 1), (x - end).transpose(1, 2, 0)
-            # of a site that nothing holds the place is free: the shortest correction
-            move = (np.linalg.pinv(M - np.eye(2), rcond=1e-6) @ gap[..., None])[..., 0]
-            off = abs(move).max(axis=2)
-            lost |= ~(off < 1e3 * sizes)
-            x = np.where(lost, x, x + move.transpose(2, 0, 1))
-        largest = abs(np.linalg.eigvals(M)).max(axis=2)
-        return x, np.where(lost | ~(off < 1e-9 * sizes), np.nan, largest)
-
-    def beside_rest(self) -> Callable[[Array], Array]:
-        """The motion of all sites beside rest, whether it attracts or not."""
-        n, (x, largest) = self.chain.sites, self.closed(np.zeros((2, self.chain.sites, 1)))
-        if (none := np.isnan(largest[:, 0])).any():
-            raise NoSolution(f"site {none.argmax()}: alone it has no periodic motion about rest")
-        times = self.period * np.arange(64) / 64
-        mean = self.motion(x)(times)[:n].mean(axis=1)
-        held = self.chain.gradient(np.ones(n), self.params) != 0
-        x[0, :, 0] -= np.where(held, 0.0, mean)  # where nothing holds it: about rest
-        return self.motion(x)
-
-    def motion(self, x: Array) -> Callable[[Array], Array]:
-        motion: Any = self.chain.run((0.0, self.period), x.ravel(), self.params).sol
-        return motion
+    return field
 
 
-def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
+def _settled(chain: Oscillators, p: Params, sizes: Array) -> Array:
+    """Simulate all sites without coupling from phases and amplitudes up to beyond where each one
+    resonates, until they have settled: states of shape (2, N, m), NaN of what has escaped."""
+    from scipy.integrate import solve_ivp
+
+    r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
+    ways = np.array([(r * np.cos(s)).ravel(), -p["omega"] * (r * np.sin(s)).ravel()])
+    start, far = sizes[:, None] * ways[:, None], _ESCAPED * sizes[:, None]
+
+    def rates(t: float, y: Array) -> Array:
+        x = y.reshape(start.shape)
+        field = chain(t, y.reshape(2 * chain.sites, -1), p).reshape(start.shape)
+        return np.ravel(np.where(abs(x[0]) < far, field, 0.0))  # what comes too far stays there
+
+    loss = chain.lattice.dampings / chain.masses * float(chain.damping(0.0, p))
+    period = forcing_period(0.0, None, p)
+    time = period * math.ceil(min(_MOST, 12.0 / loss.min() / period))
+    how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
+    end = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
+    return np.where(abs(end[0]) < far, end, np.nan)
+
+
+def attractors(chain: Oscillators, p: Params) -> list[list[Cycle]]:
+    """Those of each site without coupling, those that swing least first."""
+    p, period = {**p, SHARE: 0.0}, forcing_period(0.0, None, p)
+    every = [SingleOscillator(chain, n, p) for n in range(chain.sites)]
+    rows = chain.lattice.dampings, chain.lattice.drive
+    kinds = [(of.mass, *of.terms, *(row[of.site] for row in rows)) for of in every]
+    alike = dict(zip(kinds, every, strict=True))  # one of each kind
+    # where it resonates, or how far the drive takes a free mass
+    drive = abs(chain.drive(np.linspace(0, period, 64), p)).max()
+    sizes = {}
+    for kind, one in alike.items():
+        found = [a for sign in (1.0, -1.0) for a in one.amplitudes(p["omega"], sign)]
+        sizes[kind] = max(found, default=drive / one.mass / p["omega"] ** 2)
+    ends = _settled(chain, p, np.array([sizes[kind] for kind in kinds]))
+    settled, how = {}, {"period": period, "collocation": Collocation(6, 6), "events": ()}
+    for kind, one in alike.items():
+        starts: list[Array] = []
+        for x in ends[:, one.site, np.isfinite(ends[0, one.site])].T:
+            if all(abs(x - other).max() > _ALIKE * sizes[kind] for other in starts):
+                starts.append(x)
+        field, given = single_field(chain, one.site, p), [{"u": u, "v": v} for u, v in starts]
+        found = cycles(field, given, {}, **how) if given else ()
+        orbits = [of.orbit for of in found if of.orbit is not None and not of.orbit.unstable]
+        settled[kind] = sorted(orbits, key=swing)
+    return [settled[kind] for kind in kinds]
+
+
+def swing(orbit: Cycle) -> float:
+    return 0.5 * (orbit.max["u"] - orbit.min["u"])
+
+
+def _chosen(site: int, code: Any, found: list[Cycle]) -> Cycle:
     """The attractor that a code stands for; a number: that which swings about so far."""
     if not found:
         raise NoSolution(f"site {site}: alone it has no attractor of the period of the drive.")
     if code == "high" and len(found) == 1:
         raise NoSolution(
             f"site {site}: alone it has one attractor only, with the amplitude "
-            f"{found[0][0]:.6g}; 'high' needs two."
+            f"{swing(found[0]):.6g}; 'high' needs two."
         )
     if code in ("low", "high"):
-        return found[0 if code == "low" else -1][1]
+        return found[0 if code == "low" else -1]
     if not real(code) > 0:
         raise BadInput(
             f"site {site}: {code!r} was given; 'low', 'high' or an amplitude is expected. All "
             "sites follow one drive: what moves half a period later has -1 in the row drive= of "
             "its Lattice."
         )
-    return min(found, key=lambda orbit: abs(orbit[0] - real(code)))[1]
+    return min(found, key=lambda orbit: abs(swing(orbit) - real(code)))
 
 
 def driven_without_coupling(
@@ -308,8 +271,10 @@ def driven_without_coupling(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    alone = UncoupledSites(chain, {**p, SHARE: 0.0})
-    found = enumerate(alone.attractors())
-    states = [_chosen(site, code.get(site, "low"), of) for site, of in found]
-    flight = fitted(scheme, 0.0, alone.period, alone.motion(np.transpose(states)))
-    return (), (flight,), 0.0
+    found = enumerate(attractors(chain, p))
+    orbits = [_chosen(site, code.get(site, "low"), of) for site, of in found]
+
+    def motion(t: Array) -> Array:
+        return np.stack([of.states(t) for of in orbits], axis=1).reshape(2 * chain.sites, -1)
+
+    return (), (fitted(scheme, 0.0, forcing_period(0.0, None, p), motion),), 0.0

@@ -22,7 +22,7 @@ from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
 from ..flows.functions import Params
-from .anticontinuum import Uncoupled, UncoupledSites
+from .anticontinuum import Uncoupled, forcing_period, single_field
 from .oscillator_lattice import SHARE, Oscillators
 
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
@@ -92,11 +92,14 @@ def between_walls_without_coupling(
             f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
             "drive: what moves half a period later has -1 in the row drive= of its Lattice."
         )
-    alone = UncoupledSites(chain, {**given, SHARE: 0.0})
-    orbits = {n: _single(alone, n) for n in code}
+    orbits = {n: _single(chain, given, n) for n in code}
     first = orbits[next(iter(code))].flights[0]
-    begin = first.start + 0.5 * first.duration
-    x = alone.beside_rest()(np.mod([begin], alone.period))[:, 0]
+    begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
+    if not chain.bare:  # the others beside rest, whether that attracts or not
+        period = forcing_period(0.0, None, given)
+        samples = np.linspace(0, period, 9), np.zeros((x.size, 9))
+        rest = cycle(chain, samples, {**given, SHARE: 0.0}, period=period, events=())
+        x = cycle_of(rest).states(begin)
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
     share = _LITTLE if len(code) > 1 else 0.0
@@ -178,16 +181,11 @@ def _returning(
     return np.asarray(x + size * moved)
 
 
-def _single(alone: UncoupledSites, site: int) -> Cycle:
+def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
     """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
     settle, and from there along the restitution."""
-    chain, p, n = alone.chain, alone.params, alone.chain.sites
-    wall, k, period = float(chain.walls(0.0, p)), float(chain.k(0.0, p)), alone.period
-
-    def field(t: Any, x: Any, _: Params) -> Any:
-        whole = np.zeros((2 * n, *x.shape[1:]), dtype=x.dtype)
-        whole[[site, n + site]] = x
-        return chain(t, whole, p)[[site, n + site]]
+    wall, k = float(chain.walls(0.0, p)), float(chain.k(0.0, p))
+    field, period = single_field(chain, site, p), forcing_period(0.0, None, p)
 
     def up_to(side: int) -> Flow:
         return Flow(
