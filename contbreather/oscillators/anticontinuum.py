@@ -8,7 +8,10 @@ S. Aubry, Nonlinearity 7, 1623, 1994). Of driven ones a code chooses attractors.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -17,13 +20,15 @@ from numpy.typing import NDArray
 from ..checks import brief, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array
-from ..errors import BadInput, NoSolution
+from ..continuation.walk.trace import trace
+from ..errors import BadInput, ContbreatherError, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
-from ..flows.cycle_problem import Cycle
+from ..flows.cycle_constructors import cycle
+from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
 from ..flows.functions import Function, Params
 from ..flows.several_starts import cycles
-from .oscillator_lattice import SHARE, Oscillators
+from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
@@ -31,7 +36,14 @@ _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it reson
 _ESCAPED = 10.0  # relative to the same
 _ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
 _MOST = 400  # periods after which it has settled, or never will
+_VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
+_SETTLES, _SETTLED = 60, 0.8  # periods; and the restitution up to which these do
+_LEAST = 0.02  # share of the coupling from which it is walked
+LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
+_SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
+_AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
 
+Impacts = tuple[tuple[int, int], ...]  # sites and sides, +1 or -1, of one time
 # flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
 Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
 
@@ -278,3 +290,125 @@ def driven_without_coupling(
         return np.stack([of.states(t) for of in orbits], axis=1).reshape(2 * chain.sites, -1)
 
     return (), (fitted(scheme, 0.0, forcing_period(0.0, None, p), motion),), 0.0
+
+
+# --- between walls -------------------------------------------------------------------------------
+
+
+def between_walls_without_coupling(
+    chain: Oscillators, code: dict[int, Any], given: Params, scheme: Collocation
+) -> Uncoupled:
+    """The orbit of which coded sites impact, without coupling: of several perhaps at once."""
+    if chain.drive is None:
+        raise BadInput(
+            "between walls a driven lattice is needed, drive='a*cos(omega*t)' for instance: orbits "
+            "of a conservative one from impact to impact are not looked for"
+        )
+    if any(value != 1 for value in code.values()):
+        raise BadInput(
+            f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
+            "drive: what moves half a period later has -1 in the row drive= of its Lattice."
+        )
+    p = {**given, SHARE: 0.0}
+    orbits = {n: _single(chain, p, n) for n in code}
+    first = orbits[next(iter(code))].flights[0]
+    begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
+    if not chain.bare:  # the others beside rest, whether that attracts or not
+        period = forcing_period(0.0, None, p)
+        samples = np.linspace(0, period, 9), np.zeros((x.size, 9))
+        x = cycle_of(cycle(chain, samples, p, period=period, events=())).states(begin)
+    for n, orbit in orbits.items():
+        x[[n, chain.sites + n]] = orbit.states(begin)
+    # without any, sites that no potential holds would be free
+    share = _LEAST if chain.bare else 0.0
+    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), share
+
+
+def in_another_order(
+    orbit: Cycle, chain: Oscillators, sites: Collection[int], scheme: Collocation
+) -> Uncoupled | None:
+    """Go on where sites that impacted at once do so one after the other, as a little coupling tells
+    first, or beyond where two of them come to their walls at once: flows, an orbit of them and its
+    share of the coupling. None where neither is."""
+    flights, share, wall = [*orbit.flights], orbit.params[SHARE], chain.walls(0.0, orbit.params)
+    met = [*map(impacts_of, orbit.equations.flows, flights)]
+    off = (abs(f.end[n]) - wall for f, at in zip(flights, met, strict=True) for n, _ in at)
+    if max(map(abs, off)) > _AT_ONCE * wall or (share == LITTLE and len(sites) > 1):
+        longest = max(flights, key=attrgetter("duration"))
+        begin = longest.start + 0.5 * longest.duration
+        x = orbit.states(begin)
+        return *_from_impact_to_impact(chain, sites, orbit.params, begin, x, scheme), share
+    shrunk = np.flatnonzero((orbit.durations <= _SHRUNK * orbit.period) & (share < 1.0))
+    for i in shrunk:
+        met[i - 1], met[i] = met[i], met[i - 1]
+        bounce = Bounce(chain, tuple(n for n, _ in met[i - 1]))
+        after, short = bounce(0.0, flights[i - 1].end, orbit.params), flights[i]
+        flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
+    beyond = min(1.0, share + _BEYOND)
+    return (_flows(chain, met), tuple(flights), beyond) if shrunk.size else None
+
+
+def impacts_of(flow: Flow, flight: TrajectorySegment) -> Impacts:
+    """The sites that impact at the end of a flow, and the sides on which they do."""
+    reset: Any = flow.reset
+    return tuple((n, int(np.sign(flight.end[n]))) for n in reset.sites)
+
+
+def _flows(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...]:
+    """Flows that end by these impacts, one after the other."""
+    ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
+    for before, now in zip([met[-1], *met[:-1]], met, strict=True):
+        near = (*now, *before[1:])  # met with another: it is there to begin with
+        watched = (now[0], *(wall for wall in ends if wall not in near))
+        flows.append(between_walls(chain, watched, [n for n, _ in now]))
+    return tuple(flows)
+
+
+def _from_impact_to_impact(
+    chain: Oscillators, sites: Collection[int], p: Params, begin: float, x: Array,
+    scheme: Collocation,
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:  # fmt: skip
+    """Simulate until each of some sites was at both of its walls, and make flows of that."""
+    walls = [WallDistance(chain, n, side) for n in sites for side in (1, -1)]
+    n, near, period = chain.sites, _AT_ONCE * float(chain.walls(0.0, p)), 2 * math.pi / p["omega"]
+    met, flights, t = list[Impacts](), list[TrajectorySegment](), begin
+    while sum(map(len, met[1:])) < len(walls):  # the first flight begins before any impact
+        run = chain.run((t, t + period), x, p, events=walls)
+        begin, t, x = t, float(run.t[-1]), run.y[:, -1]
+        at = [w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0]
+        if run.status != 1 or not at:
+            raise NoSolution(f"sites {(*sites,)}: from impact to impact they do not return")
+        met.append(tuple((wall.site, wall.side) for wall in at))
+        flights.append(fitted(scheme, begin, t - begin, run.sol))
+        x = Bounce(chain, tuple(wall.site for wall in at))(t, x, p)
+    return _flows(chain, met[1:]), tuple(flights[1:])
+
+
+def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
+    """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
+    settle, and from there along the restitution."""
+    wall, k = float(chain.walls(0.0, p)), float(chain.k(0.0, p))
+    field, period = single_field(chain, site, p), forcing_period(0.0, None, p)
+
+    def up_to(side: int) -> Flow:
+        return Flow(
+            field, until=lambda t, x, p: wall - side * x[0],
+            reset=lambda t, x, p: [x[0], -p["k"] * x[1]],
+        )  # fmt: skip
+
+    flows = [up_to(1), up_to(-1)]
+    how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
+    how["collocation"] = Collocation(6, 6)
+    for velocity in _VELOCITIES:
+        start = {"u": 0.0, "v": velocity * wall * p["omega"]}
+        with suppress(ContbreatherError):
+            found = cycle(flows, start, {"k": min(k, _SETTLED)}, **how)
+            twice = len(cycle_of(found).flights) == 2
+            if twice and k > _SETTLED:
+                found = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1].problem
+            if twice and found.params["k"] == k:
+                return cycle_of(found)
+    raise NoSolution(
+        f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
+        f"attracts where impacts keep at most {_SETTLED:g} of their velocity"
+    )

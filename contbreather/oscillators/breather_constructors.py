@@ -30,23 +30,20 @@ from ..orbits.multibreathers import classes_of, exchanges_of_sites
 from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .anticontinuum import (
+    LITTLE,
     Uncoupled,
+    between_walls_without_coupling,
     coded,
     driven_without_coupling,
     forcing_period,
     half_without_coupling,
+    in_another_order,
     refuse_other_period,
     resonance,
 )
 from .breather_problem import COLUMNS, Breather, BreatherProblem
 from .half_orbit import HalfOrbit, SparseHalfOrbit, events_of_breather, half_period, resting
-from .impacting import (
-    between_walls,
-    between_walls_without_coupling,
-    in_another_order,
-    refuse_impacts_apart,
-)
-from .oscillator_lattice import SHARE, Oscillators
+from .oscillator_lattice import SHARE, Oscillators, between_walls
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
 _RESOLVED, _TAIL = 1e-10, 1e-4
@@ -194,13 +191,13 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
                 f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)}"
             ) from error
         ends = (replace(fold(), ends="branch"),)
-        branch = trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+        # of several that impact, first as far as to tell their order
+        upto = LITTLE if chain.walls and len(code) > 1 and share < LITTLE else 1.0
+        branch = trace(first, SHARE, within={SHARE: (0.0, upto)}, towards="up", events=ends)
         last: Any = branch[-1]
-        if last[SHARE] == 1.0:
-            if chain.walls is not None:
-                refuse_impacts_apart(last.solution)
+        start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
+        if start is None and last[SHARE] == 1.0:
             return last.problem
-        start = in_another_order(last.solution, chain, tuple(code), scheme)
     end = max((*branch.special, last), key=lambda point: float(point[SHARE]))
     turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     raise CouplingEnds(

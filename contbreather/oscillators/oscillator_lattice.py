@@ -9,7 +9,7 @@ to the higher one. Ends that are fixed have bonds to the ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,7 +22,7 @@ from ..checks import brief, numbers, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
-from ..flows.flow import STENCIL
+from ..flows.flow import STENCIL, Flow
 from ..flows.functions import Params
 from ..flows.jacobian import Coloured
 from ..lattice.finite import Lattice, finite, stiffness_of
@@ -310,6 +310,57 @@ class Oscillators:
 
     def __repr__(self) -> str:
         return f"<Oscillators: V = {self.V}, W = {self.W}, {self.lattice.describe()}>"
+
+
+# --- walls --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class WallDistance:
+    """How far a site is off a wall, on one side: +1 above, -1 below."""
+
+    chain: Oscillators
+    site: int
+    side: int
+    terminal, direction = True, -1.0  # as an event of a simulation
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        return self.chain.walls(0.0, p) - self.side * x[self.site]
+
+
+@dataclass(frozen=True, eq=False)
+class Bounce:
+    """The state after an impact of some sites: of the first one, and of others that are at their
+    walls at once, or, to first order, a little sooner or later."""
+
+    chain: Oscillators
+    sites: tuple[int, ...]
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        chain, k, n = self.chain, self.chain.k(0.0, p), self.chain.sites
+        after = np.array(x + 0.0 * k)
+        for site in self.sites:
+            after[n + site] = -k * x[n + site]
+        if others := self.sites[1:]:
+            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+            after = after + 0.0 * behind  # which may be complex
+            for site in others:
+                left = np.sign(np.real(x[site])) * wall - x[site]
+                after[site] = x[site] + (1 + k) * left
+                late = left / x[n + site]
+                after[n + site] -= late * (k * before[n + site] + behind[n + site])
+        return after
+
+
+def between_walls(chain: Oscillators, walls: Sequence[Any], sites: Sequence[int]) -> Flow:
+    """The flow up to the first of these walls, (site, side), where some sites impact; the others
+    are watched."""
+    met, *others = (WallDistance(chain, *wall) for wall in walls)
+    watched = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
+    return Flow(chain, until=met, reset=Bounce(chain, tuple(sites)), walls=tuple(watched))
+
+
+# --- its bonds ----------------------------------------------------------------------------------
 
 
 def _beside(row: Any, x: Any) -> Any:
