@@ -8,7 +8,7 @@ S. Aubry, Nonlinearity 7, 1623, 1994). Of driven ones a code chooses attractors.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from operator import attrgetter
@@ -28,7 +28,14 @@ from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
 from ..flows.functions import Function, Params
 from ..flows.several_starts import cycles
-from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
+from .oscillator_lattice import (
+    SHARE,
+    Bounce,
+    Impacts,
+    Oscillators,
+    WallDistance,
+    between_walls,
+)
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
@@ -43,7 +50,6 @@ LITTLE = 0.05  # the share of the coupling that tells in which order several sit
 _SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
 _AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
 
-Impacts = tuple[tuple[int, int], ...]  # sites and sides, +1 or -1, of one time
 # flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
 Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
 
@@ -88,16 +94,13 @@ class SingleOscillator:
         return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
 
     def amplitudes(self, omega: float, sign: float) -> list[float]:
-        """All amplitudes on one side at which it has a frequency, the smallest first."""
-        from scipy.optimize import brentq
-
-        def off(a: float) -> float:
-            return float(self.half_periods(np.array([a]), sign)[0] - math.pi / omega)
-
-        over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
+        """All amplitudes on one side at which it has a frequency, the smallest first: to a part in
+        ten thousand, as the equations of an orbit are solved after it."""
+        a, over = _AMPLITUDES, self.half_periods(_AMPLITUDES, sign) - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
-        return [brentq(off, _AMPLITUDES[i], _AMPLITUDES[i + 1], xtol=1e-14) for i in at]
+        slopes = (over[at + 1] - over[at]) / (a[at + 1] - a[at])
+        return list(a[at] - over[at] / slopes)
 
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
@@ -189,9 +192,9 @@ def refuse_other_period(chain: Oscillators, p: Params) -> None:
         )
 
 
-def single_field(chain: Oscillators, site: int, p: Params) -> Function:
-    """The field of one site without coupling, its position and its velocity."""
-    p, rows = {**p, SHARE: 0.0}, [site, chain.sites + site]
+def single_field(chain: Oscillators, one: SingleOscillator) -> Function:
+    """The field of one site without coupling, in its position and its velocity."""
+    p, rows = one.params, [one.site, chain.sites + one.site]
 
     def field(t: Any, x: Any, _: Params) -> Any:
         whole = np.zeros((2 * chain.sites, *x.shape[1:]), dtype=x.dtype)
@@ -201,53 +204,35 @@ def single_field(chain: Oscillators, site: int, p: Params) -> Function:
     return field
 
 
-def _settled(chain: Oscillators, p: Params, sizes: Array) -> Array:
-    """Simulate all sites without coupling from phases and amplitudes up to beyond where each one
-    resonates, until they have settled: states of shape (2, N, m), NaN of what has escaped."""
+def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
+    """Those of one site without coupling, those that swing least first: to which it settles from
+    phases and amplitudes up to beyond where it resonates."""
     from scipy.integrate import solve_ivp
 
-    r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
-    ways = np.array([(r * np.cos(s)).ravel(), -p["omega"] * (r * np.sin(s)).ravel()])
-    start, far = sizes[:, None] * ways[:, None], _ESCAPED * sizes[:, None]
-
-    def rates(t: float, y: Array) -> Array:
-        x = y.reshape(start.shape)
-        field = chain(t, y.reshape(2 * chain.sites, -1), p).reshape(start.shape)
-        return np.ravel(np.where(abs(x[0]) < far, field, 0.0))  # what comes too far stays there
-
-    loss = chain.lattice.dampings / chain.masses * float(chain.damping(0.0, p))
-    period = forcing_period(0.0, None, p)
-    time = period * math.ceil(min(_MOST, 12.0 / loss.min() / period))
-    how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
-    end = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
-    return np.where(abs(end[0]) < far, end, np.nan)
-
-
-def attractors(chain: Oscillators, p: Params) -> list[list[Cycle]]:
-    """Those of each site without coupling, those that swing least first."""
-    p, period = {**p, SHARE: 0.0}, forcing_period(0.0, None, p)
-    every = [SingleOscillator(chain, n, p) for n in range(chain.sites)]
-    rows = chain.lattice.dampings, chain.lattice.drive
-    kinds = [(of.mass, *of.terms, *(row[of.site] for row in rows)) for of in every]
-    alike = dict(zip(kinds, every, strict=True))  # one of each kind
-    # where it resonates, or how far the drive takes a free mass
+    p, omega, period = one.params, one.params["omega"], forcing_period(0.0, None, one.params)
+    # as large as where it resonates, or as the drive takes a free mass
     drive = abs(chain.drive(np.linspace(0, period, 64), p)).max()
-    sizes = {}
-    for kind, one in alike.items():
-        found = [a for sign in (1.0, -1.0) for a in one.amplitudes(p["omega"], sign)]
-        sizes[kind] = max(found, default=drive / one.mass / p["omega"] ** 2)
-    ends = _settled(chain, p, np.array([sizes[kind] for kind in kinds]))
-    settled, how = {}, {"period": period, "collocation": Collocation(6, 6), "events": ()}
-    for kind, one in alike.items():
-        starts: list[Array] = []
-        for x in ends[:, one.site, np.isfinite(ends[0, one.site])].T:
-            if all(abs(x - other).max() > _ALIKE * sizes[kind] for other in starts):
-                starts.append(x)
-        field, given = single_field(chain, one.site, p), [{"u": u, "v": v} for u, v in starts]
-        found = cycles(field, given, {}, **how) if given else ()
-        orbits = [of.orbit for of in found if of.orbit is not None and not of.orbit.unstable]
-        settled[kind] = sorted(orbits, key=swing)
-    return [settled[kind] for kind in kinds]
+    resonant = [a for sign in (1.0, -1.0) for a in one.amplitudes(omega, sign)]
+    size, field = max(resonant, default=drive / one.mass / omega**2), single_field(chain, one)
+    r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
+    start = size * np.array([(r * np.cos(s)).ravel(), -omega * (r * np.sin(s)).ravel()])
+
+    def rates(t: float, y: Array) -> Array:  # what comes too far has escaped, and stays there
+        x = y.reshape(start.shape)
+        return np.ravel(np.where(abs(x[0]) < _ESCAPED * size, field(t, x, p), 0.0))
+
+    loss = chain.lattice.dampings[one.site] / one.mass * float(chain.damping(0.0, p))
+    time = period * math.ceil(min(_MOST, 12.0 / loss / period))
+    how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
+    ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
+    starts: list[Array] = []
+    for x in ends[:, abs(ends[0]) < _ESCAPED * size].T:
+        if all(abs(x - other).max() > _ALIKE * size for other in starts):
+            starts.append(x)
+    how = {"period": period, "collocation": Collocation(6, 6), "events": ()}
+    given = [{"u": u, "v": v} for u, v in starts]
+    found = [of.orbit for of in cycles(field, given, {}, **how)] if given else []
+    return sorted((orbit for orbit in found if orbit and not orbit.unstable), key=swing)
 
 
 def swing(orbit: Cycle) -> float:
@@ -283,8 +268,12 @@ def driven_without_coupling(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    found = enumerate(attractors(chain, p))
-    orbits = [_chosen(site, code.get(site, "low"), of) for site, of in found]
+    known, orbits = dict[Any, list[Cycle]](), list[Cycle]()
+    for n, row in enumerate(np.transpose([chain.lattice.dampings, chain.lattice.drive])):
+        one = SingleOscillator(chain, n, p)
+        kind = (one.mass, *one.terms, *row)  # of each one is enough
+        known[kind] = known.get(kind) or attractors(chain, one)
+        orbits.append(_chosen(n, code.get(n, "low"), known[kind]))
 
     def motion(t: Array) -> Array:
         return np.stack([of.states(t) for of in orbits], axis=1).reshape(2 * chain.sites, -1)
@@ -345,23 +334,13 @@ def in_another_order(
         after, short = bounce(0.0, flights[i - 1].end, orbit.params), flights[i]
         flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
     beyond = min(1.0, share + _BEYOND)
-    return (_flows(chain, met), tuple(flights), beyond) if shrunk.size else None
+    return (between_walls(chain, met), tuple(flights), beyond) if shrunk.size else None
 
 
 def impacts_of(flow: Flow, flight: TrajectorySegment) -> Impacts:
     """The sites that impact at the end of a flow, and the sides on which they do."""
     reset: Any = flow.reset
     return tuple((n, int(np.sign(flight.end[n]))) for n in reset.sites)
-
-
-def _flows(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...]:
-    """Flows that end by these impacts, one after the other."""
-    ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
-    for before, now in zip([met[-1], *met[:-1]], met, strict=True):
-        near = (*now, *before[1:])  # met with another: it is there to begin with
-        watched = (now[0], *(wall for wall in ends if wall not in near))
-        flows.append(between_walls(chain, watched, [n for n, _ in now]))
-    return tuple(flows)
 
 
 def _from_impact_to_impact(
@@ -381,14 +360,15 @@ def _from_impact_to_impact(
         met.append(tuple((wall.site, wall.side) for wall in at))
         flights.append(fitted(scheme, begin, t - begin, run.sol))
         x = Bounce(chain, tuple(wall.site for wall in at))(t, x, p)
-    return _flows(chain, met[1:]), tuple(flights[1:])
+    return between_walls(chain, met[1:]), tuple(flights[1:])
 
 
 def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
     """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
     settle, and from there along the restitution."""
     wall, k = float(chain.walls(0.0, p)), float(chain.k(0.0, p))
-    field, period = single_field(chain, site, p), forcing_period(0.0, None, p)
+    field = single_field(chain, SingleOscillator(chain, site, p))
+    period = forcing_period(0.0, None, p)
 
     def up_to(side: int) -> Flow:
         return Flow(

@@ -41,8 +41,16 @@ from .anticontinuum import (
     refuse_other_period,
     resonance,
 )
-from .breather_problem import COLUMNS, Breather, BreatherProblem
-from .half_orbit import HalfOrbit, SparseHalfOrbit, events_of_breather, half_period, resting
+from .breather_problem import (
+    COLUMNS,
+    Breather,
+    BreatherProblem,
+    HalfOrbit,
+    SparseHalfOrbit,
+    events_of_breather,
+    half_period,
+    resting,
+)
 from .oscillator_lattice import SHARE, Oscillators, between_walls
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
@@ -230,14 +238,15 @@ def _from_dict(
     start: Mapping[str, Any], params: Params,
 ) -> BreatherProblem:  # fmt: skip
     """Make the equations of a breather again, which begin at these unknowns."""
-    flows, segments, n = list[Flow](), list[TrajectorySegment](), 2 * chain.sites
-    for count, points, rounds, _, walls, sites in flights:
-        flows += [between_walls(chain, walls, sites)] if walls else []
+    segments, n = list[TrajectorySegment](), 2 * chain.sites
+    for count, points, rounds, *_ in flights:
         knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
         states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
         scheme = Collocation(count, points)
         segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
     sizes = tuple(np.array(flight[3]) for flight in flights)
+    met = [tuple(map(tuple, flight[4])) for flight in flights]
+    flows = between_walls(chain, met) if chain.walls else ()
     equations = _equations(chain, flows, segments, sizes, turns)
     if isinstance(equations, HalfOrbit) and "energy" in params:
         equations = equations.holding("energy")

@@ -30,6 +30,7 @@ from ..lattice.formula import FUNCTIONS, read_formula
 from ..storage.serialise import NotSerialisable, serialised, to_dict
 
 Array = NDArray[np.float64]
+Impacts = tuple[tuple[int, int], ...]  # sites and sides, +1 or -1, of one time
 
 _STEP = 2e-3  # of differences of order 8, relative to 1 + |u|: rounding 1e-13, truncation 1e-15
 _NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
@@ -341,23 +342,26 @@ class Bounce:
         after = np.array(x + 0.0 * k)
         for site in self.sites:
             after[n + site] = -k * x[n + site]
-        if others := self.sites[1:]:
-            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
-            after = after + 0.0 * behind  # which may be complex
-            for site in others:
-                left = np.sign(np.real(x[site])) * wall - x[site]
-                after[site] = x[site] + (1 + k) * left
-                late = left / x[n + site]
-                after[n + site] -= late * (k * before[n + site] + behind[n + site])
+        before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+        after = after + 0.0 * behind  # which may be complex
+        for site in self.sites:
+            left = np.sign(np.real(x[site])) * wall - x[site]
+            after[site] = x[site] + (1 + k) * left
+            late = left / x[n + site]
+            after[n + site] -= late * (k * before[n + site] + behind[n + site])
         return after
 
 
-def between_walls(chain: Oscillators, walls: Sequence[Any], sites: Sequence[int]) -> Flow:
-    """The flow up to the first of these walls, (site, side), where some sites impact; the others
-    are watched."""
-    met, *others = (WallDistance(chain, *wall) for wall in walls)
-    watched = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
-    return Flow(chain, until=met, reset=Bounce(chain, tuple(sites)), walls=tuple(watched))
+def between_walls(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...]:
+    """The flows that end by these impacts, one after the other; all other walls are watched."""
+    ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
+    for before, now in zip([met[-1], *met[:-1]], met, strict=True):
+        near = (*now, *before[1:])  # met with another: it is there to begin with
+        others = (WallDistance(chain, *wall) for wall in ends if wall not in near)
+        watched = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
+        bounce = Bounce(chain, tuple(n for n, _ in now))
+        flows.append(Flow(chain, WallDistance(chain, *now[0]), bounce, walls=tuple(watched)))
+    return tuple(flows)
 
 
 # --- its bonds ----------------------------------------------------------------------------------

@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.flows.cycle_events import events_of_cycle
-from contbreather.oscillators.breather_problem import BreatherProblem
-from contbreather.oscillators.half_orbit import SparseHalfOrbit, whole_orbit
+from contbreather.oscillators.breather_problem import (
+    BreatherProblem,
+    SparseHalfOrbit,
+    whole_orbit,
+)
 
 MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
 CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
