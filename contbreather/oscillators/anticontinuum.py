@@ -320,7 +320,8 @@ def in_another_order(
     first, or beyond where two of them come to their walls at once: flows, an orbit of them and its
     share of the coupling. None where neither is."""
     flights, share, wall = [*orbit.flights], orbit.params[SHARE], chain.walls(0.0, orbit.params)
-    met = [*map(impacts_of, orbit.equations.flows, flights)]
+    resets: list[Any] = [flow.reset for flow in orbit.equations.flows]
+    met = [reset.impacts for reset in resets]
     off = (abs(f.end[n]) - wall for f, at in zip(flights, met, strict=True) for n, _ in at)
     if max(map(abs, off)) > _AT_ONCE * wall or (share == LITTLE and len(sites) > 1):
         longest = max(flights, key=attrgetter("duration"))
@@ -330,17 +331,11 @@ def in_another_order(
     shrunk = np.flatnonzero((orbit.durations <= _SHRUNK * orbit.period) & (share < 1.0))
     for i in shrunk:
         met[i - 1], met[i] = met[i], met[i - 1]
-        bounce = Bounce(chain, tuple(n for n, _ in met[i - 1]))
-        after, short = bounce(0.0, flights[i - 1].end, orbit.params), flights[i]
+        bounce, short = Bounce(chain, met[i - 1]), flights[i]
+        after = bounce(0.0, flights[i - 1].end, orbit.params)
         flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
     beyond = min(1.0, share + _BEYOND)
     return (between_walls(chain, met), tuple(flights), beyond) if shrunk.size else None
-
-
-def impacts_of(flow: Flow, flight: TrajectorySegment) -> Impacts:
-    """The sites that impact at the end of a flow, and the sides on which they do."""
-    reset: Any = flow.reset
-    return tuple((n, int(np.sign(flight.end[n]))) for n in reset.sites)
 
 
 def _from_impact_to_impact(
@@ -359,7 +354,7 @@ def _from_impact_to_impact(
             raise NoSolution(f"sites {(*sites,)}: from impact to impact they do not return")
         met.append(tuple((wall.site, wall.side) for wall in at))
         flights.append(fitted(scheme, begin, t - begin, run.sol))
-        x = Bounce(chain, tuple(wall.site for wall in at))(t, x, p)
+        x = Bounce(chain, met[-1])(t, x, p)
     return between_walls(chain, met[1:]), tuple(flights[1:])
 
 

@@ -54,10 +54,11 @@ from ..lattice.chain import Ring
 from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
-from .anticontinuum import impacts_of, refuse_other_period, resonance
+from .anticontinuum import refuse_other_period, resonance
 from .oscillator_lattice import Oscillators
 
-_COLUMNS = "energy", "action", "omega", "participation", "largest"
+COLUMNS = {name: name for name in ("energy", "action", "omega", "participation", "largest")}
+COLUMNS["max|u|"] = "farthest"
 
 
 def resting(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -243,7 +244,7 @@ class Breather(Cycle):
         return float(abs(self.others).max(initial=0.0))
 
     def _sizes(self) -> dict[str, float]:
-        return {n: getattr(self, n) for n in _COLUMNS} | {"max|u|": self.farthest}
+        return {name: getattr(self, of) for name, of in COLUMNS.items()}
 
     # --- its stability, as verdicts ask for it ------------------------------------------------
 
@@ -366,10 +367,6 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     return lp, turn, branch_point, pf, pd, kc, born
 
 
-COLUMNS = {name: attrgetter(f"solution.{name}") for name in _COLUMNS}
-COLUMNS |= {"max|u|": attrgetter("solution.farthest")}
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class BreatherProblem(CycleProblem):
     """The problem of a breather; its `solution` is the orbit at which it starts."""
@@ -389,7 +386,7 @@ class BreatherProblem(CycleProblem):
         # impacts that end it
         flights = []
         for flow, f, sizes in zip(equations.flows, equations.start, equations.sizes, strict=True):
-            met = [list(impact) for impact in impacts_of(flow, f)] if chain.walls else []
+            met = [[*impact] for impact in cast("Any", flow.reset).impacts] if chain.walls else []
             flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), met])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
         return {"kind": "breather", **about, "chain": chain, "flights": flights}
@@ -418,7 +415,8 @@ class BreatherProblem(CycleProblem):
     @staticmethod
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
-        return {n: get for n, get in COLUMNS.items() if n not in gone} | {"unstable": UNSTABLE}
+        getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
+        return {**getters, "unstable": UNSTABLE}
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:

@@ -335,20 +335,21 @@ class Bounce:
     walls at once, or, to first order, a little sooner or later."""
 
     chain: Oscillators
-    sites: tuple[int, ...]
+    impacts: Impacts
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         chain, k, n = self.chain, self.chain.k(0.0, p), self.chain.sites
         after = np.array(x + 0.0 * k)
-        for site in self.sites:
+        for site, _ in self.impacts:
             after[n + site] = -k * x[n + site]
-        before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
-        after = after + 0.0 * behind  # which may be complex
-        for site in self.sites:
-            left = np.sign(np.real(x[site])) * wall - x[site]
-            after[site] = x[site] + (1 + k) * left
-            late = left / x[n + site]
-            after[n + site] -= late * (k * before[n + site] + behind[n + site])
+        if others := self.impacts[1:]:
+            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+            after = after + 0.0 * behind  # which may be complex
+            for site, side in others:
+                left = side * wall - x[site]
+                after[site] = x[site] + (1 + k) * left
+                late = left / x[n + site]
+                after[n + site] -= late * (k * before[n + site] + behind[n + site])
         return after
 
 
@@ -357,10 +358,13 @@ def between_walls(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...
     ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
     for before, now in zip([met[-1], *met[:-1]], met, strict=True):
         near = (*now, *before[1:])  # met with another: it is there to begin with
-        others = (WallDistance(chain, *wall) for wall in ends if wall not in near)
-        watched = (Flow(chain, until=wall, reset=Bounce(chain, (wall.site,))) for wall in others)
-        bounce = Bounce(chain, tuple(n for n, _ in now))
-        flows.append(Flow(chain, WallDistance(chain, *now[0]), bounce, walls=tuple(watched)))
+        watched = (
+            Flow(chain, WallDistance(chain, *wall), Bounce(chain, (wall,)))
+            for wall in ends
+            if wall not in near
+        )
+        until = WallDistance(chain, *now[0])
+        flows.append(Flow(chain, until, Bounce(chain, now), walls=tuple(watched)))
     return tuple(flows)
 
 
