@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,7 @@ from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
 from ..flows.functions import Function, Params
 from ..flows.several_starts import cycles
-from .oscillator_lattice import (
-    SHARE,
-    Bounce,
-    Impacts,
-    Oscillators,
-    WallDistance,
-    between_walls,
-)
+from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
@@ -320,8 +313,7 @@ def in_another_order(
     first, or beyond where two of them come to their walls at once: flows, an orbit of them and its
     share of the coupling. None where neither is."""
     flights, share, wall = [*orbit.flights], orbit.params[SHARE], chain.walls(0.0, orbit.params)
-    resets: list[Any] = [flow.reset for flow in orbit.equations.flows]
-    met = [reset.impacts for reset in resets]
+    met = [cast("Any", flow.reset).impacts for flow in orbit.equations.flows]
     off = (abs(f.end[n]) - wall for f, at in zip(flights, met, strict=True) for n, _ in at)
     if max(map(abs, off)) > _AT_ONCE * wall or (share == LITTLE and len(sites) > 1):
         longest = max(flights, key=attrgetter("duration"))
@@ -345,7 +337,7 @@ def _from_impact_to_impact(
     """Simulate until each of some sites was at both of its walls, and make flows of that."""
     walls = [WallDistance(chain, n, side) for n in sites for side in (1, -1)]
     n, near, period = chain.sites, _AT_ONCE * float(chain.walls(0.0, p)), 2 * math.pi / p["omega"]
-    met, flights, t = list[Impacts](), list[TrajectorySegment](), begin
+    met, flights, t = list[Any](), list[TrajectorySegment](), begin
     while sum(map(len, met[1:])) < len(walls):  # the first flight begins before any impact
         run = chain.run((t, t + period), x, p, events=walls)
         begin, t, x = t, float(run.t[-1]), run.y[:, -1]

@@ -4,7 +4,7 @@ a catalogue of them, one code of each class of codes that symmetries make alike.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,20 +14,15 @@ import numpy as np
 from scipy import sparse
 
 from ..checks import check_kind, number, whole
-from ..continuation.algebra.newton import Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged, partial_result
-from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.collocation import Collocation
 from ..flows.cycle_constructors import named_state
-from ..flows.equations import FlowEquations
-from ..flows.flow import Flow
 from ..flows.functions import Params
-from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
 from ..orbits.multibreathers import classes_of, exchanges_of_sites
-from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .anticontinuum import (
     LITTLE,
@@ -35,23 +30,13 @@ from .anticontinuum import (
     between_walls_without_coupling,
     coded,
     driven_without_coupling,
-    forcing_period,
     half_without_coupling,
     in_another_order,
     refuse_other_period,
     resonance,
 )
-from .breather_problem import (
-    COLUMNS,
-    Breather,
-    BreatherProblem,
-    HalfOrbit,
-    SparseHalfOrbit,
-    events_of_breather,
-    half_period,
-    resting,
-)
-from .oscillator_lattice import SHARE, Oscillators, between_walls
+from .breather_problem import COLUMNS, Breather, BreatherProblem, discretised, events_of_breather
+from .oscillator_lattice import SHARE, Oscillators
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
 _RESOLVED, _TAIL = 1e-10, 1e-4
@@ -134,7 +119,7 @@ def breather(
     # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
     finer = [flight.on(flight.knots, scheme) for flight in flights]
-    equations = _equations(chain, reached.residual.flows, finer)
+    equations = discretised(chain, reached.residual.flows, finer)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
@@ -190,7 +175,7 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     start: Uncoupled | None = alone(chain, code, params, scheme)
     while start is not None:
         flows, flights, share = start
-        equations, at = _equations(chain, flows, flights), {**params, SHARE: share}
+        equations, at = discretised(chain, flows, flights), {**params, SHARE: share}
         first: Any = BreatherProblem.of(equations, at, (), "")
         try:
             first, _ = first.solve(tolerance=1e-11)
@@ -213,46 +198,6 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
         float(end[SHARE]),
     )
-
-
-def _equations(
-    chain: Oscillators, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
-    sizes: tuple[Array, ...] = (), turns: int = 1,
-) -> FlowEquations:  # fmt: skip
-    """Make the equations of an orbit, a smooth one without flows; without sizes on meshes that
-    follow it."""
-    if not sizes:
-        sizes = sizes_of(flights)
-        flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    kind, period = FlowEquations, forcing_period
-    if not chain.dissipative:
-        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-    flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
-    return kind(flows, tuple(flights), period, turns, names, sizes)
-
-
-@serialised("breather")
-def _from_dict(
-    *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
-    start: Mapping[str, Any], params: Params,
-) -> BreatherProblem:  # fmt: skip
-    """Make the equations of a breather again, which begin at these unknowns."""
-    segments, n = list[TrajectorySegment](), 2 * chain.sites
-    for count, points, rounds, *_ in flights:
-        knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
-        states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
-        scheme = Collocation(count, points)
-        segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
-    sizes = tuple(np.array(flight[3]) for flight in flights)
-    met = [tuple(map(tuple, flight[4])) for flight in flights]
-    flows = between_walls(chain, met) if chain.walls else ()
-    equations = _equations(chain, flows, segments, sizes, turns)
-    if isinstance(equations, HalfOrbit) and "energy" in params:
-        equations = equations.holding("energy")
-    x = np.concatenate([np.ravel(value) for value in start.values()])
-    equations = replace(equations, start=equations.flights(x, params))
-    return BreatherProblem.of(equations, params, events_of_breather(equations), label)
 
 
 # --- catalogue ----------------------------------------------------------------------------------

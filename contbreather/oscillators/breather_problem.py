@@ -26,7 +26,7 @@ are not time-reversible branch off; at -1 PD; KC.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from operator import attrgetter
@@ -41,7 +41,7 @@ from ..continuation.curve.point import Event, Examined, Point
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import Singular, signed_smallest
-from ..flows.collocation import TrajectorySegment
+from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
 from ..flows.conservative_events import conservative_events, examine_place, followed
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
@@ -49,13 +49,14 @@ from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
-from ..flows.sparse_equations import SparseFlowEquations, sparse_where_large
+from ..flows.sparse_equations import FEW, SparseFlowEquations, sparse_where_large
 from ..lattice.chain import Ring
 from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
-from .anticontinuum import refuse_other_period, resonance
-from .oscillator_lattice import Oscillators
+from ..storage.serialise import serialised
+from .anticontinuum import forcing_period, refuse_other_period, resonance
+from .oscillator_lattice import Oscillators, between_walls
 
 COLUMNS = {name: name for name in ("energy", "action", "omega", "participation", "largest")}
 COLUMNS["max|u|"] = "farthest"
@@ -445,3 +446,43 @@ def _whole(point: Point) -> SwitchingProblem:
     events = events_of_cycle(equations)
     family = BreatherProblem.of(equations, point.params, events, problem.label)
     return at_crossing(family, point, both=True)
+
+
+def discretised(
+    chain: Oscillators, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
+    sizes: tuple[Array, ...] = (), turns: int = 1,
+) -> FlowEquations:  # fmt: skip
+    """Make the equations of an orbit, a smooth one without flows; without sizes on meshes that
+    follow it."""
+    if not sizes:
+        sizes = sizes_of(flights)
+        flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    kind, period = FlowEquations, forcing_period
+    if not chain.dissipative:
+        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
+    flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
+    return kind(flows, tuple(flights), period, turns, names, sizes)
+
+
+@serialised("breather")
+def _from_dict(
+    *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
+    start: Mapping[str, Any], params: Params,
+) -> BreatherProblem:  # fmt: skip
+    """Make the equations of a breather again, which begin at these unknowns."""
+    segments, n = list[TrajectorySegment](), 2 * chain.sites
+    for count, points, rounds, *_ in flights:
+        knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
+        states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
+        scheme = Collocation(count, points)
+        segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
+    sizes = tuple(np.array(flight[3]) for flight in flights)
+    met = [tuple(map(tuple, flight[4])) for flight in flights]
+    flows = between_walls(chain, met) if chain.walls else ()
+    equations = discretised(chain, flows, segments, sizes, turns)
+    if isinstance(equations, HalfOrbit) and "energy" in params:
+        equations = equations.holding("energy")
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    equations = replace(equations, start=equations.flights(x, params))
+    return BreatherProblem.of(equations, params, events_of_breather(equations), label)

@@ -358,11 +358,8 @@ def between_walls(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...
     ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
     for before, now in zip([met[-1], *met[:-1]], met, strict=True):
         near = (*now, *before[1:])  # met with another: it is there to begin with
-        watched = (
-            Flow(chain, WallDistance(chain, *wall), Bounce(chain, (wall,)))
-            for wall in ends
-            if wall not in near
-        )
+        others = [end for end in ends if end not in near]
+        watched = (Flow(chain, WallDistance(chain, *end), Bounce(chain, (end,))) for end in others)
         until = WallDistance(chain, *now[0])
         flows.append(Flow(chain, until, Bounce(chain, now), walls=tuple(watched)))
     return tuple(flows)
