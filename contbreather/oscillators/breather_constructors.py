@@ -266,10 +266,6 @@ def breathers(
     **how
         What else `breather` takes.
 
-    Returns
-    -------
-    tuple of CodedBreather
-
     Examples
     --------
     >>> import contbreather as cb
