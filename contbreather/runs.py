@@ -15,7 +15,7 @@ def _orbits() -> None:  # their equations, events and zones
 
 
 def _oscillators() -> None:
-    from contbreather.oscillators import breather_constructors  # noqa: F401
+    from contbreather.oscillators import breather_problem  # noqa: F401
 
 
 later(_simulation)

@@ -29,8 +29,7 @@ from .equations import equations_of
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _STEP = 1e-5  # of differences along solutions, in the metric of a curve
 _NEAR = 1e-6  # how far off its place the index of a located event may be
-_MET = 1e-5  # the form of a unit vector, relative, that has no sign
-_UNKNOWN = "unknown: the field is no constant matrix times the gradient of what is conserved"
+_MET = 1e-5  # the form of a unit vector that has no sign; and the overlap of two that is none
 
 
 # --- at +1 and -1 -------------------------------------------------------------------------------
@@ -91,6 +90,12 @@ def _meeting(point: Point) -> tuple[float, float]:
     on, signs = signatures(orbit) if orbit.indices.size > 1 else (np.empty(0), np.empty(0))
     i, j = np.triu_indices(on.size, 1)
     may, left = signs[i] * signs[j] <= 0, orbit.indices[orbit.indices.imag > 0]
+    if may.any():  # eigenvectors of pairs that a symmetry keeps apart are orthogonal all along
+        values, vectors = np.linalg.eig(orbit.index_form[0])
+        each = len(values) // (orbit.indices.size + 1)  # how often it has each index
+        of = vectors[:, abs(values[:, None] - on).argsort(axis=0)[:each]]
+        overlaps = abs(np.einsum("kai,kbj->abij", of.conj(), of)).max(axis=(0, 1))
+        may &= overlaps[i, j] > _MET
     squares = np.concatenate([(on[i] - on[j])[may] ** 2, 4 * left.imag**2])
     if not squares.size:
         return math.nan, math.nan
@@ -114,7 +119,7 @@ def _met(point: Point, middle: float) -> str:
     """The Krein signatures of two pairs that meet, on the space of both."""
     orbit, (matrix, form) = point.base_point.solution, point.base_point.solution.index_form
     if form is None:
-        return _UNKNOWN
+        return "unknown: the field is no constant matrix times the gradient of what is conserved"
     values = np.linalg.eigvals(matrix)
     each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
     met = values[abs(values - middle).argsort()[: 2 * each]]

@@ -8,11 +8,11 @@ S. Aubry, Nonlinearity 7, 1623, 1994). Of driven ones a code chooses attractors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from operator import itemgetter
-from typing import Any
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from operator import attrgetter
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,28 @@ from numpy.typing import NDArray
 from ..checks import brief, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array
-from ..errors import BadInput, NoSolution
+from ..continuation.walk.trace import trace
+from ..errors import BadInput, ContbreatherError, NoSolution
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
+from ..flows.cycle_constructors import cycle
+from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
-from ..flows.functions import Params
-from .oscillator_lattice import SHARE, Oscillators
+from ..flows.functions import Function, Params
+from ..flows.several_starts import cycles
+from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
 _ESCAPED = 10.0  # relative to the same
+_ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
 _MOST = 400  # periods after which it has settled, or never will
+_VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
+_SETTLES, _SETTLED = 60, 0.8  # periods; and the restitution up to which these do
+_LEAST = 0.02  # share of the coupling from which it is walked
+LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
+_SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
+_AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
 
 # flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
 Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
@@ -76,16 +87,13 @@ class SingleOscillator:
         return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
 
     def amplitudes(self, omega: float, sign: float) -> list[float]:
-        """All amplitudes on one side at which it has a frequency, the smallest first."""
-        from scipy.optimize import brentq
-
-        def off(a: float) -> float:
-            return float(self.half_periods(np.array([a]), sign)[0] - math.pi / omega)
-
-        over = self.half_periods(_AMPLITUDES, sign) - math.pi / omega
+        """All amplitudes on one side at which it has a frequency, the smallest first: to a part in
+        ten thousand, as the equations of an orbit are solved after it."""
+        a, over = _AMPLITUDES, self.half_periods(_AMPLITUDES, sign) - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
-        return [brentq(off, _AMPLITUDES[i], _AMPLITUDES[i + 1], xtol=1e-14) for i in at]
+        slopes = (over[at + 1] - over[at]) / (a[at + 1] - a[at])
+        return list(a[at] - over[at] / slopes)
 
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
@@ -157,8 +165,6 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> str:
 
 # --- driven ones ---------------------------------------------------------------------------------
 
-Attractor = tuple[float, Array]  # how far it swings, and its state at t = 0
-
 
 def forcing_period(t: Any, x: Any, p: Params) -> Any:
     return 2 * math.pi / p["omega"]
@@ -179,124 +185,71 @@ def refuse_other_period(chain: Oscillators, p: Params) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class UncoupledSites:
-    """All sites of a driven lattice, each by itself, as there is no coupling in the parameters:
-    states have the shape (2, N, m), of m motions of each."""
+def single_field(chain: Oscillators, one: SingleOscillator) -> Function:
+    """The field of one site without coupling, in its position and its velocity."""
+    p, rows = one.params, [one.site, chain.sites + one.site]
 
-    chain: Oscillators
-    params: Params
+    def field(t: Any, x: Any, _: Params) -> Any:
+        whole = np.zeros((2 * chain.sites, *x.shape[1:]), dtype=x.dtype)
+        whole[rows] = x
+        return chain(t, whole, p)[rows]
 
-    @property
-    def period(self) -> float:
-        return float(forcing_period(0.0, None, self.params))
-
-    def run(self, x: Array, times: Any, tolerance: float) -> Array:
-        """States at times, the last axis; what comes too far has escaped, and stays there."""
-        from scipy.integrate import solve_ivp
-
-        far, size = _ESCAPED * self.sizes, abs(x).max() or 1.0
-
-        def rates(t: float, y: Array) -> Array:
-            field = self.chain(t, y.reshape(2 * self.chain.sites, -1), self.params)
-            inside = abs(y.reshape(x.shape)[0]) < far
-            return np.ravel(np.where(inside, field.reshape(x.shape), 0.0))
-
-        how: Any = {"t_eval": times, "rtol": tolerance, "atol": tolerance * size}
-        ends: Array = solve_ivp(rates, (0.0, times[-1]), x.ravel(), "DOP853", **how).y
-        return ends.reshape(*x.shape, -1)
-
-    @cached_property
-    def sizes(self) -> Array:
-        """The largest amplitude at which each site by itself has the frequency of the drive; where
-        there is none, that of a free mass."""
-        chain, omega, sizes = self.chain, self.params["omega"], dict[Any, float]()
-        drive = abs(chain.drive(np.linspace(0, self.period, 64), self.params)).max()
-        every = [SingleOscillator(chain, n, self.params) for n in range(chain.sites)]
-        kinds = [(one.mass, *one.terms) for one in every]
-        for kind, one in dict(zip(kinds, every, strict=True)).items():
-            amplitudes = one.amplitudes(omega, 1.0) + one.amplitudes(omega, -1.0)
-            sizes[kind] = max(amplitudes, default=drive / one.mass / omega**2)
-        return np.array([[sizes[kind]] for kind in kinds])
-
-    def attractors(self) -> list[list[Attractor]]:
-        """Those of each site that are found from phases and sizes up to beyond where it resonates,
-        those that swing least first."""
-        r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
-        ways = np.array([(r * np.cos(s)).ravel(), -self.params["omega"] * (r * np.sin(s)).ravel()])
-        chain, far = self.chain, _ESCAPED * self.sizes
-        loss = chain.lattice.dampings / chain.masses * float(chain.damping(0.0, self.params))
-        periods = math.ceil(min(_MOST, 12.0 / loss.min() / self.period))
-        end = self.run(self.sizes * ways[:, None], [periods * self.period], 1e-6)[..., 0]
-        inside = abs(end[0]) < far
-        closed, largest = self.closed(np.where(inside, end, 0.0))
-        inside &= abs(closed[0]) < far  # what has escaped stays, but is no motion
-        times = np.linspace(0, self.period, 200)
-        swings = 0.5 * np.ptp(self.run(closed, times, 1e-6)[0], axis=2)
-        found: list[list[Attractor]] = [[] for _ in range(chain.sites)]
-        for n, k in np.argwhere(inside & (largest < 1 + 1e-6)):
-            state = closed[:, n, k]
-            if all(abs(state - other).max() > 1e-6 * self.sizes[n] for _, other in found[n]):
-                found[n].append((float(swings[n, k]), state))
-        return [sorted(of, key=itemgetter(0)) for of in found]
-
-    def closed(self, x: Array) -> tuple[Array, Array]:
-        """Newton's iteration for states that come back, and the modulus of the largest multiplier
-        of each; NaN where none does."""
-        # beside rest in that of what the drive makes of it
-        drive = abs(self.chain(0.0, np.zeros((x[:, :, 0].size, 1)), self.params)[-len(x[0]) :])
-        sizes = np.where(x.any(axis=0), abs(x).max(axis=0), np.where(drive, drive, 1.0))
-        lost, off = np.zeros(sizes.shape, dtype=bool), np.full(sizes.shape, math.inf)
-        for _ in range(8):
-            if (lost | (off < 1e-9 * sizes)).all():
-                break
-            step, (u, v) = 1e-5 * sizes, x
-            beside = np.array([np.hstack([u, u + step, u]), np.hstack([v, v, v + step])])
-            end, by_u, by_v = np.split(self.run(beside, [self.period], 1e-12)[..., 0], 3, axis=2)
-            M = np.stack([by_u - end, by_v - end], axis=1) / step  # (2, 2, N, m)
-            M, gap = M.transpose(2, 3, 0, 1), (x - end).transpose(1, 2, 0)
-            # of a site that nothing holds the place is free: the shortest correction
-            move = (np.linalg.pinv(M - np.eye(2), rcond=1e-6) @ gap[..., None])[..., 0]
-            off = abs(move).max(axis=2)
-            lost |= ~(off < 1e3 * sizes)
-            x = np.where(lost, x, x + move.transpose(2, 0, 1))
-        largest = abs(np.linalg.eigvals(M)).max(axis=2)
-        return x, np.where(lost | ~(off < 1e-9 * sizes), np.nan, largest)
-
-    def beside_rest(self) -> Callable[[Array], Array]:
-        """The motion of all sites beside rest, whether it attracts or not."""
-        n, (x, largest) = self.chain.sites, self.closed(np.zeros((2, self.chain.sites, 1)))
-        if (none := np.isnan(largest[:, 0])).any():
-            raise NoSolution(f"site {none.argmax()}: alone it has no periodic motion about rest")
-        times = self.period * np.arange(64) / 64
-        mean = self.motion(x)(times)[:n].mean(axis=1)
-        held = self.chain.gradient(np.ones(n), self.params) != 0
-        x[0, :, 0] -= np.where(held, 0.0, mean)  # where nothing holds it: about rest
-        return self.motion(x)
-
-    def motion(self, x: Array) -> Callable[[Array], Array]:
-        motion: Any = self.chain.run((0.0, self.period), x.ravel(), self.params).sol
-        return motion
+    return field
 
 
-def _chosen(site: int, code: Any, found: list[Attractor]) -> Array:
+def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
+    """Those of one site without coupling, those that swing least first: to which it settles from
+    phases and amplitudes up to beyond where it resonates."""
+    from scipy.integrate import solve_ivp
+
+    p, omega, period = one.params, one.params["omega"], forcing_period(0.0, None, one.params)
+    # as large as where it resonates, or as the drive takes a free mass
+    drive = abs(chain.drive(np.linspace(0, period, 64), p)).max()
+    resonant = [a for sign in (1.0, -1.0) for a in one.amplitudes(omega, sign)]
+    size, field = max(resonant, default=drive / one.mass / omega**2), single_field(chain, one)
+    r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
+    start = size * np.array([(r * np.cos(s)).ravel(), -omega * (r * np.sin(s)).ravel()])
+
+    def rates(t: float, y: Array) -> Array:  # what comes too far has escaped, and stays there
+        x = y.reshape(start.shape)
+        return np.ravel(np.where(abs(x[0]) < _ESCAPED * size, field(t, x, p), 0.0))
+
+    loss = chain.lattice.dampings[one.site] / one.mass * float(chain.damping(0.0, p))
+    time = period * math.ceil(min(_MOST, 12.0 / loss / period))
+    how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
+    ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
+    starts: list[Array] = []
+    for x in ends[:, abs(ends[0]) < _ESCAPED * size].T:
+        if all(abs(x - other).max() > _ALIKE * size for other in starts):
+            starts.append(x)
+    how = {"period": period, "collocation": Collocation(6, 6), "events": ()}
+    given = [{"u": u, "v": v} for u, v in starts]
+    found = [of.orbit for of in cycles(field, given, {}, **how)] if given else []
+    return sorted((orbit for orbit in found if orbit and not orbit.unstable), key=swing)
+
+
+def swing(orbit: Cycle) -> float:
+    return 0.5 * (orbit.max["u"] - orbit.min["u"])
+
+
+def _chosen(site: int, code: Any, found: list[Cycle]) -> Cycle:
     """The attractor that a code stands for; a number: that which swings about so far."""
     if not found:
         raise NoSolution(f"site {site}: alone it has no attractor of the period of the drive.")
     if code == "high" and len(found) == 1:
         raise NoSolution(
             f"site {site}: alone it has one attractor only, with the amplitude "
-            f"{found[0][0]:.6g}; 'high' needs two."
+            f"{swing(found[0]):.6g}; 'high' needs two."
         )
     if code in ("low", "high"):
-        return found[0 if code == "low" else -1][1]
+        return found[0 if code == "low" else -1]
     if not real(code) > 0:
         raise BadInput(
             f"site {site}: {code!r} was given; 'low', 'high' or an amplitude is expected. All "
             "sites follow one drive: what moves half a period later has -1 in the row drive= of "
             "its Lattice."
         )
-    return min(found, key=lambda orbit: abs(orbit[0] - real(code)))[1]
+    return min(found, key=lambda orbit: abs(swing(orbit) - real(code)))
 
 
 def driven_without_coupling(
@@ -308,8 +261,121 @@ def driven_without_coupling(
             "a driven lattice needs drive= and a damping above 0: without both nothing attracts; "
             "leave them both out of a conservative one"
         )
-    alone = UncoupledSites(chain, {**p, SHARE: 0.0})
-    found = enumerate(alone.attractors())
-    states = [_chosen(site, code.get(site, "low"), of) for site, of in found]
-    flight = fitted(scheme, 0.0, alone.period, alone.motion(np.transpose(states)))
-    return (), (flight,), 0.0
+    known, orbits = dict[Any, list[Cycle]](), list[Cycle]()
+    for n, row in enumerate(np.transpose([chain.lattice.dampings, chain.lattice.drive])):
+        one = SingleOscillator(chain, n, p)
+        kind = (one.mass, *one.terms, *row)  # of each one is enough
+        known[kind] = known.get(kind) or attractors(chain, one)
+        orbits.append(_chosen(n, code.get(n, "low"), known[kind]))
+
+    def motion(t: Array) -> Array:
+        return np.stack([of.states(t) for of in orbits], axis=1).reshape(2 * chain.sites, -1)
+
+    return (), (fitted(scheme, 0.0, forcing_period(0.0, None, p), motion),), 0.0
+
+
+# --- between walls -------------------------------------------------------------------------------
+
+
+def between_walls_without_coupling(
+    chain: Oscillators, code: dict[int, Any], given: Params, scheme: Collocation
+) -> Uncoupled:
+    """The orbit of which coded sites impact, without coupling: of several perhaps at once."""
+    if chain.drive is None:
+        raise BadInput(
+            "between walls a driven lattice is needed, drive='a*cos(omega*t)' for instance: orbits "
+            "of a conservative one from impact to impact are not looked for"
+        )
+    if any(value != 1 for value in code.values()):
+        raise BadInput(
+            f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
+            "drive: what moves half a period later has -1 in the row drive= of its Lattice."
+        )
+    p = {**given, SHARE: 0.0}
+    orbits = {n: _single(chain, p, n) for n in code}
+    first = orbits[next(iter(code))].flights[0]
+    begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
+    if not chain.bare:  # the others beside rest, whether that attracts or not
+        period = forcing_period(0.0, None, p)
+        samples = np.linspace(0, period, 9), np.zeros((x.size, 9))
+        x = cycle_of(cycle(chain, samples, p, period=period, events=())).states(begin)
+    for n, orbit in orbits.items():
+        x[[n, chain.sites + n]] = orbit.states(begin)
+    # without any, sites that no potential holds would be free
+    share = _LEAST if chain.bare else 0.0
+    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), share
+
+
+def in_another_order(
+    orbit: Cycle, chain: Oscillators, sites: Collection[int], scheme: Collocation
+) -> Uncoupled | None:
+    """Go on where sites that impacted at once do so one after the other, as a little coupling tells
+    first, or beyond where two of them come to their walls at once: flows, an orbit of them and its
+    share of the coupling. None where neither is."""
+    flights, share, wall = [*orbit.flights], orbit.params[SHARE], chain.walls(0.0, orbit.params)
+    met = [cast("Any", flow.reset).impacts for flow in orbit.equations.flows]
+    off = (abs(f.end[n]) - wall for f, at in zip(flights, met, strict=True) for n, _ in at)
+    if max(map(abs, off)) > _AT_ONCE * wall or (share == LITTLE and len(sites) > 1):
+        longest = max(flights, key=attrgetter("duration"))
+        begin = longest.start + 0.5 * longest.duration
+        x = orbit.states(begin)
+        return *_from_impact_to_impact(chain, sites, orbit.params, begin, x, scheme), share
+    shrunk = np.flatnonzero((orbit.durations <= _SHRUNK * orbit.period) & (share < 1.0))
+    for i in shrunk:
+        met[i - 1], met[i] = met[i], met[i - 1]
+        bounce, short = Bounce(chain, met[i - 1]), flights[i]
+        after = bounce(0.0, flights[i - 1].end, orbit.params)
+        flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
+    beyond = min(1.0, share + _BEYOND)
+    return (between_walls(chain, met), tuple(flights), beyond) if shrunk.size else None
+
+
+def _from_impact_to_impact(
+    chain: Oscillators, sites: Collection[int], p: Params, begin: float, x: Array,
+    scheme: Collocation,
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:  # fmt: skip
+    """Simulate until each of some sites was at both of its walls, and make flows of that."""
+    walls = [WallDistance(chain, n, side) for n in sites for side in (1, -1)]
+    n, near, period = chain.sites, _AT_ONCE * float(chain.walls(0.0, p)), 2 * math.pi / p["omega"]
+    met, flights, t = list[Any](), list[TrajectorySegment](), begin
+    while sum(map(len, met[1:])) < len(walls):  # the first flight begins before any impact
+        run = chain.run((t, t + period), x, p, events=walls)
+        begin, t, x = t, float(run.t[-1]), run.y[:, -1]
+        at = [w for w in walls if w(t, x, p) < near and w.side * x[n + w.site] > 0]
+        if run.status != 1 or not at:
+            raise NoSolution(f"sites {(*sites,)}: from impact to impact they do not return")
+        met.append(tuple((wall.site, wall.side) for wall in at))
+        flights.append(fitted(scheme, begin, t - begin, run.sol))
+        x = Bounce(chain, met[-1])(t, x, p)
+    return between_walls(chain, met[1:]), tuple(flights[1:])
+
+
+def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
+    """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
+    settle, and from there along the restitution."""
+    wall, k = float(chain.walls(0.0, p)), float(chain.k(0.0, p))
+    field = single_field(chain, SingleOscillator(chain, site, p))
+    period = forcing_period(0.0, None, p)
+
+    def up_to(side: int) -> Flow:
+        return Flow(
+            field, until=lambda t, x, p: wall - side * x[0],
+            reset=lambda t, x, p: [x[0], -p["k"] * x[1]],
+        )  # fmt: skip
+
+    flows = [up_to(1), up_to(-1)]
+    how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
+    how["collocation"] = Collocation(6, 6)
+    for velocity in _VELOCITIES:
+        start = {"u": 0.0, "v": velocity * wall * p["omega"]}
+        with suppress(ContbreatherError):
+            found = cycle(flows, start, {"k": min(k, _SETTLED)}, **how)
+            twice = len(cycle_of(found).flights) == 2
+            if twice and k > _SETTLED:
+                found = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1].problem
+            if twice and found.params["k"] == k:
+                return cycle_of(found)
+    raise NoSolution(
+        f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
+        f"attracts where impacts keep at most {_SETTLED:g} of their velocity"
+    )

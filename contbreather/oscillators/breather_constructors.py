@@ -4,7 +4,7 @@ a catalogue of them, one code of each class of codes that symmetries make alike.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,38 +14,28 @@ import numpy as np
 from scipy import sparse
 
 from ..checks import check_kind, number, whole
-from ..continuation.algebra.newton import Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged, partial_result
-from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.collocation import Collocation
 from ..flows.cycle_constructors import named_state
-from ..flows.equations import FlowEquations
-from ..flows.flow import Flow
 from ..flows.functions import Params
-from ..flows.sparse_equations import FEW
 from ..one_thread import one_thread
 from ..orbits.multibreathers import classes_of, exchanges_of_sites
-from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
 from .anticontinuum import (
+    LITTLE,
     Uncoupled,
+    between_walls_without_coupling,
     coded,
     driven_without_coupling,
-    forcing_period,
     half_without_coupling,
+    in_another_order,
     refuse_other_period,
     resonance,
 )
-from .breather_problem import COLUMNS, Breather, BreatherProblem
-from .half_orbit import HalfOrbit, SparseHalfOrbit, events_of_breather, half_period, resting
-from .impacting import (
-    between_walls,
-    between_walls_without_coupling,
-    in_another_order,
-    refuse_impacts_apart,
-)
+from .breather_problem import COLUMNS, Breather, BreatherProblem, discretised, events_of_breather
 from .oscillator_lattice import SHARE, Oscillators
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
@@ -129,7 +119,7 @@ def breather(
     # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
     finer = [flight.on(flight.knots, scheme) for flight in flights]
-    equations = _equations(chain, reached.residual.flows, finer)
+    equations = discretised(chain, reached.residual.flows, finer)
     wanted = events_of_breather(equations) if events is None else tuple(events)
     named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
@@ -185,7 +175,7 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     start: Uncoupled | None = alone(chain, code, params, scheme)
     while start is not None:
         flows, flights, share = start
-        equations, at = _equations(chain, flows, flights), {**params, SHARE: share}
+        equations, at = discretised(chain, flows, flights), {**params, SHARE: share}
         first: Any = BreatherProblem.of(equations, at, (), "")
         try:
             first, _ = first.solve(tolerance=1e-11)
@@ -194,13 +184,13 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
                 f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)}"
             ) from error
         ends = (replace(fold(), ends="branch"),)
-        branch = trace(first, SHARE, within={SHARE: (0.0, 1.0)}, towards="up", events=ends)
+        # of several that impact, first as far as to tell their order
+        upto = LITTLE if chain.walls and len(code) > 1 and share < LITTLE else 1.0
+        branch = trace(first, SHARE, within={SHARE: (0.0, upto)}, towards="up", events=ends)
         last: Any = branch[-1]
-        if last[SHARE] == 1.0:
-            if chain.walls is not None:
-                refuse_impacts_apart(last.solution)
+        start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
+        if start is None and last[SHARE] == 1.0:
             return last.problem
-        start = in_another_order(last.solution, chain, tuple(code), scheme)
     end = max((*branch.special, last), key=lambda point: float(point[SHARE]))
     turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     raise CouplingEnds(
@@ -208,45 +198,6 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
         float(end[SHARE]),
     )
-
-
-def _equations(
-    chain: Oscillators, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
-    sizes: tuple[Array, ...] = (), turns: int = 1,
-) -> FlowEquations:  # fmt: skip
-    """Make the equations of an orbit, a smooth one without flows; without sizes on meshes that
-    follow it."""
-    if not sizes:
-        sizes = sizes_of(flights)
-        flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
-    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
-    kind, period = FlowEquations, forcing_period
-    if not chain.dissipative:
-        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
-    flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
-    return kind(flows, tuple(flights), period, turns, names, sizes)
-
-
-@serialised("breather")
-def _from_dict(
-    *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
-    start: Mapping[str, Any], params: Params,
-) -> BreatherProblem:  # fmt: skip
-    """Make the equations of a breather again, which begin at these unknowns."""
-    flows, segments, n = list[Flow](), list[TrajectorySegment](), 2 * chain.sites
-    for count, points, rounds, _, walls, sites in flights:
-        flows += [between_walls(chain, walls, sites)] if walls else []
-        knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
-        states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
-        scheme = Collocation(count, points)
-        segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
-    sizes = tuple(np.array(flight[3]) for flight in flights)
-    equations = _equations(chain, flows, segments, sizes, turns)
-    if isinstance(equations, HalfOrbit) and "energy" in params:
-        equations = equations.holding("energy")
-    x = np.concatenate([np.ravel(value) for value in start.values()])
-    equations = replace(equations, start=equations.flights(x, params))
-    return BreatherProblem.of(equations, params, events_of_breather(equations), label)
 
 
 # --- catalogue ----------------------------------------------------------------------------------
@@ -314,10 +265,6 @@ def breathers(
         How many sites are coded at most; or which.
     **how
         What else `breather` takes.
-
-    Returns
-    -------
-    tuple of CodedBreather
 
     Examples
     --------

@@ -1,11 +1,34 @@
-"""A breather of a lattice of oscillators as a value, and as a problem to trace."""
+"""A breather of a lattice of oscillators: its equations, its value, its events, its problem.
+
+A conservative one is half of a time-reversible orbit, from rest to rest.
+
+Where x(t) is a motion of x' = f(x), so is R x(-t), with R what turns velocities around. An orbit
+that is at rest as a whole twice a period is its own image: half of it, with
+
+    v(0) = 0,  v(T/2) = 0,
+
+is all of it. These are as many equations as there are states, and isolated in a family once its
+frequency or its energy is given, without an unfolding and without a phase; without coupling, too,
+where each site has a phase of its own.
+
+Small perturbations of the whole are those of the half, M = R M_half^-1 R M_half. In positions and
+momenta the half is a symplectic matrix of four blocks, those of the whole have the stability
+indices that are the eigenvalues of one of them,
+
+    M_half = | A  B |,   M = | 1 + 2 B^T C    2 D^T B   |
+             | C  D |        |   2 A^T C    1 + 2 C^T B |.
+
+Events are those of pairs of multipliers, as of cycles where something is conserved: at +1 LP, where
+the energy of the family turns (or at a given energy its parameter), BP, and PF, where orbits that
+are not time-reversible branch off; at -1 PD; KC.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from operator import attrgetter
 from typing import Any, cast
 
@@ -14,24 +37,97 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.branches.switching import SwitchingProblem
-from ..continuation.curve.point import Point
+from ..continuation.curve.point import Event, Examined, Point
 from ..continuation.curve.problem import Problem
-from ..flows.collocation import TrajectorySegment
-from ..flows.conservation import Unfolded, on_axis
-from ..flows.cycle_events import events_of_cycle
+from ..continuation.systems.branch_points import bordered_matrix
+from ..continuation.systems.defining_systems import Singular, signed_smallest
+from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
+from ..flows.conservative_events import conservative_events, examine_place, followed
+from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
+from ..flows.sparse_equations import FEW, SparseFlowEquations, sparse_where_large
 from ..lattice.chain import Ring
 from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
-from .anticontinuum import refuse_other_period, resonance
-from .half_orbit import HalfOrbit, whole_orbit
-from .oscillator_lattice import Oscillators
+from ..storage.serialise import serialised
+from .anticontinuum import forcing_period, refuse_other_period, resonance
+from .oscillator_lattice import Oscillators, between_walls
 
-_COLUMNS = "energy", "action", "omega", "participation", "largest"
+COLUMNS = {name: name for name in ("energy", "action", "omega", "participation", "largest")}
+COLUMNS["max|u|"] = "farthest"
+
+
+def resting(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """Reset that puts the velocities where all ends, which vanish there, in the rows of positions,
+    and those where it begins in their own."""
+    v = x[len(x) // 2 :]
+    return np.concatenate([v, 0.0 * v])
+
+
+def half_period(t: Any, x: Any, p: Params) -> Any:
+    return math.pi / p.get("omega", 1.0)  # where it is none the energy is given
+
+
+def _energy_above(chain: Oscillators, t: Any, x: Any, p: Params) -> Any:
+    return chain.energy(x, p) - p.get("energy", 0.0)  # of perturbations it may be any
+
+
+@dataclass(frozen=True, eq=False)
+class HalfOrbit(FlowEquations):
+    """Half of an orbit of a lattice of oscillators, discretised, at a given frequency or energy."""
+
+    @property
+    def chain(self) -> Oscillators:
+        return cast("Oscillators", self.flows[0].f)
+
+    @property
+    def standing(self) -> Array:
+        return np.repeat([0.0, 1.0], self.chain.sites)
+
+    length, givens = "held", ("omega", "energy")
+
+    @property
+    def held(self) -> str:
+        return "omega" if self.period else "energy"
+
+    def longer(self, x: Array, p: Params) -> tuple[int, Array] | None:
+        if self.held == "energy":
+            return None
+        change, u = np.zeros(self.layout.size), self.layout.nodes[0][0][: self.chain.sites]
+        change[u] = self.chain.gradient(x[u], p)
+        return int(self.layout.lengths[0]), change
+
+    def holding(self, name: str) -> HalfOrbit:
+        until = None if name == "omega" else partial(_energy_above, self.chain)
+        flow = Flow(self.chain, until=until, reset=resting)
+        return replace(self, flows=(flow,), period=None if until else half_period)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseHalfOrbit(HalfOrbit, SparseFlowEquations):
+    """Half of an orbit of many sites, of which nothing is eliminated."""
+
+    @property
+    def closing(self) -> tuple[Any, Any]:
+        u, v = np.split(np.arange(2 * self.chain.sites), 2)
+        return u, v
+
+
+def whole_orbit(
+    half: HalfOrbit, flights: tuple[TrajectorySegment, ...], p: Params
+) -> FlowEquations:
+    """Equations of a conservative orbit that need not be time-reversible, at a given frequency or
+    energy."""
+    energies, states = quantities_of(half.chain.energy), flights[0].states.T
+    flow = Flow(Unfolded.near(half.chain, {"lambda": energies["energy"]}, states))
+    kept = Conservation(energies, half.held, np.empty((0, len(states))), "omega")
+    whole = FlowEquations((flow,), flights, None, 1, half.states, half.sizes, kept)
+    return sparse_where_large(whole, p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +245,7 @@ class Breather(Cycle):
         return float(abs(self.others).max(initial=0.0))
 
     def _sizes(self) -> dict[str, float]:
-        return {n: getattr(self, n) for n in _COLUMNS} | {"max|u|": self.farthest}
+        return {name: getattr(self, of) for name, of in COLUMNS.items()}
 
     # --- its stability, as verdicts ask for it ------------------------------------------------
 
@@ -228,8 +324,48 @@ class ReversibleBreather(Breather):
         return np.eye(len(form)) + 2 * B.T @ C, (form + form.T) / 2
 
 
-COLUMNS = {name: attrgetter(f"solution.{name}") for name in _COLUMNS}
-COLUMNS |= {"max|u|": attrgetter("solution.farthest")}
+# --- events -------------------------------------------------------------------------------------
+
+
+def _turned_around(point: Point) -> float:
+    """Measure how near the map from v to u is to another null vector than the orbit's own."""
+    orbit = point.base_point.solution
+    (_, B), (start, end) = orbit.half_map[0], orbit.forces
+    return signed_smallest(np.block([[B, end[:, None]], [start, np.zeros(1)]]))
+
+
+def _crosses(point: Point) -> float:
+    """The test of BP; NaN where its sign is rounding. Next to the band a breather may move along a
+    ring all but freely: anywhere there is a solution, to the error of Newton's iteration."""
+    assert BRANCH_POINT.test is not None
+    off = abs(point.base_point.solution.indices - 1).min(initial=math.inf)
+    # an index less off 1 is that of a motion which nothing holds back
+    return math.nan if off < 1e-8 else BRANCH_POINT.test(point)
+
+
+def _born(point: Point) -> Examined:
+    """The end of a family at rest, and the mode of which it is there."""
+    if reason := examine_swing(FLAT, point):
+        return reason
+    orbit = point.base_point.solution
+    modes = orbit.chain.frequencies(orbit.params)
+    nearest = int(abs(modes - orbit.omega).argmin())
+    edges = {0: "the lower edge of the band", modes.size - 1: "the upper edge of the band"}
+    mode = f"the mode of frequency {modes[nearest]:.9g}, {edges.get(nearest, 'in the band')}"
+    return {"said": f"it shrinks to rest: the family is born there from {mode}"}
+
+
+def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
+    """List the events of a breather of these equations."""
+    if not isinstance(equations, HalfOrbit):
+        return events_of_cycle(equations)
+    crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
+    lp, turn, branch_point, pd, kc = conservative_events(crossing)
+    said = {"said": "orbits branch off that are not their own images under a reversal of time"}
+    found = partial(examine_place, 1.0, said)
+    pf = Event("PF", _turned_around, examine=found, locus=partial(followed, _turned_around))
+    born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
+    return lp, turn, branch_point, pf, pd, kc, born
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -247,15 +383,12 @@ class BreatherProblem(CycleProblem):
         equations, chain = self.residual, self.solution.chain
         if equations.conservation:  # whose phase is that of the orbit it began with
             return None
-        # of each flow intervals and points, how many times around, sizes for its mesh; the wall at
-        # which it ends before others that are watched, and the sites that impact there
+        # of each flow intervals and points, how many times around, sizes for its mesh, and the
+        # impacts that end it
         flights = []
         for flow, f, sizes in zip(equations.flows, equations.start, equations.sizes, strict=True):
-            ends: Any = [], []
-            if chain.walls:
-                walls, reset = cast("Any", flow.guards.values()), cast("Any", flow.reset)
-                ends = [[wall.site, wall.side] for wall in walls], [*reset.sites]
-            flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), *ends])
+            met = [[*impact] for impact in cast("Any", flow.reset).impacts] if chain.walls else []
+            flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), met])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
         return {"kind": "breather", **about, "chain": chain, "flights": flights}
 
@@ -283,7 +416,8 @@ class BreatherProblem(CycleProblem):
     @staticmethod
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
-        return {n: get for n, get in COLUMNS.items() if n not in gone} | {"unstable": UNSTABLE}
+        getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
+        return {**getters, "unstable": UNSTABLE}
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
@@ -312,3 +446,43 @@ def _whole(point: Point) -> SwitchingProblem:
     events = events_of_cycle(equations)
     family = BreatherProblem.of(equations, point.params, events, problem.label)
     return at_crossing(family, point, both=True)
+
+
+def discretised(
+    chain: Oscillators, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
+    sizes: tuple[Array, ...] = (), turns: int = 1,
+) -> FlowEquations:  # fmt: skip
+    """Make the equations of an orbit, a smooth one without flows; without sizes on meshes that
+    follow it."""
+    if not sizes:
+        sizes = sizes_of(flights)
+        flights = [flight.adapted(size) for flight, size in zip(flights, sizes, strict=True)]
+    names = tuple(f"{letter}{n}" for letter in "uv" for n in range(chain.sites))
+    kind, period = FlowEquations, forcing_period
+    if not chain.dissipative:
+        kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
+    flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
+    return kind(flows, tuple(flights), period, turns, names, sizes)
+
+
+@serialised("breather")
+def _from_dict(
+    *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
+    start: Mapping[str, Any], params: Params,
+) -> BreatherProblem:  # fmt: skip
+    """Make the equations of a breather again, which begin at these unknowns."""
+    segments, n = list[TrajectorySegment](), 2 * chain.sites
+    for count, points, rounds, *_ in flights:
+        knots, rest = np.linspace(0.0, 1.0, count + 1), np.zeros((count, 1 + points, n))
+        states = rest[:, 0], rest[:, 1:]  # until the unknowns are known
+        scheme = Collocation(count, points)
+        segments.append(TrajectorySegment(scheme, knots, begin, 1.0, *states, rounds))
+    sizes = tuple(np.array(flight[3]) for flight in flights)
+    met = [tuple(map(tuple, flight[4])) for flight in flights]
+    flows = between_walls(chain, met) if chain.walls else ()
+    equations = discretised(chain, flows, segments, sizes, turns)
+    if isinstance(equations, HalfOrbit) and "energy" in params:
+        equations = equations.holding("energy")
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    equations = replace(equations, start=equations.flights(x, params))
+    return BreatherProblem.of(equations, params, events_of_breather(equations), label)

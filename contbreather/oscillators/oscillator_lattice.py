@@ -9,7 +9,7 @@ to the higher one. Ends that are fixed have bonds to the ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,7 +22,7 @@ from ..checks import brief, numbers, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
-from ..flows.flow import STENCIL
+from ..flows.flow import STENCIL, Flow
 from ..flows.functions import Params
 from ..flows.jacobian import Coloured
 from ..lattice.finite import Lattice, finite, stiffness_of
@@ -30,6 +30,7 @@ from ..lattice.formula import FUNCTIONS, read_formula
 from ..storage.serialise import NotSerialisable, serialised, to_dict
 
 Array = NDArray[np.float64]
+Impacts = tuple[tuple[int, int], ...]  # sites and sides, +1 or -1, of one time
 
 _STEP = 2e-3  # of differences of order 8, relative to 1 + |u|: rounding 1e-13, truncation 1e-15
 _NUMBERS = ("damping", "walls", "k")  # or formulas in parameters
@@ -310,6 +311,61 @@ class Oscillators:
 
     def __repr__(self) -> str:
         return f"<Oscillators: V = {self.V}, W = {self.W}, {self.lattice.describe()}>"
+
+
+# --- walls --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class WallDistance:
+    """How far a site is off a wall, on one side: +1 above, -1 below."""
+
+    chain: Oscillators
+    site: int
+    side: int
+    terminal, direction = True, -1.0  # as an event of a simulation
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        return self.chain.walls(0.0, p) - self.side * x[self.site]
+
+
+@dataclass(frozen=True, eq=False)
+class Bounce:
+    """The state after an impact of some sites: of the first one, and of others that are at their
+    walls at once, or, to first order, a little sooner or later."""
+
+    chain: Oscillators
+    impacts: Impacts
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        chain, k, n = self.chain, self.chain.k(0.0, p), self.chain.sites
+        after = np.array(x + 0.0 * k)
+        for site, _ in self.impacts:
+            after[n + site] = -k * x[n + site]
+        if others := self.impacts[1:]:
+            before, behind, wall = chain(t, x, p), chain(t, after, p), chain.walls(0.0, p)
+            after = after + 0.0 * behind  # which may be complex
+            for site, side in others:
+                left = side * wall - x[site]
+                after[site] = x[site] + (1 + k) * left
+                late = left / x[n + site]
+                after[n + site] -= late * (k * before[n + site] + behind[n + site])
+        return after
+
+
+def between_walls(chain: Oscillators, met: Sequence[Impacts]) -> tuple[Flow, ...]:
+    """The flows that end by these impacts, one after the other; all other walls are watched."""
+    ends, flows = [(n, side) for n in range(chain.sites) for side in (1, -1)], []
+    for before, now in zip([met[-1], *met[:-1]], met, strict=True):
+        near = (*now, *before[1:])  # met with another: it is there to begin with
+        others = [end for end in ends if end not in near]
+        watched = (Flow(chain, WallDistance(chain, *end), Bounce(chain, (end,))) for end in others)
+        until = WallDistance(chain, *now[0])
+        flows.append(Flow(chain, until, Bounce(chain, now), walls=tuple(watched)))
+    return tuple(flows)
+
+
+# --- its bonds ----------------------------------------------------------------------------------
 
 
 def _beside(row: Any, x: Any) -> Any:

@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.flows.cycle_events import events_of_cycle
-from contbreather.oscillators.breather_problem import BreatherProblem
-from contbreather.oscillators.half_orbit import SparseHalfOrbit, whole_orbit
+from contbreather.oscillators.breather_problem import (
+    BreatherProblem,
+    SparseHalfOrbit,
+    whole_orbit,
+)
 
 MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
 CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
@@ -147,6 +150,23 @@ def test_collisions_beside_pd_are_all_located() -> None:
     for point in meetings:
         assert apart(point)[0] < 1e-8
         assert point.detail["signatures"] == "+ -"
+
+
+def test_pairs_that_a_symmetry_keeps_apart_hide_no_collision() -> None:
+    """Beside a mode that is odd about the breather on a ring of four: between both KC there are
+    four multipliers off the circle, by an integrated half."""
+    chain = cb.Oscillators(V="u**2/2 + 0.2*u**3 + u**4/4", W="c*r**2/2", lattice=cb.Ring(4))
+    start = cb.breather(chain, {0: 1}, omega=2.15, params={"c": 0.1})
+    branch = cb.trace(start, "omega", within={"omega": (2.08, 2.2)})
+    assert not branch.doubtful
+    first, last = (p["omega"] for p in branch.special if p.kind == "KC")
+    one, R = np.eye(4), np.repeat([1.0, -1.0], 4)
+    K = 2 * one - np.roll(one, 1, 0) - np.roll(one, -1, 0)
+    for omega, off in ((first - 1e-3, 0), (first + 1e-3, 4), (last - 1e-3, 4), (last + 1e-3, 0)):
+        u = start.at(omega=omega).solve(tolerance=1e-11)[0].solution.state()[0]
+        half = whole(half_map(CUBIC, K, 0.1, u, np.pi / omega)[1])
+        mu = np.linalg.eigvals(R[:, None] * np.linalg.inv(half) * R @ half)
+        assert ((abs(abs(mu) - 1) > 1e-3) & (abs(mu.imag) > 1e-3)).sum() == off
 
 
 def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:

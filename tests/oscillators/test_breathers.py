@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
-from contbreather.oscillators.breather_problem import BreatherProblem
-from contbreather.oscillators.half_orbit import SparseHalfOrbit
+from contbreather.oscillators.breather_problem import BreatherProblem, SparseHalfOrbit
 
 from .test_boundaries import HARD as PULL
 from .test_boundaries import half_map, whole

@@ -164,6 +164,8 @@ def _impacts(bonds, params, x, times, codes):
         (cb.Ring(6), [(i, (i + 1) % 6) for i in range(6)], {1: 1, 2: 1}),  # at once, by symmetry
         (cb.OpenChain(5), [(i, i + 1) for i in range(4)], {0: 1, 1: 1}),
         (cb.OpenChain(5), [(i, i + 1) for i in range(4)], {0: 1, 3: 1}),  # their order changes
+        # two of them at once with a little coupling, and not with all of it
+        (cb.OpenChain(6), [(i, i + 1) for i in range(5)], {0: 1, 2: 1, 3: 1}),
     ],
 )
 def test_several_sites_impact_in_the_order_they_come(lattice, bonds, code) -> None:
