@@ -90,7 +90,7 @@ def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbi
     from contbreather.workers import Failed
 
     done: list[cb.orbits.Zones] = []
-    with checkpoint(save, "zones") as file:
+    with checkpoint(save, "zones", lambda: tuple(done) or None) as file:
         for result in cb.zones_many(**options):
             if isinstance(result, Failed):
                 raise result.error
