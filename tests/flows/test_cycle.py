@@ -305,7 +305,7 @@ def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does
         return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
 
     start = {"x": 0.8, "v": 2.0, "c": 1.0, "s": 0.0}
-    few = Collocation(intervals=8)
+    few = Collocation(intervals=10)
     cycle = cb.cycle(driven, start, {"w": 1.1, "A": 0.5}, settle=60, collocation=few)
     point = cb.trace(cycle, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
     window = {"w": (1.05, 1.1)}
@@ -317,7 +317,7 @@ def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does
     folds = cb.boundary(tori[-1], ("w", "A"), within=window)
     for end in (tori[-1], folds.first("R1")):
         found = [end[name] for name in resonance]
-        assert found == pytest.approx([*resonance.values()], abs=1e-7)
+        assert found == pytest.approx([*resonance.values()], abs=1e-8)
     assert not (*tori.doubtful, *folds.doubtful)
 
 
