@@ -327,7 +327,8 @@ class FlowEquations:
         for j in off.argsort().tolist():
             if off[j] > most or len(near) == 3:
                 break
-            linear = places[j].linear
+            # of places that were prepared no inverse is known
+            linear = places[j].linear and places[j].linear[0].slopes.inverse is not None
             if not near:
                 near, least = [places[j]], off[j]
             if len(near) == 1 and linear:

@@ -70,8 +70,8 @@ def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> 
     functions, asked = a_point(
         field, lambda: cb.boundary(doubling, ("r", "s"), within={"s": (9.0, 11.0)})
     )
-    assert functions < 2100
-    assert asked < 28
+    assert functions < 2000
+    assert asked < 25
 
 
 def test_columns_of_a_branch_are_there_when_it_is(field, ring) -> None:
