@@ -23,9 +23,7 @@ x' being the derivative along the symmetric orbits: arms that leave linearly, an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -112,31 +110,13 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     return _form(Point(curve, curve.start, along))
 
 
-class PitchforkDetail(Mapping[str, Any]):
-    """Normal form of a pitchfork as its detail, on a branch in one parameter, found when it is
-    asked for: most branches are only passed through."""
-
-    def __init__(self, point: Point) -> None:
-        self.point = point
-
-    @cached_property
-    def known(self) -> dict[str, Any]:
-        try:
-            form = _form(self.point)
-        except OUT_OF_DOMAIN as error:
-            return {"criticality": f"unknown: {error}"}
-        return {name: getattr(form, name) for name in NAMES}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in NAMES:
-            raise KeyError(name)
-        return self.known[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.known)
-
-    def __len__(self) -> int:
-        return len(self.known)
+def detail_of_pitchfork(point: Point) -> dict[str, Any]:
+    """Its normal form on a branch in one parameter, or why it is not known."""
+    try:
+        form = _form(point)
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    return {name: getattr(form, name) for name in NAMES}
 
 
 def _form(point: Point) -> PitchforkForm:

@@ -29,6 +29,7 @@ from contbreather.checks import brief, flag
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.point import (
     DefiningSystem,
+    Detail,
     Event,
     EventWithRule,
     Examined,
@@ -40,7 +41,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
-from contbreather.orbits.normal_form import PitchforkDetail
+from contbreather.orbits.normal_form import NAMES, detail_of_pitchfork
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
 from contbreather.orbits.pair_events import is_blurred, pair_leaves
@@ -139,8 +140,10 @@ def _examine_real(mu: float, point: Point) -> Examined:
     # at the fold (14) the half map QS has the multiplier -1
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
-    # on a boundary it has none
-    return PitchforkDetail(point) if len(point.curve.varied) == 1 else ""
+    if len(point.curve.varied) > 1:  # on a boundary it has no normal form
+        return ""
+    # most pitchforks are only passed through
+    return Detail({}, NAMES, partial(detail_of_pitchfork, point))
 
 
 def from_arms(event: Event) -> Event:

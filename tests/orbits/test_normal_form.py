@@ -4,6 +4,7 @@ that are followed, by every representation."""
 from __future__ import annotations
 
 import math
+import pickle
 
 import mpmath as mp
 import numpy as np
@@ -187,6 +188,15 @@ def test_a_pitchfork_on_a_boundary_has_no_coefficient_of_one_parameter():
     point = trace(start, "a", within={"a": (0.6, 0.95)}).first("PF")
     line = boundary(point, ("gamma", "a"), within={"gamma": (0.035, 0.045)})
     assert not any("coefficient" in one.detail for one in line.special)
+
+
+def test_the_detail_of_a_pitchfork_is_found_when_it_is_asked_for_and_shown_as_a_dict():
+    point = trace(symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.9)}).first("PF")
+    assert "whole" not in vars(point.detail)  # which holds all of it
+    assert "reason" not in point.detail and "whole" not in vars(point.detail)
+    assert repr(point.detail) == repr(dict(point.detail))
+    assert point.detail["coefficient"] == point["coefficient"] > 0
+    assert dict(pickle.loads(pickle.dumps(point)).detail) == dict(point.detail)
 
 
 def test_two_sites_have_two_pitchforks_with_their_normal_forms():

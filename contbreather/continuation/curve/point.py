@@ -6,9 +6,10 @@ Three types in one file, for each speaks of the others.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -266,6 +267,34 @@ class Always:
 MANY = 8  # points from which on arrays take less time than a loop
 
 Value = float | int
+
+
+class Detail(Mapping[str, Any]):
+    """What is known of a special point; what is dear to know is found when it is asked for, by
+    these names, of which there need not be all."""
+
+    def __init__(
+        self, known: Mapping[str, Any], names: Sequence[str] = (), make: Callable[[], Any] = dict
+    ) -> None:
+        self.known, self.names, self.make = known, names, make
+
+    @cached_property
+    def whole(self) -> dict[str, Any]:
+        return {**self.make(), **self.known}
+
+    def __getitem__(self, name: str) -> Any:
+        return (self.whole if name in self.names else self.known)[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.whole)
+
+    def __len__(self) -> int:
+        return len(self.whole)
+
+    def __repr__(self) -> str:
+        return repr(self.whole)
+
+
 Examined = str | Mapping[str, Any]
 Many = tuple[Any, Any]  # arrays with a test and the count beside it, None without one
 

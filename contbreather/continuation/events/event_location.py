@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 
 from ..algebra.newton import OUT_OF_DOMAIN, Undefined, newton
 from ..curve.curve import Curve
-from ..curve.point import Examined, Level, Point
+from ..curve.point import Detail, Examined, Level, Point
 from ..systems.branch_points import Crossings, crossing
 from ..systems.defining_systems import extended
 from .step_interpolant import ASIDE, LOW, StepSamples, count_at
@@ -41,13 +40,12 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
         verdict = event.examine(point)
     if isinstance(verdict, str) and verdict:
         return replace(point, located=False, detail={**point.detail, "reason": verdict})
-    # not copied: what is dear to know is found when it is asked for
-    more: Any = verdict if isinstance(verdict, Mapping) else {}
-    kind = more.get("kind", point.kind)
-    if "kind" in more:
-        more = {name: value for name, value in more.items() if name != "kind"}
     level = {"level": str(event.test)} if isinstance(event.test, Level) else {}
-    return replace(point, kind=kind, detail=ChainMap(level, more, dict(point.detail)))
+    if isinstance(verdict, Detail):
+        detail = Detail({**point.detail, **level}, verdict.names, verdict.make)
+        return replace(point, detail=detail)
+    found = {**point.detail, **(verdict or {}), **level}
+    return replace(point, kind=found.pop("kind", point.kind), detail=found)
 
 
 def not_simple(kind: str) -> str:
