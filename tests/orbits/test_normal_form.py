@@ -193,7 +193,8 @@ def test_a_pitchfork_on_a_boundary_has_no_coefficient_of_one_parameter():
 def test_the_detail_of_a_pitchfork_is_found_when_it_is_asked_for_and_shown_as_a_dict():
     point = trace(symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.9)}).first("PF")
     assert "whole" not in vars(point.detail)  # which holds all of it
-    assert "reason" not in point.detail and "whole" not in vars(point.detail)
+    assert "reason" not in point.detail
+    assert "whole" not in vars(point.detail)
     assert repr(point.detail) == repr(dict(point.detail))
     assert point.detail["coefficient"] == point["coefficient"] > 0
     assert dict(pickle.loads(pickle.dumps(point)).detail) == dict(point.detail)
