@@ -123,15 +123,12 @@ def driven_spectrum(
     by: str = "",
 ) -> DrivenSpectrum:
     """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
-    in a parameter of the forcing, in gamma, spring or damping."""
+    in a parameter of the forcing or, of even lattices, in gamma, spring or damping."""
     own = by if by in forcing.params else ""
     if not lattice.even:
         m, F = forces_of(forcing, own)
         medium = Medium(lattice, gamma, spring, damping)
-        answers = medium.answers(m, np.outer(lattice.drive, F))
-        return DrivenSpectrum(
-            m, medium.answer_slopes(m, answers, by) if by and not own else answers
-        )
+        return DrivenSpectrum(m, medium.answers(m, np.outer(lattice.drive, F)))
     m, shapes, lam, pushes, limits = driven_modes(lattice, forcing, own)
     gap = (gamma * lam + spring) - m * m + 1j * m * damping
     low = abs(gap) <= limits

@@ -13,7 +13,6 @@ of modes in the medium's own time, which are found once, and so is their slope a
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import PACE, Finite, stiffness_of
+from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_waves import PLACES, all_laps
 from contbreather.one_thread import one_thread
 
@@ -33,11 +32,12 @@ Array = NDArray[Any]
 @dataclass(frozen=True, eq=False)
 class SiteModes:
     """Modes of a medium in its own time: rates, values at sites, and shares in what follows a unit
-    impulse at each site; answers are the real parts of sums over them."""
+    impulse at each site, or the drive; answers are the real parts of sums over them."""
 
     rates: Array
     values: Array
     kicks: Array
+    push: Array
 
     @cached_property
     def orders(self) -> Array:
@@ -55,6 +55,16 @@ class SiteModes:
         turns = self.rates * length
         every = all_laps(turns, sign)
         return every, sign * turns * np.exp(turns) * every
+
+    def driven(self, w: FloatArray) -> Array:
+        """Complex amplitudes at sites of the answer to the drive at frequencies w, a column for
+        each, and their slopes along the pace, times its square."""
+        s = np.multiply.outer((1j, -1j), w).reshape(-1, 1)
+        gaps = 1.0 / (s - self.rates)
+        shares = self.push * gaps
+        both = np.concatenate([shares, shares * (s * gaps - 2.0)]) @ self.values
+        there, conjugate = both.reshape(2, 2, *w.shape, both.shape[1]).swapaxes(0, 1)
+        return np.asarray(0.5 * (there + conjugate.conj()).swapaxes(1, 2))
 
 
 @dataclass(frozen=True)
@@ -88,37 +98,30 @@ class Medium:
         """Derivatives of K and of C's diagonal in a parameter; without one in a spring that is the
         same everywhere."""
         lattice, size = self.lattice, self.lattice.sites
-        if name == PACE:
-            return 2.0 * self.pull, self.loss
         if name == "gamma":
             return _bonds_per_mass(lattice), np.zeros(size)
         if name == "damping":
             return np.zeros((size, size)), lattice.dampings
         return np.diag(lattice.springs if name else np.ones(size)), np.zeros(size)
 
-    def dynamic(self, w: float) -> Array:
-        """``K - w^2 + i w C``, what forces of this frequency act against."""
-        return self.pull + np.diag(1j * w * self.loss - w * w)
+    def dynamic(self, w: FloatArray) -> Array:
+        """``K - w^2 + i w C``, what forces of these frequencies act against."""
+        w = w[:, None, None]
+        return self.pull + np.eye(self.lattice.sites) * (1j * w * self.loss - w * w)
 
     def answers(self, m: FloatArray, forces: Array) -> Array:
         """Motions under forces of these frequencies, a column for each."""
         out = np.zeros_like(forces)
-        for i in np.flatnonzero(forces.any(axis=0)).tolist():
-            matrix, force = self.dynamic(m[i]), forces[:, i]
-            with suppress(np.linalg.LinAlgError):
-                out[:, i] = np.linalg.solve(matrix, force)
-            # singular, or so but for rounding
-            if not 0.0 < abs(out[:, i]).max() * abs(matrix).max() <= 1e12 * abs(force).max():
-                raise BadInput(
-                    f"the drive is in resonance: a mode of the {self.lattice.describe()} has the "
-                    f"frequency {m[i]:g} of one of its harmonics; change gamma, spring or damping."
-                )
+        driven = np.flatnonzero(forces.any(axis=0))
+        matrices = self.dynamic(m[driven])
+        if (high := np.linalg.cond(matrices) > 1e12).any():
+            raise BadInput(
+                f"the drive is in resonance: a mode of the {self.lattice.describe()} has the "
+                f"frequency {m[driven][high][0]:g} of one of its harmonics; change gamma, spring "
+                "or damping."
+            )
+        out[:, driven] = np.linalg.solve(matrices, forces.T[driven, :, None])[..., 0].T
         return out
-
-    def answer_slopes(self, m: FloatArray, answers: Array, by: str) -> Array:
-        """Derivatives of `answers` in a parameter: ``K u = F``, so ``K du = -dK u``."""
-        dK, dC = self.slope(by)
-        return self.answers(m, -(dK @ answers + 1j * m * dC[:, None] * answers))
 
     def generator(self, pull: Array, loss: Array) -> Array:
         """Generator of (u, u'), for one K and C or many."""
@@ -167,7 +170,7 @@ class Medium:
         kicks = np.linalg.inv(vectors)[..., n:]  # impulses are velocities
         values = vectors[:, :n, :].swapaxes(1, 2) / (len(moved) * (moved[..., None] if by else 1.0))
         kicks = kicks.reshape(-1, n)
-        return SiteModes(rates.ravel(), values.reshape(-1, n), kicks)
+        return SiteModes(rates.ravel(), values.reshape(-1, n), kicks, kicks @ self.lattice.drive)
 
 
 @lru_cache(maxsize=16)
@@ -184,7 +187,7 @@ def _norm(matrix: FloatArray) -> float:
 @lru_cache(maxsize=256)
 @one_thread
 def _least_singular(medium: Medium, w: float) -> float:
-    return float(np.linalg.svd(medium.dynamic(w), compute_uv=False)[-1])
+    return float(np.linalg.svd(medium.dynamic(np.array([w])), compute_uv=False)[0, -1])
 
 
 @lru_cache(maxsize=64)

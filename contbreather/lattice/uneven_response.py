@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice.finite import PACE, Basis, NormalModes
+from contbreather.lattice.modal_flow import DrivenSpectrum, forces_of
 from contbreather.lattice.modal_waves import RADIUS, harmonics
 from contbreather.lattice.periodic_green import Responses
 from contbreather.lattice.response import (
@@ -77,6 +78,9 @@ class UnevenResponse(ModalResponse):
             rates = {PACE: pace}
         return Response.slopes_at_impacts(self, times, rates)
 
+    def _spectrum(self, by: str) -> DrivenSpectrum:
+        return _site_spectra(self, by if by != PACE else "")[by == PACE]
+
     @cached_property
     def basis(self) -> Basis:
         size = self.lattice.sites
@@ -94,6 +98,16 @@ class UnevenResponse(ModalResponse):
         moved = (turned * J[..., None] * waves.right.T[hits]).sum(axis=1)
         orders = [((moved * waves.rates**order) @ waves.left).real for order in range(3)]
         return np.array([orders[0] + J @ waves.level[:, hits].T, *orders[1:]])
+
+
+@lru_cache(maxsize=64)
+def _site_spectra(of: UnevenResponse, by: str) -> list[DrivenSpectrum]:
+    """Answers to the drive, or to what a parameter changes, and their slopes along the pace."""
+    own, pace = by in of.drive.params, of.own[1]
+    m, F = forces_of(of.drive, by if own else "")
+    modes = _modes(of, "" if own else by)
+    unit = pace ** (_UNITS["" if own else by] - 1)
+    return [DrivenSpectrum(m, A) for A in unit * F * modes.driven(m / pace)]
 
 
 @lru_cache(maxsize=64)
