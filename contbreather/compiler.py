@@ -30,6 +30,7 @@ TEXTS = (  # the modules with kernels, those with most code first; each imports 
     "contbreather.orbits.site_motion",
     "contbreather.lattice.periodic_green",
     "contbreather.simulation.smooth",
+    "contbreather.lattice.modal_waves",
     "contbreather.lattice.modal_flow",
     "contbreather.lattice.forcing",
 )

@@ -9,12 +9,12 @@ import numpy as np
 
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.forcing import Forcing, even_harmonics
-from contbreather.lattice.modal_waves import harmonics
 from contbreather.lattice.response import (
     ModalResponse,
     Resonant,
     Sites,
     UniformResponse,
+    harmonics,
 )
 
 

@@ -36,7 +36,21 @@ from contbreather.lattice.forcing import (
     even_harmonics,
     mean_of,
 )
-from contbreather.lattice.modal_waves import ModeWaves, harmonic_gap, mode_waves
+from contbreather.lattice.modal_waves import (
+    BY_DAMPING,
+    BY_GAMMA,
+    BY_SPRING,
+    GROWTH,
+    MODAL_PLACE,
+    MOST,
+    RATE,
+    SIZE,
+    VALUE,
+    WAVES,
+    HeldModes,
+    ModeWaves,
+    Recurring,
+)
 from contbreather.lattice.periodic_green import (
     INTERACTIONS,
     LATE,
@@ -55,6 +69,7 @@ Array = NDArray[Any]
 Sites = tuple[int, ...]
 Resonant = tuple[tuple[int, float], ...]  # modes of a basis, with a harmonic of the orbit
 
+BY = {"gamma": BY_GAMMA, "spring": BY_SPRING, "damping": BY_DAMPING}  # first rows of derivatives
 RESONANT = 1e-7  # in z, from a harmonic: there a recurring impulse drives a mode beyond all bounds
 
 
@@ -212,6 +227,26 @@ def _bonds_between(ring: int | None, hit: Sites) -> FloatArray:
 # --- any finite lattice -----------------------------------------------------------------------
 
 
+class AnswerWaves(NamedTuple):
+    """Sums of ``Re A exp(l s)``, mode after mode, and a constant for every mode."""
+
+    rates: Array
+    sizes: Array
+    modes: NDArray[np.int64]
+    level: FloatArray
+
+
+def _told(waves: ModeWaves, part: int) -> AnswerWaves:
+    n = int(waves.filled[0])
+    rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+    return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, int(part == GROWTH)].copy())
+
+
+def harmonics(turns: int, sign: int) -> tuple[float, float]:
+    """The lowest harmonic of an orbit besides 0, and the distance between two."""
+    return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
+
+
 @dataclass(frozen=True, eq=False)
 class ModalResponse(Response):
     """Response of any finite lattice with masses, damping and springs, mode by mode."""
@@ -230,23 +265,28 @@ class ModalResponse(Response):
 
     @cached_property
     def _waves(self) -> ModeWaves:
-        return self._found(slopes=False)
+        """Waves of the modes with their slopes, for kernels."""
+        return self._found(self._held_modes)
+
+    def _found(self, modes: HeldModes) -> ModeWaves:
+        waves = _room(modes.lam.size)
+        WAVES(modes, self._section, waves)
+        self._check_apart(waves)
+        return waves
 
     @cached_property
-    def _slopes(self) -> ModeWaves:
-        """Derivatives in z."""
-        return self._found(slopes=True)
-
-    def _found(self, *, slopes: bool) -> ModeWaves:
-        swings = np.zeros(self.z.size)  # the harmonic that is taken out of each mode
+    def _held_modes(self) -> HeldModes:
+        lam = self.basis.lam
+        swings = np.zeros(lam.size)  # the harmonic that is taken out of each mode
         for i, w in self.resonant:
             swings[i] = w
-        apart = harmonic_gap(self.z, swings, self.damping, self.turns, self.sign)
-        if not apart.min() > RESONANT:
-            w = math.sqrt(abs(float(self.z[apart.argmin()])))
+        held = float(self.gamma), float(self.spring), float(self.damping)
+        return HeldModes(lam, swings, *held, False)
+
+    def _check_apart(self, waves: ModeWaves) -> None:
+        if not waves.apart.min() > RESONANT:
+            w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
             raise self.resonance(f" with {w:.9g} times the frequency of the drive")
-        section = self.damping, self.length, self.sign
-        return mode_waves(self.z, swings, apart, *section, slopes=slopes)
 
     def resonance(self, which: str = "") -> Resonance:
         return Resonance(
@@ -254,13 +294,43 @@ class ModalResponse(Response):
             "change gamma, spring or omega, or give it damping."
         )
 
+    @property
+    def _section(self) -> Recurring:
+        return Recurring(float(self.turns), self.sign < 0)
+
+    @cached_property
+    def _answers(self) -> AnswerWaves:
+        return _told(self._waves, SIZE)
+
+    @cached_property
+    def _slopes(self) -> AnswerWaves:
+        """Derivatives in z."""
+        return _told(self._found(self._held_modes._replace(circles=True)), GROWTH)
+
+    def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
+        rows = _modal_place(self, times.tobytes())[0]
+        return rows[BY[by] : BY[by] + 3] if by else rows[VALUE:4]
+
+    def at_impacts(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        h, f = _modal_place(self, times.tobytes())
+        return h[VALUE:4], f[VALUE:4]
+
+    def slopes_at_impacts(
+        self, times: FloatArray, rates: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        if not rates.keys().isdisjoint(self.drive.params):
+            return super().slopes_at_impacts(times, rates)
+        way, rows = [rates.get(name, 0.0) for name in BY], _modal_place(self, times.tobytes())
+        h, f = (np.dot(way, of[4:].reshape(3, -1)).reshape(3, *of.shape[1:]) for of in rows)
+        return h, f
+
     def table(self, sites: Sites, by: str = "") -> Responses:
         return _modal_table(self, sites, by)
 
     def modes(self, times: FloatArray, impulses: FloatArray, at: FloatArray) -> FloatArray:
         """Displacement, velocity and acceleration of all modes at times ``at``, without offsets,
         from the times and impulses of a section, shape (3, times, K)."""
-        waves, kicks = self._waves, _kicks(self.lattice, self.hit, self.hits)
+        waves, kicks = self._answers, _kicks(self.lattice, self.hit, self.hits)
         laps, age = self.since(at[:, None] - times)
         last, row = age.argmin(axis=1), np.arange(at.size)  # the latest impact of each time
         before, ages = self.since(times[:, None] - times)
@@ -379,6 +449,23 @@ class ModalResponse(Response):
         return weights[0] * self._at_rest.bonds + weights[1] * self._at_rest.springs
 
 
+@lru_cache(maxsize=16)
+def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArray]:
+    """What it answers at the impacts, and what that changes by: kept, as equations and their slopes
+    ask in turn."""
+    at, modes = np.frombuffer(times), of._held_modes
+    waves = _room(modes.lam.size)
+    out, forced = np.empty((13, at.size, at.size)), np.empty((13, at.size))
+    weights = _passed_on(of.lattice, of.hit, of.hits, of.hits)
+    drive = _pushes(of.lattice, of.drive, of.hits)
+    MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
+    of._check_apart(waves)
+    of.__dict__["_waves"] = waves  # all its answers are made of these
+    if math.isnan(forced[VALUE].sum()):
+        of.driven()  # says why
+    return out, forced
+
+
 @lru_cache(maxsize=64)
 def _kicks(lattice: Any, hit: Sites, hits: Sites) -> FloatArray:
     """Kicks of the modes by an impulse at the site of each impact, (m, K)."""
@@ -386,15 +473,37 @@ def _kicks(lattice: Any, hit: Sites, hits: Sites) -> FloatArray:
     return np.asarray(lattice.basis(hit).at(sites) * lattice.masses[sites][:, None])
 
 
+@lru_cache(maxsize=64)
+def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArray:
+    """How strongly each mode passes an impulse on from each impact to each site, (n, m, K)."""
+    values = lattice.basis(hit).at(np.array(sites))[:, None]
+    return np.asarray(values * _kicks(lattice, hit, hits))
+
+
+def _room(K: int) -> ModeWaves:
+    parts = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
+    return ModeWaves(*parts, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
+
+
+@lru_cache(maxsize=64)
+def _pushes(lattice: Any, drive: Forcing, hits: Sites) -> FloatArray:
+    """Rows for `driven_motion`."""
+    from contbreather.lattice.modal_flow import driven_modes
+
+    m, shapes, lam, pushes, limits = driven_modes(lattice, drive)
+    shapes = shapes[list(hits)] if len(shapes) > 1 else shapes[np.zeros(len(hits), dtype=int)]
+    rows = np.broadcast_arrays(lam, m, pushes.real, pushes.imag, limits)
+    at = [np.broadcast_to(shape[:, None], pushes.shape) for shape in shapes]
+    return np.array([*rows, *at]).reshape(5 + len(hits), -1).T.copy()
+
+
 @lru_cache(maxsize=256)
 def _modal_table(of: ModalResponse, sites: Sites, by: str) -> Responses:
-    waves = of._slopes if by else of._waves
+    waves = of._slopes if by else of._answers
     sizes, level = waves.sizes, waves.level
     if by == "damping":
         sizes, level = sizes * waves.rates, 0.0 * level
-    # how strongly each mode passes an impulse on to each site
-    values, kicks = of.basis.at(np.array(sites))[:, None], _kicks(of.lattice, of.hit, of.hit)
-    weights = (values * kicks).reshape(-1, level.size)
+    weights = _passed_on(of.lattice, of.hit, sites, of.hit).reshape(-1, level.size)
     if by == "gamma":
         weights = weights * of.basis.lam  # dz/dgamma
     grown = weights[:, waves.modes] * sizes

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Finite, stiffness_of
-from contbreather.lattice.modal_waves import PLACES, all_laps
 from contbreather.one_thread import one_thread
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
+
+PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +54,8 @@ class SiteModes:
     def recurring(self, length: float, sign: int) -> tuple[Array, Array]:
         """Sums of all laps, and what each grows by with a longer section, in proportion."""
         turns = self.rates * length
-        every = all_laps(turns, sign)
-        return every, sign * turns * np.exp(turns) * every
+        laps = 1.0 / (1.0 + np.exp(turns) if sign < 0 else -np.expm1(turns))
+        return laps, sign * turns * np.exp(turns) * laps
 
     def driven(self, w: FloatArray) -> Array:
         """Complex amplitudes at sites of the answer to the drive at frequencies w, a column for

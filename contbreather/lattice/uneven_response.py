@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contbreather.lattice.finite import PACE, Basis, NormalModes
 from contbreather.lattice.modal_flow import DrivenSpectrum, forces_of
-from contbreather.lattice.modal_waves import RADIUS, harmonics
+from contbreather.lattice.modal_waves import RADIUS
 from contbreather.lattice.periodic_green import Responses
 from contbreather.lattice.response import (
     HELD,
@@ -25,6 +25,7 @@ from contbreather.lattice.response import (
     Response,
     Sites,
     as_table,
+    harmonics,
 )
 from contbreather.lattice.uneven import Medium, SiteModes, medium_of, modes_of
 
@@ -52,6 +53,8 @@ class SiteWaves(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class UnevenResponse(ModalResponse):
     """Response of a finite lattice whose springs or dampings differ, of sites in place of modes."""
+
+    at_impacts = Response.at_impacts
 
     @cached_property
     def own(self) -> tuple[Medium, float]:
