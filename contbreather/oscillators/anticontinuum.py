@@ -27,6 +27,7 @@ from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
 from ..flows.flow import Flow
 from ..flows.functions import Function, Params
+from ..flows.integrate import integrate
 from ..flows.several_starts import cycles
 from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
 
@@ -104,10 +105,7 @@ class SingleOscillator:
             return sign * min(found, key=lambda a: abs(a - wanted))
         small = self.half_periods(_AMPLITUDES[:1], sign)[0]
         if not math.isfinite(small):
-            raise NoSolution(
-                f"site {self.site}: it does not oscillate about u = 0, which has to be a minimum "
-                "of its potential"
-            )
+            raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         raise NoSolution(
             f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
             f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
@@ -351,11 +349,9 @@ def _from_impact_to_impact(
 
 
 def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
-    """The impacting orbit of one site without coupling: by simulation where impacts lose enough to
-    settle, and from there along the restitution."""
-    wall, k = float(chain.walls(0.0, p)), float(chain.k(0.0, p))
+    """The impacting orbit of one site without coupling: simulated, then along the restitution."""
+    wall, k, period = float(chain.walls(0.0, p)), float(chain.k(0.0, p)), 2 * math.pi / p["omega"]
     field = single_field(chain, SingleOscillator(chain, site, p))
-    period = forcing_period(0.0, None, p)
 
     def up_to(side: int) -> Flow:
         return Flow(
@@ -363,13 +359,16 @@ def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
             reset=lambda t, x, p: [x[0], -p["k"] * x[1]],
         )  # fmt: skip
 
-    flows = [up_to(1), up_to(-1)]
-    how: dict[str, Any] = {"period": period, "settle": _SETTLES * period, "events": ()}
-    how["collocation"] = Collocation(6, 6)
-    for velocity in _VELOCITIES:
-        start = {"u": 0.0, "v": velocity * wall * p["omega"]}
+    flows, at = [up_to(1), up_to(-1)], {"k": min(k, _SETTLED)}
+    how: dict[str, Any] = {"period": period, "events": (), "collocation": Collocation(6, 6)}
+    for start in wall * p["omega"] * np.multiply.outer(_VELOCITIES, (0.0, 1.0)):
         with suppress(ContbreatherError):
-            found = cycle(flows, start, {"k": min(k, _SETTLED)}, **how)
+            ran = integrate(flows, start, at, time=_SETTLES * period, tolerance=1e-9)
+            late = [f for f in ran.pieces if f.number == 0 and f.t[0] > (_SETTLES - 4) * period]
+            if len(late) < 3:  # an orbit from wall to wall leaves one of them once in a period
+                continue
+            begin = 0.5 * float(late[-2].t[0] + late[-2].t[-1])
+            found = cycle(flows, dict(zip("uv", late[-2](begin), strict=True)), at, t0=begin, **how)
             twice = len(cycle_of(found).flights) == 2
             if twice and k > _SETTLED:
                 found = trace(found, "k", within={"k": (0.0, k)}, towards="up")[-1].problem

@@ -27,6 +27,9 @@ from contbreather.continuation import (
     trace,
     user,
 )
+from contbreather.continuation.algebra.sparse import Undefined
+from contbreather.continuation.events.event_location import _at_crossing
+from contbreather.continuation.events.step_interpolant import StepInterpolant, StepSamples
 from contbreather.errors import BadInput
 
 from . import zoo
@@ -219,6 +222,19 @@ def test_branch_point_knows_both_tangents() -> None:
     slopes = sorted(tangent[0] / tangent[1] for tangent in point.detail["tangents"])
     assert slopes == pytest.approx([-2.0, 1.0], abs=1e-9)
     assert point.tangent[0] / point.tangent[1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_branch_point_outside_a_bracket_is_not_the_zero_inside() -> None:
+    """Where the test of the second of two fails, Newton's iteration led to the first once more."""
+    mine = zoo.scalar(lambda x, p: x * (p["mu"] * (1 - p["mu"]) - x**2), 0.0, {"mu": -0.5})
+    branch = trace(mine, "mu", within={"mu": (-0.5, 1.5)}, events=[])
+    whole = StepInterpolant(branch[0], branch[-1], 1e-9)
+    samples = StepSamples(whole, branch_point(), {0.0: 1.0, 1.0: 1.0})
+    low, high, point = _at_crossing(samples, 0.3, 0.1, 0.5, 1.0)
+    assert low < 0.25 < high
+    assert point["mu"] == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(Undefined, match="the next branch point is outside"):
+        _at_crossing(samples, 0.3, 0.5, 0.9, 1.0)
 
 
 # --- jumps ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
 import contbreather as cb
+from contbreather.oscillators import anticontinuum
 
 DUFFING = {"b": 1.0, "c": 0.02, "d": 0.1, "a": 0.15}
 
@@ -186,3 +187,14 @@ def test_several_sites_impact_in_the_order_they_come(lattice, bonds, code) -> No
     apart = abs(orbit.multipliers[:, None] - np.linalg.eigvals(M))
     assert apart[linear_sum_assignment(apart)].max() < 1e-5
     assert orbit.unstable == 0
+
+
+def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatch) -> None:
+    """No return of it is waited for, which takes minutes where it hardly moves."""
+    monkeypatch.setattr(anticontinuum, "_VELOCITIES", (1.0,))
+    monkeypatch.setattr(anticontinuum, "cycle", lambda *_, **__: pytest.fail("waits"))
+    chain = cb.Oscillators(
+        W="c*r**2/2", lattice=cb.Ring(3), drive="a*cos(omega*t)", walls=1.0, k=0.8
+    )
+    with pytest.raises(cb.NoSolution, match="site 2: alone it has no orbit that impacts once"):
+        cb.breather(chain, {2: 1}, omega=1.0, params={"a": 0.03, "c": 0.05})

@@ -124,7 +124,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     try:
         u = brentq(value_at, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:
-        return _at_crossing(samples, secant, size)
+        return _at_crossing(samples, secant, left, right, size)
     if place := _solved(samples, u, left, right):
         return place
     point, kind = samples.segment.at(u), samples.event.kind
@@ -164,7 +164,7 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     return replace(point, detail={"reason": reason})
 
 
-def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
+def _at_crossing(samples: StepSamples, u: float, left: float, right: float, size: float) -> Located:
     """A zero where another curve crosses as well: the branch point is solved for."""
     segment = samples.segment
     try:
@@ -172,6 +172,10 @@ def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
     place, point = segment.corrected(branch_point.solution, branch_point.tangents)
+    if (
+        not left - ASIDE <= place <= right + ASIDE
+    ):  # that of another zero, which would be told twice
+        raise Undefined("its test has no value in between, and the next branch point is outside")
     if abs(samples.event.value_or_nan(point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
