@@ -172,9 +172,7 @@ def _at_crossing(samples: StepSamples, u: float, left: float, right: float, size
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
     place, point = segment.corrected(branch_point.solution, branch_point.tangents)
-    if (
-        not left - ASIDE <= place <= right + ASIDE
-    ):  # that of another zero, which would be told twice
+    if not left - ASIDE <= place <= right + ASIDE:  # that of another zero, told twice
         raise Undefined("its test has no value in between, and the next branch point is outside")
     if abs(samples.event.value_or_nan(point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
