@@ -35,7 +35,7 @@ from .anticontinuum import (
     refuse_other_period,
     resonance,
 )
-from .breather_problem import COLUMNS, Breather, BreatherProblem, discretised, events_of_breather
+from .breather_problem import COLUMNS, BreatherProblem, discretised, events_of_breather
 from .oscillator_lattice import SHARE, Oscillators
 
 WHOLE = Collocation(12, 6)  # errors about 1e-11 where few harmonics matter
@@ -123,17 +123,14 @@ def breather(
     wanted = events_of_breather(equations) if events is None else tuple(events)
     named = BreatherProblem.of(equations, values, wanted, label or "breather")
     problem: Any = named.solve(tolerance=1e-12)[0]
-    while collocation is None and _coarse(problem.solution) and problem.start["mesh"].size < _MOST:
+    # errors may be above 1e-10 by the trivial multiplier, or, without, the highest polynomials
+    while collocation is None and problem.start["mesh"].size < _MOST:
+        orbit = problem.solution
+        left = 0.0 if orbit.paired else max(flight.unresolved()[0] for flight in orbit.flights)
+        if abs(orbit.trivial - 1) <= _RESOLVED if orbit.paired else left <= _TAIL:
+            break
         problem = problem.halved().solve(tolerance=1e-12)[0]
     return problem
-
-
-def _coarse(orbit: Breather) -> bool:
-    """Tell whether errors may be above 1e-10: by the trivial multiplier, or where there is none by
-    the highest term of its polynomials."""
-    if orbit.paired:
-        return abs(orbit.trivial - 1) > _RESOLVED
-    return max(flight.unresolved()[0] for flight in orbit.flights) > _TAIL
 
 
 def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> dict[str, float]:
@@ -265,6 +262,10 @@ def breathers(
         How many sites are coded at most; or which.
     **how
         What else `breather` takes.
+
+    Returns
+    -------
+    tuple of CodedBreather
 
     Examples
     --------
