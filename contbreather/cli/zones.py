@@ -19,7 +19,7 @@ from contbreather.cli.output import (
     table_of,
 )
 from contbreather.cli.process import until_interrupted
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, add_partial_result
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -89,17 +89,25 @@ def _computed(options: dict[str, Any], beyond: bool, save: Any) -> tuple[cb.orbi
     from contbreather.continuation.walk.checkpoint import checkpoint
     from contbreather.workers import Failed
 
-    done: list[cb.orbits.Zones] = []
-    with checkpoint(save, "zones", lambda: tuple(done) or None) as file:
+    done: list[cb.orbits.Zones | Failed] = []
+
+    def so_far() -> tuple[cb.orbits.Zones, ...] | None:
+        there = [drawn for drawn in done if not isinstance(drawn, Failed)]
+        return tuple(replace(drawn, beyond=beyond) for drawn in there) or None
+
+    with (
+        checkpoint(save, "zones", so_far) as file,
+        add_partial_result(lambda drawn: done.extend(drawn[len(done) :])),
+    ):
         for result in cb.zones_many(**options):
             if isinstance(result, Failed):
                 raise result.error
-            done.append(replace(result, beyond=beyond))
+            done.append(result)
             if file:
-                file.look(True, lambda: tuple(done))
+                file.look(True, so_far)
         if file:
-            file.finish(tuple(done))
-    return tuple(done)
+            file.finish(so_far())
+    return so_far() or ()
 
 
 def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:

@@ -223,10 +223,10 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     how = {"period": period, "collocation": Collocation(6, 6), "events": ()}
     given = [{"u": u, "v": v} for u, v in starts]
     found = [of.orbit for of in cycles(field, given, {}, **how)] if given else []
-    return sorted((orbit for orbit in found if orbit and not orbit.unstable), key=swing)
+    return sorted((orbit for orbit in found if orbit and not orbit.unstable), key=_swing)
 
 
-def swing(orbit: Cycle) -> float:
+def _swing(orbit: Cycle) -> float:
     return 0.5 * (orbit.max["u"] - orbit.min["u"])
 
 
@@ -237,7 +237,7 @@ def _chosen(site: int, code: Any, found: list[Cycle]) -> Cycle:
     if code == "high" and len(found) == 1:
         raise NoSolution(
             f"site {site}: alone it has one attractor only, with the amplitude "
-            f"{swing(found[0]):.6g}; 'high' needs two."
+            f"{_swing(found[0]):.6g}; 'high' needs two."
         )
     if code in ("low", "high"):
         return found[0 if code == "low" else -1]
@@ -247,7 +247,7 @@ def _chosen(site: int, code: Any, found: list[Cycle]) -> Cycle:
             "sites follow one drive: what moves half a period later has -1 in the row drive= of "
             "its Lattice."
         )
-    return min(found, key=lambda orbit: abs(swing(orbit) - real(code)))
+    return min(found, key=lambda orbit: abs(_swing(orbit) - real(code)))
 
 
 def driven_without_coupling(
