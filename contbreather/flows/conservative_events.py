@@ -142,20 +142,20 @@ def followed(test: Callable[[Point], Any], point: Point) -> DefiningSystem:
 
 def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
     """Evaluate it at the nearest orbit, so that across solutions nothing changes."""
-    nearest = z - _beside(curve, z)[1] / np.sqrt(curve.metric)
-    return np.atleast_1d(test(Point(curve, nearest))) - np.append(0.0, extra)
+    return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]))) - np.append(0.0, extra)
 
 
 def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
-    units, ways = np.sqrt(curve.metric), _beside(curve, z)[0].T
-    places = (z + sign * _STEP * way / units for sign in (1, -1) for way in ways)
-    ahead, behind = np.split(np.array([_left(test, curve, at, extra) for at in places]), 2)
+    (ways, nearest), units = _beside(curve, z), np.sqrt(curve.metric)
+    # what solutions are off their tangents cancels, as it is the same ahead and behind
+    places = (nearest + sign * _STEP * way / units for sign in (1, -1) for way in ways)
+    ahead, behind = np.split(np.array([np.atleast_1d(test(Point(curve, at))) for at in places]), 2)
     slopes = (ahead - behind).T / (2 * _STEP) @ (ways * units)
     return np.hstack([slopes, -np.eye(1 + extra.size)[:, 1:]])
 
 
 def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
-    """Directions along solutions near by, orthonormal in the metric, and how far off these z is."""
+    """Directions along solutions near by, orthonormal in the metric, and the nearest solution."""
 
     def make(z: Array) -> tuple[Array, Array]:
         n, units = curve.size, np.sqrt(curve.metric)
@@ -165,7 +165,7 @@ def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
         both = np.eye(z.size, right.shape[1], -n)
         both[:n] = solved(curve.in_unknowns(z), right, "a fold in both parameters")
         ways, off = np.linalg.qr(units[:, None] * both[:, :-1])[0], units * both[:, -1]
-        return ways, off - ways @ (ways.T @ off)
+        return ways.T, z - (off - ways @ (ways.T @ off)) / units
 
     return curve.cached("beside", z, make)
 

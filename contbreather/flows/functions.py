@@ -345,7 +345,8 @@ def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Arr
             return np.asarray(joined((base + ways @ parts)[:, None])[:, 0])
 
         with np.errstate(all="ignore"):
-            scheme = choose(along, parts, sizes)
+            rounding = ROUNDING * float(abs(along(parts)).max(initial=0.0))
+            scheme = choose(along, parts, sizes, rounding)
         if isinstance(scheme, partial):  # differences
             finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None

@@ -29,6 +29,22 @@ def test_slopes_are_right_where_a_force_begins_that_was_not_seen_at_first() -> N
     np.testing.assert_allclose(deep, -1 - 30 * np.sqrt(np.maximum(x[0], 0.0)), rtol=1e-6, atol=1e-6)
 
 
+def test_rounding_of_the_terms_of_a_small_force_is_no_kink_and_a_small_kink_is_one() -> None:
+    """Far from a breather a force is as small as the rounding of what it is the difference of."""
+
+    def forces(other: Any) -> Any:
+        return lambda t, x, p: np.stack([(1 - np.exp(-x[0])) * np.exp(-x[0]), other(x[1])])
+
+    for far in (3e-13, 2e-12, 5e-11):
+        x = np.array([[1.0, 0.8, 0.3], [far, 2 * far, 0.0]])
+        slope = slopes(forces(lambda u: (1 - np.exp(-u)) * np.exp(-u)), 0.0, x, {})[1]
+        assert slope[0, 0] == pytest.approx(np.exp(-x[0]) * (2 * np.exp(-x[0]) - 1), rel=4e-16)
+        assert slope[1, 1] == pytest.approx(1.0, rel=1e-9)
+    x = np.array([[1.0, 0.8, 0.3], [-2e-4, 1e-4, 3e-4]])
+    slope = slopes(forces(np.abs), 0.0, x, {})[1]
+    assert slope[1, 1] == pytest.approx(np.sign(x[1]), rel=1e-6)
+
+
 def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:
     def doublings(F: float) -> list[float]:
         problem = cb.cycle(

@@ -156,9 +156,10 @@ def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = 
     return np.array(slopes).T.copy() / IMAGINARY
 
 
-def choose(function: Function, z: Array, scales: Array) -> Scheme:
-    """Complex steps if they agree with differences at `z`; anything not analytic does not."""
-    wanted, doubt, finer = estimate(function, z, scales)
+def choose(function: Function, z: Array, scales: Array, rounding: float = 0.0) -> Scheme:
+    """Complex steps if they agree with differences at `z`; anything not analytic does not. Values
+    may be off by `rounding` besides the rounding of each."""
+    wanted, doubt, finer = estimate(function, z, scales, rounding)
     fallback = functools.partial(differences, scales=scales, finer=finer)
     try:
         with warnings.catch_warnings():
@@ -170,7 +171,9 @@ def choose(function: Function, z: Array, scales: Array) -> Scheme:
     return complex_steps if misfit(exact, wanted, doubt) is None else fallback
 
 
-def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array, Array]:
+def estimate(
+    function: Function, z: Array, scales: Array, rounding: float = 0.0
+) -> tuple[Array, Array, Array]:
     """Differences, how far each can be trusted, and the `finer` that suits each column.
 
     A column is NaN where the function has no values to either side.
@@ -200,7 +203,8 @@ def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array,
     sizes = np.maximum(scales, abs(z))
     terms = np.nan_to_num(abs(best) * sizes).max(axis=1)  # what each row adds up, and rounds
     # rounding of the terms of a row, divided by the relative step
-    return best, doubt + 1e-11 * terms[:, None] * finer / sizes, finer
+    terms = 1e-11 * terms + rounding / RELATIVE
+    return best, doubt + terms[:, None] * finer / sizes, finer
 
 
 def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:
