@@ -58,8 +58,8 @@ from ..storage.serialise import serialised
 from .anticontinuum import forcing_period, refuse_other_period, resonance
 from .oscillator_lattice import Oscillators, between_walls
 
-COLUMNS = {name: name for name in ("energy", "action", "omega", "participation", "largest")}
-COLUMNS["max|u|"] = "farthest"
+COLUMNS = {"energy": "energy", "max|u|": "farthest"}
+COLUMNS |= {name: name for name in ("largest", "action", "omega", "participation")}
 
 
 def resting(t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -417,7 +417,7 @@ class BreatherProblem(CycleProblem):
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
         getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
-        return {**getters, "unstable": UNSTABLE}
+        return {"unstable": UNSTABLE, **getters}
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
