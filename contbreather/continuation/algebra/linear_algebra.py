@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .newton import Array, Undefined
-from .sparse import TURNS, Factors, Matrix, any_vector, beside, factorised, is_large, is_sparse
+from .sparse import (
+    TURNS,
+    Factors,
+    Matrix,
+    any_vector,
+    beside,
+    factorised,
+    in_order,
+    is_large,
+    is_sparse,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +71,8 @@ def solved(matrix: Matrix, right: NDArray[Any], why: str) -> NDArray[Any]:
         if not is_sparse(matrix):
             return np.asarray(np.linalg.solve(matrix, right))
         dtype = np.result_type(matrix.dtype, right.dtype)
-        return np.asarray(factorised(matrix.astype(dtype)).solve(right.astype(dtype)))
+        matrix = in_order(matrix.astype(dtype), matrix)
+        return np.asarray(factorised(matrix).solve(right.astype(dtype)))
     except (np.linalg.LinAlgError, RuntimeError) as error:
         raise Undefined(why) from error
 

@@ -9,8 +9,8 @@ scipy.sparse is imported where a problem turns out to be sparse, not before.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, cached_property, lru_cache, partial
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -151,7 +151,7 @@ def first_columns(matrix: Matrix, n: int) -> Matrix:
 
     end = matrix.indptr[n]
     parts = (matrix.data[:end], matrix.indices[:end], matrix.indptr[: n + 1])
-    return csc_array(parts, shape=(matrix.shape[0], n))
+    return in_order(csc_array(parts, shape=(matrix.shape[0], n)), matrix)
 
 
 def entry_columns(matrix: Matrix) -> NDArray[np.intp]:
@@ -179,9 +179,15 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
 def _with(matrix: Matrix, data: Array) -> Matrix:
     from scipy.sparse import csc_array
 
-    other: Matrix = csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
-    other.elimination = getattr(matrix, "elimination", None)  # the order that suits the pattern
-    return other
+    return in_order(csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape), matrix)
+
+
+def in_order(matrix: Matrix, of: Matrix, more: Sequence[int] = ()) -> Matrix:
+    """A matrix whose unknowns are best eliminated as those of another are, and some more after
+    these, if that has an order."""
+    if (order := getattr(of, "elimination", None)) is not None:
+        matrix.elimination = np.append(order, more).astype(np.intp)
+    return matrix
 
 
 class Factors:
@@ -226,8 +232,7 @@ class Factors:
         self._in_order = bool((order[:n] == np.arange(n)).all())
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
         core = scaled(core, self._rows)
-        known = getattr(self.matrix, "elimination", None) if self._in_order else None
-        kind: Any = partial(_Sparse, order=known) if is_sparse(core) else Dense
+        kind: Any = _Sparse if is_sparse(core) else Dense
         self._lu = kind(core)
         self.exact = self._lu.exact
         if not self.exact:  # a pivot that is exactly zero
@@ -321,10 +326,10 @@ class Factors:
 class _Sparse:
     """The factors of a square sparse matrix, as `Dense` of an array."""
 
-    def __init__(self, matrix: Matrix, order: NDArray[np.intp] | None = None) -> None:
+    def __init__(self, matrix: Matrix) -> None:
         self.exact = True
         try:
-            self._lu = factorised(matrix, order)
+            self._lu = factorised(matrix)
         except RuntimeError:
             self.exact = False
 
@@ -342,7 +347,7 @@ class _Sparse:
         return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
 
-def factorised(matrix: Matrix, elimination: NDArray[np.intp] | None = None) -> Any:
+def factorised(matrix: Matrix) -> Any:
     """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`, in an order that those
     who made it know to suit it, or else in one that is found.
 
@@ -356,7 +361,7 @@ def factorised(matrix: Matrix, elimination: NDArray[np.intp] | None = None) -> A
 
     counts = np.bincount(matrix.indices, minlength=matrix.shape[0])
     long = np.flatnonzero(counts > max(64, math.sqrt(counts.size)))
-    if elimination is not None:
+    if (elimination := getattr(matrix, "elimination", None)) is not None:
         return _InOrder(matrix, long, elimination, elimination)
     if 0 < long.size < 0.02 * counts.size:
         key = matrix.indptr.tobytes(), matrix.indices.tobytes(), matrix.indices.dtype.str

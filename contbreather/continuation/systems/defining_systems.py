@@ -30,7 +30,7 @@ from ..algebra.linear_algebra import (
     least_singular,
 )
 from ..algebra.newton import Array
-from ..algebra.sparse import Dense, Matrix, above, beside, is_large
+from ..algebra.sparse import Dense, Matrix, above, beside, in_order, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
@@ -298,7 +298,8 @@ class Extended:
         # | F_x  u_y  F_r  F_p |
         # | g_x  g_y  g_r  g_p |
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
+        whole = above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
+        return in_order(whole, matrix, range(n, n + extra.size + 1))
 
     # --- events of the shorter problem, asked at places of the longer one ---
 
