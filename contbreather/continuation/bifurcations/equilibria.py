@@ -246,13 +246,9 @@ def _examine_hopf(point: Point) -> Examined:
     if isinstance(upper, str):
         return upper
     known, omega = eigenvalues_at(point), math.sqrt(square) if square > 0 else upper.imag
-    return {
-        "omega": omega,
-        **({"reach": known.reach} if is_sparse(known.matrix) else {}),
-        **normal_forms.criticality(
-            "l1", lambda: normal_forms.lyapunov_coefficient(point, omega), stable_if_negative=True
-        ),
-    }
+    reach = {"reach": known.reach} if is_sparse(known.matrix) else {}
+    make = partial(normal_forms.lyapunov_coefficient, point, omega)
+    return normal_forms.criticality("l1", make, stable_if_negative=True, omega=omega, **reach)
 
 
 # --- where a second zero joins the one that a curve has everywhere ------------------------------

@@ -112,7 +112,8 @@ def _examine_flip(point: Point) -> Examined:
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
     if np.count_nonzero(off < near) > 1 and _eigenvectors(-1.0, point) > 1:
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
-    return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
+    make = partial(normal_forms.flip, point)
+    return normal_forms.criticality("c", make, stable_if_negative=False)
 
 
 def _examine_rotation(circle: Border, point: Point) -> Examined:
@@ -120,9 +121,8 @@ def _examine_rotation(circle: Border, point: Point) -> Examined:
     if isinstance(upper, str):
         return upper
     angle = cmath.phase(upper)
-    return {"angle": angle} | normal_forms.criticality(
-        "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
-    )
+    make = partial(normal_forms.rotation_coefficient, point, angle)
+    return normal_forms.criticality("d", make, stable_if_negative=True, angle=angle)
 
 
 # --- as equations -----------------------------------------------------------------------------

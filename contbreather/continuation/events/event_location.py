@@ -42,7 +42,8 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
         return replace(point, located=False, detail={**point.detail, "reason": verdict})
     level = {"level": str(event.test)} if isinstance(event.test, Level) else {}
     if isinstance(verdict, Detail):
-        detail = Detail({**point.detail, **level}, verdict.names, verdict.make)
+        known = {**point.detail, **verdict.known, **level}
+        detail = Detail(known, verdict.names, verdict.make)
         return replace(point, detail=detail)
     found = {**point.detail, **(verdict or {}), **level}
     return replace(point, kind=found.pop("kind", point.kind), detail=found)

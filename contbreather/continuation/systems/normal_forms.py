@@ -44,7 +44,7 @@ from ..algebra.sparse import (
     scaled,
 )
 from ..curve.curve import Curve
-from ..curve.point import Point
+from ..curve.point import Detail, Point
 
 Complex = NDArray[np.complex128]
 
@@ -183,9 +183,17 @@ def _sum(*terms: float) -> Coefficient:
 
 
 def criticality(
-    name: str, make: Callable[[], Coefficient], *, stable_if_negative: bool
+    name: str, make: Callable[[], Coefficient], *, stable_if_negative: bool, **known: float
+) -> Detail:
+    """A coefficient by its name, and what its sign says; or why it is not known. Dear to know, and
+    most events are only passed through: it is found when it is asked for."""
+    found = partial(_criticality, name, make, stable_if_negative)
+    return Detail(known, (name, "criticality"), found)
+
+
+def _criticality(
+    name: str, make: Callable[[], Coefficient], stable_if_negative: bool
 ) -> dict[str, Any]:
-    """A coefficient by its name, and what its sign says; or why it is not known."""
     try:
         coefficient = make()
     except OUT_OF_DOMAIN as error:
