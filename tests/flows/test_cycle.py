@@ -231,7 +231,8 @@ def test_a_canard_explosion_without_folds_has_none() -> None:
     def f(t, x, p):
         return [(x[1] - x[0] ** 3 / 3 + x[0]) / 0.02, p["a"] - x[0]]
 
-    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2})
+    few = Collocation(intervals=12)
+    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2}, collocation=few)
     hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
     (cycles,) = cb.switch(hopf, within={"a": (0.9, 1.1), "period": (0.1, 3.5)})
     assert cycles[-1]["period"] == 3.5
@@ -337,7 +338,7 @@ def turning(t, u, p):
 def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double() -> None:
     few = Collocation(intervals=6, points=5)
     start, params = {"x": np.sqrt(0.8), "y": 0.0, "z": 0.0}, {"b1": -0.04, "b2": 0.15}
-    cycle = cb.cycle(turning, start, params, settle=200, collocation=few)
+    cycle = cb.cycle(turning, start, params, settle=20, collocation=few)
     point = cb.trace(cycle, "b2", within={"b2": (0.1, 0.3)}).first("NS")
     assert point["b2"] == pytest.approx(0.2, abs=1e-7)  # b2 = -q
     window = {"b1": (-0.05, 0.02), "b2": (-0.1, 0.3)}

@@ -59,7 +59,7 @@ def test_short_steps_take_fewer(field, ring) -> None:
     short = cb.Steps(largest=0.01)
     functions, asked = a_point(
         field,
-        lambda: cb.trace(ring, "r", within={"r": (270.0, 281.0)}, towards="down", steps=short),
+        lambda: cb.trace(ring, "r", within={"r": (276.0, 281.0)}, towards="down", steps=short),
     )
     assert functions < 450
     assert asked < 4.1
