@@ -92,7 +92,7 @@ def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch, touches) 
         # the integrator of the test sees contacts that last longer than one of its steps
         orbits = [at.solution for at in branch if at.solution.durations.min() > 0.04]
         assert orbits
-        for orbit in orbits[::8]:
+        for orbit in orbits[::12]:
             arrived, contacts = flown(orbit)
             assert contacts == len(orbit.flights) // 2
             assert arrived == pytest.approx([*orbit.states(orbit.times[0]), 0.0], abs=1e-9)
@@ -162,7 +162,7 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
 def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
     start = resonance[1].problem
     plain, beyond = (
-        cb.diagram(start, "w", within={"w": (0.75, 2.0)}, depth=1, beyond=beyond)
+        cb.diagram(start, "w", within={"w": (0.75, 0.88)}, depth=1, beyond=beyond)
         for beyond in (False, True)
     )
     assert len(plain) == 1

@@ -287,10 +287,10 @@ def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     def forced(t, x, p):
         return [x[1], 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * np.cos(p["w"] * t)]
 
-    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.1, "A": 0.5}, Collocation(intervals=8)
+    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.085, "A": 0.5}, Collocation(intervals=8)
     locked = cb.cycle(forced, start, params, period=force, settle=60, collocation=few)
-    point = cb.trace(locked, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
-    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.1)}, towards="down")
+    point = cb.trace(locked, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
+    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.085)}, towards="down")
     assert line[-1].kind == "R1"
     assert abs(line[-1].solution.multipliers - 1) == pytest.approx(0, abs=1e-4)
     assert not line.doubtful
@@ -307,9 +307,9 @@ def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does
 
     start = {"x": 0.8, "v": 2.0, "c": 1.0, "s": 0.0}
     few = Collocation(intervals=10)
-    cycle = cb.cycle(driven, start, {"w": 1.1, "A": 0.5}, settle=60, collocation=few)
-    point = cb.trace(cycle, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
-    window = {"w": (1.05, 1.1)}
+    cycle = cb.cycle(driven, start, {"w": 1.085, "A": 0.5}, settle=60, collocation=few)
+    point = cb.trace(cycle, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
+    window = {"w": (1.05, 1.085)}
     tori = cb.boundary(point, ("w", "A"), within=window, towards="down")
     assert [place.kind for place in tori.special] == ["EP", "R1"]
     assert tori[-1]["angle"] == pytest.approx(0, abs=1e-9)
