@@ -620,7 +620,7 @@ def fires(periods: int, **params: float) -> cb.Problem:
     flow = cb.Flow(f, until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])
     rate = 1 / (1 - math.exp(-periods))
     params = {"I": rate + 0.01, "a": 0.0, "b": 0.0} | params
-    return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=50)
+    return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=15)
 
 
 @pytest.mark.parametrize(("periods", "b"), [(1, 0.5), (1, 0.2), (2, 0.1)])
