@@ -58,7 +58,7 @@ def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
         assert not branch["unstable"].any()
         assert not branch.doubtful
     assert np.ptp(branch["energy"]) == 0
-    at_period = cb.trace(walks["period"][0], "b", within={"b": (0.5, 1.5)})
+    at_period = cb.trace(walks["period"][0], "b", within={"b": (0.5, 1.5)}, events=())
     assert np.ptp(at_period["period"]) == 0
     np.testing.assert_allclose(
         duffing_period(at_period["max(u)"], at_period["b"]), 4.74555, atol=1e-9
@@ -71,7 +71,7 @@ def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> No
         lambda t, x, p: [x[1], -np.sin(x[0])], {"u": 2.0, "v": 0.0}, {},
         conserves=lambda x, p: x[1] ** 2 / 2 + 1 - np.cos(x[0]),
     )  # fmt: skip
-    branch = cb.trace(swing, "period", within={"period": (6.4, 20.0)})
+    branch = cb.trace(swing, "period", within={"period": (6.4, 20.0)}, events=())
     wanted = 4 * ellipk(np.sin(branch["max(u)"] / 2) ** 2)
     np.testing.assert_allclose(branch["period"], wanted, atol=2e-8)  # 1e-9 of the amplitude
     np.testing.assert_allclose(4 * ellipk(branch["energy"] / 2), branch["period"], atol=1e-9)
@@ -101,7 +101,7 @@ def test_a_straight_orbit_of_an_isotropic_oscillator_is_isolated_among_its_rotat
     start = {"x": 0.6, "y": 0.8, "vx": 0.0, "vy": 0.0}
     both = {"energy": energy, "spin": lambda x, p: x[0] * x[3] - x[1] * x[2]}
     branch = cb.trace(cb.cycle(f, start, {"b": 1.0}, conserves=both),
-                      "period", within={"period": (4.5, 5.5)})  # fmt: skip
+                      "period", within={"period": (4.5, 5.5)}, events=())  # fmt: skip
     size = np.hypot(branch["max(x)"], branch["max(y)"])
     np.testing.assert_allclose(branch["period"], duffing_period(size), atol=1e-8)
     assert abs(branch["spin"]).max() < 1e-12
@@ -303,7 +303,8 @@ def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
     halo = cb.cycle(three_bodies, start, {"mu": 0.04}, conserves=of_three_bodies)
     assert halo.params["period"] / 2 == pytest.approx(half, abs=1e-6)
     energy = of_three_bodies((last[0], 0.0, last[1], 0.0, last[2], 0.0), {"mu": 0.04})
-    branch = cb.trace(halo, "energy", within={"energy": (-2, energy)}, towards="up")
+    window = {"energy": (-2, energy)}
+    branch = cb.trace(halo, "energy", within=window, towards="up", events=())
     assert branch[-1]["energy"] == energy
     assert branch[-1]["period"] / 2 == pytest.approx(1.211253, abs=5e-6)  # digits of the start
     assert branch[-1]["max(z)"] == pytest.approx(last[1], abs=1e-6)
