@@ -108,9 +108,8 @@ def test_contact_without_a_jump_of_the_force_leaves_the_orbit_where_it_was(touch
 
 def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch, touches) -> None:
     for end, arm in touches:
-        there = cb.trace(
-            arm[3].problem, "w", towards="up" if end["w"] < 0.8 else "down", within=WITHIN, events=()
-        )
+        towards = "up" if end["w"] < 0.8 else "down"
+        there = cb.trace(arm[3].problem, "w", towards=towards, within=WITHIN, events=())
         shrunk = there.special[-1]
         assert (shrunk.kind, shrunk["w"]) == ("GR", pytest.approx(end["w"], rel=1e-9))
         window = sorted((1.1 * end["w"] - 0.08, 0.8))
