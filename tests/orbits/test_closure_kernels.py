@@ -92,9 +92,7 @@ def special(start: tuple[float, float, float], free: str, kind: str) -> cb.Point
         ((0.2, 0.08, 0.8), "gamma", "NS"),
     ],
 )
-@pytest.mark.parametrize(
-    "pair", [("gamma", "a"), ("k", "gamma"), ("c3", "a"), ("omega", "a"), ("k", "omega")]
-)
+@pytest.mark.parametrize("pair", [("gamma", "a"), ("c3", "a"), ("k", "omega")])
 def test_boundaries_and_places_filled_in_are_those_of_single_steps(
     monkeypatch, start, free, kind, pair
 ) -> None:
