@@ -43,7 +43,7 @@ def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     """In its period, in its energy, and in a parameter at a given period or energy."""
     walks = {
         "period": (backbone(period=4.74555), (4.0, 6.1)),
-        "energy": (backbone(), (0.01, 2.0)),
+        "energy": (backbone(), (1e-4, 2.0)),
         "b": (backbone(fixed="energy"), (-0.2, 2.0)),
     }
     for free, (start, window) in walks.items():
