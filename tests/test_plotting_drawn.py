@@ -451,7 +451,7 @@ def test_a_spectrum_crosses_where_the_branch_bifurcates() -> None:
     """+1 of half the map at the pitchfork; the eigenvalue 0 at a fold."""
     branch = cb.trace(cb.symmetric(0.7, 0.045, 0.8), "a", within={"a": (0.7, 0.82)})
     fork = branch.first("PF")["a"]
-    a, mu = _dots(plots.plot_spectrum(branch, half=True, sites=100).axes)
+    a, mu = _dots(plots.plot_spectrum(branch, half=True, sites=40).axes)
     assert mu[a < fork - 1e-9].max() < 1 + 0.05
     assert mu[a > fork + 1e-3].max() > 1.02
     line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})

@@ -108,7 +108,7 @@ def variants(image: bytes, rng: np.random.Generator) -> Iterator[tuple[str, byte
             names = [name for name, one in file[group].items() if isinstance(one, h5py.Dataset)]
             columns = [name for name in names if not h5py.h5ds.is_scale(file[group][name].id)]
             entries += [(group, name, new) for name in columns if name != ABOUT for new in COLUMNS]
-    for i in rng.permutation(len(entries))[:50]:
+    for i in rng.permutation(len(entries))[:25]:
         group, what, new = entries[i]
         memory = BytesIO(image)
         with h5py.File(memory, "r+") as file:

@@ -124,7 +124,7 @@ def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> N
 @pytest.mark.parametrize("w", [3.0, 1.5])
 def test_the_way_back_leads_to_the_same_orbits_without_an_impact(w: float) -> None:
     reach, start, within, grazing, arm = first_impact(w)
-    there = cb.trace(arm[3].problem, "s", within=within, towards="both")
+    there = cb.trace(arm[3].problem, "s", within=within, events=())
     gone = there.first("VI")
     assert gone["s"] == pytest.approx(grazing["s"], rel=1e-9)
     (back,) = cb.switch(gone, within=within)
@@ -145,14 +145,14 @@ def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
     mesh = cb.Collocation(intervals=10)
     start = {"x": -0.2, "v": 0.0}
     orbit = cb.cycle([HIT], start, on, period=period, settle=60, collocation=mesh)
-    branch = cb.trace(orbit, "w", within=within)
+    branch = cb.trace(orbit, "w", within=within, events=())
     for count in (2, 3):
         grazing = branch.first("GR")
-        (branch,) = cb.switch(grazing, within=within)
+        (branch,) = cb.switch(grazing, within=within, events=())
         assert {len(point.solution.flights) for point in branch} == {count}
         assert max(map(misses, hard(branch)[::8])) < 1e-9
         near = {"w": (grazing["w"] - 0.01, grazing["w"] + 0.01)}
-        there = cb.trace(branch[2].problem, "w", within=near, towards="both")
+        there = cb.trace(branch[2].problem, "w", within=near, events=())
         gone = next(end for end in ends(there) if end.kind == "VI")
         assert gone["w"] == pytest.approx(grazing["w"], rel=1e-9)
         (back,) = cb.switch(gone, within=near)
@@ -163,7 +163,8 @@ def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
 def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
     on, within = {"c": 0.04, "k": 0.5, "w": 2.2, "s": 0.3}, {"w": (2.1, 2.3)}
     orbit = cb.cycle([HIT], {"x": -0.2, "v": 0.0}, on, period=period, settle=60)
-    (arm,) = cb.switch(cb.trace(orbit, "w", within=within).first("GR"), within=within)
+    branch = cb.trace(orbit, "w", within=within, towards="down", events=())
+    (arm,) = cb.switch(branch.first("GR"), within=within, events=())
     gone = arm.first("VI")
     (back,) = cb.switch(gone, within=within)
     long, short = gone.solution, back[0].solution
@@ -175,10 +176,11 @@ def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
 
 def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
     walls = HIT, cb.Flow(field, until=left, reset=rebound)
-    branch = cb.trace(without_impacts(walls, s=0.3, w=5.0), "w", within={"w": (1.2, 6)})
+    within = {"w": (2.0, 2.6)}
+    branch = cb.trace(without_impacts(walls, s=0.3, w=2.5), "w", within=within, events=())
     met = []
     for _ in range(2):
-        (branch,) = cb.switch(branch.first("GR"), within={"w": (1.2, 6)})
+        (branch,) = cb.switch(branch.first("GR"), within=within)
         met.append({flow.until for flow in branch[-1].solution.equations.flows})
         assert max(misses(orbit, (right, left)) for orbit in hard(branch)[::4]) < 1e-9
     assert met == [{right}, {right, left}]
@@ -195,7 +197,7 @@ def test_a_compliant_stop_is_a_wall_of_two_flows() -> None:
     (arm,) = cb.switch(grazing, within=within)
     assert arm[0]["s"] == pytest.approx(amplitude(0.1, 3.0), rel=1e-9)
     assert arm[3].solution.equations.flows == tuple(stop)
-    gone = cb.trace(arm[3].problem, "s", within=within, towards="both").first("GR")
+    gone = cb.trace(arm[3].problem, "s", within=within, events=()).first("GR")
     (back,) = cb.switch(gone, within=within)
     assert back[0]["s"] == pytest.approx(grazing["s"], rel=1e-9)
     assert back[-1].solution.equations.flows == start.residual.flows

@@ -80,18 +80,18 @@ def check(branch: cb.Branch, system: cb.Filippov, flows: list[str], V: float = 0
 
 
 def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
-    within = {"A": (1.6, 2.1)}
-    moving = cb.trace(pushed(2.0), "A", within=within, towards="down")
+    within = {"A": (1.75, 2.0)}
+    moving = cb.trace(pushed(2.0), "A", within=within, towards="down", events=())
     (sticking,) = cb.switch(moving.first("SL"), within=within)
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["A"] == pytest.approx(ONSET, abs=1e-12)
-    assert sticking[-1]["A"] == 1.6
+    assert sticking[-1]["A"] == 1.75
     check(sticking, MASS, ["below", "sticks up", "above", "sticks down"])
     # and from the other side
-    again = cb.trace(pushed(1.8), "A", within=within, towards="up").first("SL")
+    again = cb.trace(pushed(1.8), "A", within=within, towards="up", events=()).first("SL")
     assert again["A"] == pytest.approx(ONSET, abs=1e-12)
     (back,) = cb.switch(again, within=within)
-    assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.1)
+    assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.0)
     check(back, MASS, ["below", "above"])
 
 
@@ -106,7 +106,7 @@ def test_without_symmetry_one_side_sticks_first() -> None:
     within, roads = {"A": (1.7, 2.0)}, []
     for start, way in ((1.95, "down"), (1.75, "up")):
         orbit = cb.cycle(mass, {"v": 0.3}, {"A": start}, period=TAU, settle=25)
-        branch = cb.trace(orbit, "A", within=within, towards=way)
+        branch = cb.trace(orbit, "A", within=within, towards=way, events=())
         places = []
         for _ in range(2):
             places.append(branch.first("SL"))
@@ -121,7 +121,7 @@ def test_without_symmetry_one_side_sticks_first() -> None:
 def test_a_mass_that_is_too_fast_to_stick_passes_the_belt_first_and_then_does_not_stick() -> None:
     within = {"d": (0.25, 0.55)}
     orbit = cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {**BELT, "d": 0.26}, settle=60)
-    branch = cb.trace(orbit, "d", within=within, towards="up")
+    branch = cb.trace(orbit, "d", within=within, towards="up", events=())
     (passing,) = cb.switch(branch.first("SL"), within=within)
     assert passing[0]["beyond"] == "persists"
     check(passing, STICK_SLIP, ["below", "above", "sticks down"], V=1.0)
@@ -146,15 +146,15 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
     belt = cb.Filippov(field(1), field(-1), lambda t, x, p: x[1] - 1.0)
     slips = cb.Flow(belt.f_minus, walls=([belt.minus, belt.to_minus],))
     start = cb.cycle(slips, {"x": 0.3, "v": 0.0}, {"a": 0.3}, period=TAU / 0.7, settle=200)
-    within = {"a": (0.3, 0.9)}
-    grazing = cb.trace(start, "a", within=within).first("GR")
+    within = {"a": (0.3, 0.8)}
+    grazing = cb.trace(start, "a", within=within, events=()).first("GR")
     known = abs(1 - 0.49 + 0.14j) / 0.7  # the velocity of the linear motion is that of the belt
     assert grazing["a"] == pytest.approx(known, rel=1e-9)
     (sticking,) = cb.switch(grazing, within=within)
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["a"] == pytest.approx(known, rel=1e-9)
     check(sticking, belt, ["below", "sticks down"], V=1.0)
-    lost = cb.trace(sticking[3].problem, "a", within=within, towards="both").special[0]
+    lost = cb.trace(sticking[3].problem, "a", within=within, events=()).special[0]
     (back,) = cb.switch(lost, within=within)
     assert (lost.kind, back[0]["a"]) == ("SL", pytest.approx(known, rel=1e-9))
     assert back[-1].solution.equations.flows == start.residual.flows
@@ -166,6 +166,6 @@ def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
 
     mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
     orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
-    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}).first("GR")
+    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}, events=()).first("GR")
     with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
         cb.switch(touched)

@@ -33,7 +33,7 @@ def resonance() -> cb.Branch:
     orbit = cb.cycle(
         flows, {"x": 0.0, "v": 0.0}, {"w": 0.8}, period=lambda p: TAU / p["w"], settle=200
     )
-    return cb.trace(orbit, "w", within=WITHIN)
+    return cb.trace(orbit, "w", within=WITHIN, events=())  # GR ends it
 
 
 def grazings(branch: cb.Branch) -> Iterator[cb.Point]:
@@ -92,7 +92,7 @@ def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch, touches) 
         # the integrator of the test sees contacts that last longer than one of its steps
         orbits = [at.solution for at in branch if at.solution.durations.min() > 0.04]
         assert orbits
-        for orbit in orbits[::8]:
+        for orbit in orbits[::12]:
             arrived, contacts = flown(orbit)
             assert contacts == len(orbit.flights) // 2
             assert arrived == pytest.approx([*orbit.states(orbit.times[0]), 0.0], abs=1e-9)
@@ -108,9 +108,8 @@ def test_contact_without_a_jump_of_the_force_leaves_the_orbit_where_it_was(touch
 
 def test_the_way_back_leads_to_the_same_orbits(resonance: cb.Branch, touches) -> None:
     for end, arm in touches:
-        there = cb.trace(
-            arm[3].problem, "w", towards="up" if end["w"] < 0.8 else "down", within=WITHIN
-        )
+        towards = "up" if end["w"] < 0.8 else "down"
+        there = cb.trace(arm[3].problem, "w", towards=towards, within=WITHIN, events=())
         shrunk = there.special[-1]
         assert (shrunk.kind, shrunk["w"]) == ("GR", pytest.approx(end["w"], rel=1e-9))
         window = sorted((1.1 * end["w"] - 0.08, 0.8))
@@ -162,7 +161,7 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
 def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
     start = resonance[1].problem
     plain, beyond = (
-        cb.diagram(start, "w", within={"w": (0.75, 2.0)}, depth=1, beyond=beyond)
+        cb.diagram(start, "w", within={"w": (0.75, 0.88)}, depth=1, beyond=beyond)
         for beyond in (False, True)
     )
     assert len(plain) == 1
@@ -175,7 +174,7 @@ def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch, touches) -> 
     far = next(grazings(arm))
     (less,) = cb.switch(far, within=WITHIN)
     towards = "up" if far["w"] > less[2]["w"] else "down"
-    end = cb.trace(less[2].problem, "w", within=WITHIN, towards=towards).special[-1]
+    end = cb.trace(less[2].problem, "w", within=WITHIN, towards=towards, events=()).special[-1]
     assert (end.kind, end["w"]) == ("GR", pytest.approx(far["w"], rel=1e-9))
     (again,) = cb.switch(end, within=WITHIN, steps=cb.Steps(most=1))
     assert ending_at(again[0], [resonance, less, arm]) == Duplicate(2)
@@ -187,6 +186,6 @@ def test_a_wall_leads_to_no_flow() -> None:
     orbit = cb.cycle(
         wall, {"x": 0.0, "v": 0.0}, {"w": 2.0}, period=lambda p: TAU / p["w"], settle=200
     )
-    branch = cb.trace(orbit, "w", within={"w": (0.5, 2.5)}, towards="down")
+    branch = cb.trace(orbit, "w", within={"w": (0.5, 2.5)}, towards="down", events=())
     with pytest.raises(cb.BadInput, match="give the wall as the flow that ends there"):
         cb.switch(branch.first("GR"))

@@ -28,7 +28,7 @@ def test_a_converter_doubles_its_period_where_its_map_does() -> None:
     assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
     (i,) = (root.real for root in np.roots([1, 0, 1, -1]) if abs(root.imag) < 1e-9)
     assert branch.first("PD")["b"] == pytest.approx(i**-3, abs=1e-9)
-    (arm,) = cb.switch(branch.first("PD"), within={"b": (3.01, 4)})
+    (arm,) = cb.switch(branch.first("PD"), within={"b": (3.01, 4)}, events=())
     orbit = arm[-1].solution
     assert orbit.period == pytest.approx(2 * PERIOD, abs=1e-12)
     low, high = sorted(flight.end[0] for flight in orbit.flights)[:2]
@@ -69,7 +69,7 @@ def test_what_only_the_period_ends_has_doubled_orbits() -> None:
     flip = cb.trace(rest, "K", within={"K": (0.9, 5)}).first("PD")
     steepest = 0.6 / np.tanh(0.15)
     assert flip["K"] == pytest.approx(steepest, rel=1e-9)
-    (arm,) = cb.switch(flip, within={"K": (0.9, 6)})
+    (arm,) = cb.switch(flip, within={"K": (0.9, 6)}, events=())
     th = arm["max(th)"][1:]
     assert arm[-1]["K"] == 6
     assert arm["K"][1:] * np.sin(th) == pytest.approx(steepest * th, rel=1e-8)

@@ -231,7 +231,8 @@ def test_a_canard_explosion_without_folds_has_none() -> None:
     def f(t, x, p):
         return [(x[1] - x[0] ** 3 / 3 + x[0]) / 0.02, p["a"] - x[0]]
 
-    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2})
+    few = Collocation(intervals=12)
+    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2}, collocation=few)
     hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
     (cycles,) = cb.switch(hopf, within={"a": (0.9, 1.1), "period": (0.1, 3.5)})
     assert cycles[-1]["period"] == 3.5
@@ -286,10 +287,10 @@ def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     def forced(t, x, p):
         return [x[1], 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * np.cos(p["w"] * t)]
 
-    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.1, "A": 0.5}, Collocation(intervals=8)
+    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.085, "A": 0.5}, Collocation(intervals=8)
     locked = cb.cycle(forced, start, params, period=force, settle=60, collocation=few)
-    point = cb.trace(locked, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
-    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.1)}, towards="down")
+    point = cb.trace(locked, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
+    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.085)}, towards="down")
     assert line[-1].kind == "R1"
     assert abs(line[-1].solution.multipliers - 1) == pytest.approx(0, abs=1e-4)
     assert not line.doubtful
@@ -306,9 +307,9 @@ def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does
 
     start = {"x": 0.8, "v": 2.0, "c": 1.0, "s": 0.0}
     few = Collocation(intervals=10)
-    cycle = cb.cycle(driven, start, {"w": 1.1, "A": 0.5}, settle=60, collocation=few)
-    point = cb.trace(cycle, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
-    window = {"w": (1.05, 1.1)}
+    cycle = cb.cycle(driven, start, {"w": 1.085, "A": 0.5}, settle=60, collocation=few)
+    point = cb.trace(cycle, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
+    window = {"w": (1.05, 1.085)}
     tori = cb.boundary(point, ("w", "A"), within=window, towards="down")
     assert [place.kind for place in tori.special] == ["EP", "R1"]
     assert tori[-1]["angle"] == pytest.approx(0, abs=1e-9)
@@ -337,7 +338,7 @@ def turning(t, u, p):
 def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double() -> None:
     few = Collocation(intervals=6, points=5)
     start, params = {"x": np.sqrt(0.8), "y": 0.0, "z": 0.0}, {"b1": -0.04, "b2": 0.15}
-    cycle = cb.cycle(turning, start, params, settle=200, collocation=few)
+    cycle = cb.cycle(turning, start, params, settle=20, collocation=few)
     point = cb.trace(cycle, "b2", within={"b2": (0.1, 0.3)}).first("NS")
     assert point["b2"] == pytest.approx(0.2, abs=1e-7)  # b2 = -q
     window = {"b1": (-0.05, 0.02), "b2": (-0.1, 0.3)}
@@ -619,7 +620,7 @@ def fires(periods: int, **params: float) -> cb.Problem:
     flow = cb.Flow(f, until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])
     rate = 1 / (1 - math.exp(-periods))
     params = {"I": rate + 0.01, "a": 0.0, "b": 0.0} | params
-    return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=50)
+    return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=15)
 
 
 @pytest.mark.parametrize(("periods", "b"), [(1, 0.5), (1, 0.2), (2, 0.1)])

@@ -31,7 +31,7 @@ def rotation(torque: float, d: float, **more: Any) -> Any:
 
 def test_a_rotation_closes_up_to_a_turn_and_has_the_multiplier_of_its_damping() -> None:
     orbit = rotation(1.2, 0.3, settle=60)
-    at = cb.trace(orbit, "torque", within={"torque": (1.1, 1.3)})[0]
+    at = cb.trace(orbit, "torque", steps=cb.Steps(most=1))[0]
     period = at["period"]
     start = at.solution.flights[0].states[0]
     run = solve_ivp(partial(pendulum, p=at.params), (0.0, period), start, rtol=1e-12, atol=1e-12)

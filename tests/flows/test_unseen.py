@@ -81,8 +81,9 @@ def test_half_of_a_forced_orbit_doubles_where_the_whole_loses_its_symmetry() -> 
     for flow, period, kind in ((mirror, np.pi, "PD"), (duffing, TAU, "BP")):
         orbit = cb.cycle(flow, {"x": 1.0, "v": 0.0}, {"F": 2.2}, period=period, settle=60)
         branch = cb.trace(orbit, "F", within={"F": (2.0, 2.5)}, towards="up")
-        arm = cb.switch(branch.first(kind), within={"F": (2.0, 3.6)})[0]
-        kinds.append([branch.first(kind)["F"], *(at["F"] for at in arm.special if at.kind == "LP")])
+        lost, folds = branch.first(kind), (cb.fold(),)
+        arm = cb.switch(lost, within={"F": (2.0, 3.6)}, events=folds)[0]
+        kinds.append([lost["F"], *(at["F"] for at in arm.special if at.kind == "LP")])
     assert len(kinds[0]) == 3
     assert kinds[0] == pytest.approx(kinds[1], rel=1e-8)
 

@@ -104,7 +104,8 @@ def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
 def test_the_doubled_orbit_of_the_moebius_strip_is_the_closed_form() -> None:
     """In the axes that turn along, q = (sqrt mu, 0): twice around, with its own multipliers."""
     for name in ("moebius", "forced doubling"):
-        (arm,) = cb.switch(CASES[name].branch.first("PD"), within={"mu": (-0.1, 0.5)})
+        flip = CASES[name].branch.first("PD")
+        (arm,) = cb.switch(flip, within={"mu": (-0.1, 0.5)}, events=())
         for at in arm[1:]:
             assert at["period"] == pytest.approx(4 * math.pi, abs=1e-8)
             wanted = [math.exp(-8 * math.pi * at["mu"]), math.exp(-4 * math.pi * (1 + at["mu"]))]
@@ -124,6 +125,7 @@ def test_branches_leave_what_is_at_rest(name: str) -> None:
 
 
 def test_a_pitchfork_of_cycles_has_both_arms() -> None:
-    arms = cb.switch(CASES["pitchfork of cycles"].branch.first("BP"), within={"mu": (-0.5, 0.5)})
+    fork = CASES["pitchfork of cycles"].branch.first("BP")
+    arms = cb.switch(fork, within={"mu": (-0.5, 0.5)}, events=())
     ends = sorted(arm[-1]["max(z)"] for arm in arms)
     np.testing.assert_allclose(ends, [-math.sqrt(0.5), math.sqrt(0.5)], atol=1e-8)

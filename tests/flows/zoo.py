@@ -317,7 +317,7 @@ enter(
         lambda t, x, p: [p["mu"] - (x[0] - np.sin(t)) ** 2 + np.cos(t)],
         {"y": 0.5}, {"mu": 0.25}, period=2 * np.pi, settle=20,
     ),
-    "mu", (-0.5, 1.0), (("LP", 0.0),),
+    "mu", (-0.5, 0.3), (("LP", 0.0),),
     lambda at: [((at["max(y)"] - 1) ** 2, at["mu"]),
                 (np.log(at.solution.others.real), [-4 * np.pi * (at["max(y)"] - 1)])],
 )  # fmt: skip
@@ -380,7 +380,7 @@ LINEAR = {"F": 1.0, "w": 1.5, "c": 0.1}
 enter(
     "linear resonance",
     cycle(linear, {"x": 0.0, "v": 0.0}, LINEAR, period=turn, settle=100),
-    "w", (0.7, 2.0), (), along_linear,
+    "w", (0.9, 1.6), (), along_linear,
 )  # fmt: skip
 
 # The same beside a wall at 1, which it grazes where its amplitude is 1: the branch ends.
@@ -557,7 +557,7 @@ enter(
                  reset=lambda t, x, p: [x[0], x[1], 0.0])],
         dict(zip("Vis", buck_start(22.0), strict=True)), {"Vin": 22.0},
     ),
-    "Vin", (20.0, 28.0), (("PD", buck_doubling()),),
+    "Vin", (22.0, 26.0), (("PD", buck_doubling()),),
 )  # fmt: skip
 
 
@@ -588,7 +588,7 @@ enter(
                 until=lambda t, x, p: x[0] + p["b"], reset=lambda t, x, p: [-x[0], -x[1], -x[2]]),
         {"x": 0.2, "y": 1.0, "z": 1.5}, {"b": 0.1}, settle=60,
     ),
-    "b", (0.02, 1.0), (), lambda at: [(at["period"], relay_half_period(at["b"]))],
+    "b", (0.05, 0.6), (), lambda at: [(at["period"], relay_half_period(at["b"]))],
 )  # fmt: skip
 
 
@@ -666,7 +666,7 @@ enter(
         kicked(lambda x, p: -np.sin(x[0]), 0.5, lambda p: p["J"]),
         {"x": 0.1, "v": 1.0}, {"J": 0.5}, settle=60,
     ),
-    "J", (0.1, 0.97), (),
+    "J", (0.3, 0.9), (),
     lambda at: [(at["period"], 4 * ellipk(at["J"] ** 2)), (max(at.solution.others.real), 0.5)],
 )  # fmt: skip
 
@@ -766,7 +766,7 @@ FAST, SLOW = Impacting(1.5), Impacting(0.9)
 enter(
     "impact oscillator, fold",
     cycle(FAST.flow, {"x": 0.9, "v": -2.0}, {"F": 1.0, "w": 1.5}, period=turn, settle=80),
-    "F", (0.3, 1.5), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
+    "F", (0.3, 1.35), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
 )  # fmt: skip
 enter(
     "impact oscillator, doubling",
@@ -784,7 +784,7 @@ enter(
                 reset=lambda t, x, p: [x[0], x[1] + p["K"] * np.sin(x[0])]),
         {"x": 0.0, "v": 0.0}, {"K": -1.0}, period=1.0,
     ),
-    "K", (-6.0, 1.0), (("PD", -2 * 0.3 * (1 + LOSS) / (1 - LOSS)), ("BP", 0.0)),
+    "K", (-4.5, 0.5), (("PD", -2 * 0.3 * (1 + LOSS) / (1 - LOSS)), ("BP", 0.0)),
     lambda at: [(at.solution.others.sum(), 1 + LOSS + at["K"] * (1 - LOSS) / 0.3)],
 )  # fmt: skip
 

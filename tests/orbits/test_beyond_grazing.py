@@ -144,9 +144,9 @@ def test_where_no_orbit_is_beyond_grazing_a_sentence_says_what_is(on, says):
 
 @pytest.mark.parametrize("gamma", [0.05, 0.12])
 def test_a_site_that_grazes_between_its_impacts_hits_twice_in_a_row(gamma):
-    breather = cb.symmetric(0.55, gamma, 0.01 if gamma < 0.1 else 0.001)
-    end = cb.trace(breather, "a", within={"a": (0.1, 1.5)}).first("GR")
-    (arm,) = cb.switch(end, within={"a": (0.1, 1.5)})
+    breather, within = cb.symmetric(0.55, gamma, 0.01 if gamma < 0.1 else 0.001), {"a": (0.55, 1.5)}
+    end = cb.trace(breather, "a", within=within).first("GR")
+    (arm,) = cb.switch(end, within=within)
     twice = arm[len(arm) // 2].solution
     assert twice.section.impacts == ((0, 1), (0, 1), (0, -1), (0, -1))
     assert checked(twice) == ""
@@ -160,7 +160,7 @@ HARD = {  # and where the third impact is one of infinitely many
 
 @pytest.mark.parametrize("name", HARD)
 def test_where_a_site_chatters_a_sentence_says_so_and_a_simulation_has_it_rest(name):
-    within = {"a": (0.1, 1.5)}
+    within = {"a": (0.55, 1.5)}
     end = cb.trace(cb.symmetric(0.55, **HARD[name]), "a", within=within).first("GR")
     (twice,) = cb.switch(end, within=within)
     with pytest.raises(NothingToSwitch, match=r"site \d chatters: .* at rest on its wall"):
@@ -203,7 +203,7 @@ LOST = {  # stable up to GR, where both orbits end
 
 @pytest.mark.parametrize("name", LOST)
 def test_beyond_a_nonsmooth_fold_a_simulation_goes_where_its_sentence_says(name):
-    within = {"a": (0.1, 1.5)}
+    within = {"a": (0.5, 1.5)}
     branch = cb.trace(cb.symmetric(0.5, **LOST[name]), "a", within=within)
     end, before = branch.first("GR"), [p for p in branch if p.kind != "GR"][-1].solution
     (arm,) = cb.switch(end, within=within)
@@ -251,7 +251,7 @@ def test_what_ends_within_its_first_step_is_followed_to_there():
 
 
 def test_a_sentence_says_what_hits_twice_in_a_row_and_what_no_more():
-    within = {"a": (0.1, 1.5)}
+    within = {"a": (0.5, 1.5)}
     end = cb.trace(cb.symmetric(0.8, **SOFT["ring"]), "a", within=within).first("GR")
     (arm,) = cb.switch(end, within=within)
     assert arm[0]["says"].startswith("site 0 hits its wall twice in a row; ")
@@ -286,7 +286,7 @@ def test_a_diagram_lists_ends_beyond_which_no_orbit_is_with_what_there_is(tmp_pa
 
 def test_elastic_neighbours_that_graze_as_the_breather_hits_are_found():
     end = cb.trace(cb.symmetric(0.75, 0.08, 1.0), "a", towards="up").first("GR")
-    (arm,) = cb.switch(end, within={"a": (0.1, 1.5)})
+    (arm,) = cb.switch(end, within={"a": (0.7, 1.5)})
     assert arm[1].solution.section.hit == (-1, 0, 1)
     assert checked(arm[len(arm) // 2].solution) == ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
@@ -152,6 +153,12 @@ def test_what_happens_along_the_frequency_happens_on_branches_in_a_of_scaled_pro
 CHAINS = {}, {"damping": 0.02, "lattice": cb.Ring(7), "spring": 0.05}
 
 
+@functools.cache
+def along_omega(a: float, gamma: float, damped: bool) -> cb.Branch:
+    start = cb.symmetric(a, gamma, 0.8, **CHAINS[damped])
+    return cb.trace(start, "omega", within={"omega": (0.7, 6)})
+
+
 # no pair passes the threshold of the damped ring here
 @pytest.mark.parametrize(
     ("kind", "on"), [("NS", CHAINS[0]), *itertools.product(("LP", "PF", "GR"), CHAINS)]
@@ -159,8 +166,7 @@ CHAINS = {}, {"damping": 0.02, "lattice": cb.Ring(7), "spring": 0.05}
 def test_a_boundary_in_the_frequency_is_that_in_the_plane_of_a_and_gamma(kind, on):
     """Along (omega, a) at one gamma both scaled parameters move: each place of the curve is on that
     kind's curve of the scaled problem, for there its defining system holds."""
-    start = {"LP": (0.9, 0.05), "PF": (0.9, 0.05), "NS": (0.3, 0.08), "GR": (0.9, 0.05)}[kind]
-    first = cb.trace(cb.symmetric(*start, 0.8, **on), "omega", within={"omega": (0.7, 6)})
+    first = along_omega(*((0.3, 0.08) if kind == "NS" else (0.9, 0.05)), bool(on))
     line = cb.boundary(
         first.first(kind), ("omega", "a"), within={"omega": (0.7, 6), "a": (0.01, 9)},
         steps=cb.Steps(most=12),

@@ -413,20 +413,22 @@ def test_curves_of_special_points_are_the_same_by_every_representation(case, rep
 LEFT = [row for row in FOLLOWED if row[2] in ("PF", "PD")]
 
 
+@functools.cache
+def arms(case: str, representation: str, kind: str) -> list[list[float]]:
+    """Impulses on each branch that leaves a point of a kind, some way off."""
+    free, found = CASES[case].free, []
+    for point in named(case, representation, kind):
+        for branch in cb.switch(point, within={free: (point[free] - 0.004, point[free] + 0.004)}):
+            orbit = branch[-1].solution
+            assert orbit.section.turns == given(case).section.turns * (1 + (kind == "PD"))
+            assert not orbit.symmetric
+            found.append(sorted(abs(orbit.impulses).tolist()))
+    return sorted(found)
+
+
 @each("case, representation, kind", LEFT)
 def test_branches_that_leave_are_the_same_by_every_representation(case, representation, kind):
-    def arms(by: str) -> list[list[float]]:
-        found = []
-        for point in named(case, by, kind):
-            at = point[CASES[case].free]
-            for branch in cb.switch(point, within={CASES[case].free: (at - 0.004, at + 0.004)}):
-                orbit = branch[-1].solution
-                assert orbit.section.turns == given(case).section.turns * (1 + (kind == "PD"))
-                assert not orbit.symmetric
-                found.append(sorted(abs(orbit.impulses).tolist()))
-        return sorted(found)
-
-    own, wanted = arms(representation), arms(first_representation(case))
+    own, wanted = (arms(case, by, kind) for by in (representation, first_representation(case)))
     assert len(own) == len(wanted) > 0
     for one, other in zip(own, wanted, strict=True):
         assert one == pytest.approx(other, abs=1e-7)

@@ -125,8 +125,9 @@ def test_sites_that_are_alike_are_exchanged_and_others_are_not() -> None:
 def test_sites_of_the_infinite_chain_are_exchanged_with_their_offsets() -> None:
     two = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=cb.Ring(20))
     chain = two.unfolded().on(cb.InfiniteChain())
-    fork = next(p for p in cb.trace(chain, "a", within={"a": (0.6, 0.9)}).special if p.kind == "BP")
-    arm = cb.switch(fork, within={"a": (0.6, 0.9)})[0][-1].solution
+    how = {"within": {"a": (0.6, 0.9)}, "events": [cb.branch_point()]}
+    fork = cb.trace(chain, "a", **how).first("BP")
+    arm = cb.switch(fork, **how)[0][-1].solution
     assert abs(np.subtract(*arm.offsets)) < 1e-9 < abs(arm.offsets[0])
     images = list(images_of(arm))
     assert len(images) == 3
