@@ -309,6 +309,20 @@ def test_its_stability_is_a_verdict() -> None:
     assert "max(v9)" not in str(orbit.table())
 
 
+def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
+    one, other = (
+        cb.breathers(chain, omega=1.5, sites=sites, params={"c": 0.03}) for sites in ([0], [0, 1])
+    )
+    heights = cb.plot(one[0]).axes.get_lines()[0].get_ydata()
+    np.testing.assert_array_equal(heights, one[0].breather.solution.displacement(slice(5), 0.0))
+    with pytest.raises(cb.BadInput, match="a CodedBreather was among them: draw each"):
+        cb.plot(*one, *other)
+    (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
+    with pytest.raises(cb.BadInput, match="nothing to draw.*reaches 0.69.*of the coupling"):
+        cb.plot(none)
+
+
 def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
     """The largest displacement of each site in each period, and the energies of all and of one."""
     start = phi4(cb.OpenChain(3), {1: 1}, 0.05)
