@@ -190,7 +190,7 @@ class Breather(Cycle):
     def _at(self, n: Any) -> NDArray[np.int64]:
         ring, count = isinstance(self.lattice, Ring), self.chain.sites
         n = np.arange(count)[n] if isinstance(n, slice) else n
-        return whole_sites(n) % count if ring else whole_sites(n, count)
+        return whole_sites(n, math.inf if ring else count, self.lattice) % count
 
     def state(self, t: Any = 0.0) -> tuple[Array, Array]:
         """Positions and velocities of all sites at a time, or at times."""

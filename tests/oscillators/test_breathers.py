@@ -290,6 +290,8 @@ def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
     for asked in (start.solution.displacement, start.solution.velocity):
         with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 5"):
             asked(6, 0.0)
+        with pytest.raises(cb.BadInput, match=r"\(i, j\) of this grid has the number 3 i \+ j"):
+            asked((1, 1), 0.0)
     with pytest.raises(cb.BadInput, match=r"perturb has shape \(3,\).*each of 12 states"):
         cb.integrate(start, periods=1, perturb=np.ones(3))
     with pytest.raises(cb.BadInput, match="periods = -2: how many, above 0"):
@@ -319,7 +321,7 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
     with pytest.raises(cb.BadInput, match="a CodedBreather was among them: draw each"):
         cb.plot(*one, *other)
     (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
-    with pytest.raises(cb.BadInput, match="nothing to draw.*reaches 0.69.*of the coupling"):
+    with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.69.*of the coupling"):
         cb.plot(none)
 
 
