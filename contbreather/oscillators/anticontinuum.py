@@ -103,13 +103,12 @@ class SingleOscillator:
         if found := self.amplitudes(omega, sign):
             wanted = 0.0 if abs(code) == 1.0 else abs(code)
             return sign * min(found, key=lambda a: abs(a - wanted))
-        small = self.half_periods(_AMPLITUDES[:1], sign)[0]
-        if not math.isfinite(small):
+        known = math.pi / self.half_periods(_AMPLITUDES, sign)
+        if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         raise NoSolution(
-            f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
-            f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
-            "one that softens smaller ones."
+            f"site {self.site}: alone, up to |u| = {_AMPLITUDES[-1]:g}, it oscillates at "
+            f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"
         )
 
 

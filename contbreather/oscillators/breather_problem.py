@@ -41,9 +41,10 @@ from ..continuation.curve.point import Event, Examined, Point
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import Singular, signed_smallest
+from ..errors import BadInput
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
-from ..flows.conservative_events import conservative_events, examine_place, followed
+from ..flows.conservative_events import conservative_events, event_at
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
@@ -258,8 +259,10 @@ class Breather(Cycle):
     def unstable_multipliers(self) -> NDArray[np.complex128]:
         return self.multipliers[: self.unstable]
 
-    def stability(self, threshold: float | None = None) -> Verdict:
+    def stability(self, threshold: float | None = None, sites: None = None) -> Verdict:
         """Is it stable? By the multipliers outside of the unit circle, or beyond a threshold."""
+        if sites is not None:
+            raise BadInput(f"sites = {sites}: leave it out; this is the {self.lattice.describe()}")
         if threshold is not None:
             return verdict(self, threshold)
         return Verdict(self.lattice.describe(), self.period, None, self.unstable, map=self)
@@ -362,8 +365,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
-    found = partial(examine_place, 1.0, said)
-    pf = Event("PF", _turned_around, examine=found, locus=partial(followed, _turned_around))
+    pf = event_at(1.0, "PF", _turned_around, said)
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return lp, turn, branch_point, pf, pd, kc, born
 

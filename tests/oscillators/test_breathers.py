@@ -245,6 +245,9 @@ def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> Non
         ({"W": "r**2/2 + r**4/4", "lattice": cb.Ring(10)}, "may be shifted together"),
         ({"W": "r**2/2 + r**4/4", "lattice": cb.OpenChain(11)}, "may be shifted together"),
         ({"V": "(u**2 - 1)**2/8", "W": "r**2/2", "lattice": cb.Ring(5)}, "minimum of its potent"),
+        ({"V": "1 - cos(u)", "W": "r**2/2", "lattice": cb.Ring(5)}, r"to 1, not at 2\.5$"),
+        # that of u^4/4 is 0.8472 |u|
+        ({"V": "u**4/40000", "W": "r**2/2", "lattice": cb.Ring(5)}, r"to 0\.8472.*, not at 2\.5$"),
     ],
 )
 def test_lattices_without_isolated_breathers_say_why(given, says) -> None:
@@ -306,6 +309,8 @@ def test_its_stability_is_a_verdict() -> None:
     assert (exact.stable, exact.unstable, ruled.stable) == (False, 1, True)
     assert exact.largest == ruled.largest == pytest.approx(1.785304246, abs=1e-9)
     assert "ring of 11: unstable, 1 multiplier" in repr(exact)
+    with pytest.raises(cb.BadInput, match="sites = 9: leave it out; this is the ring of 11"):
+        orbit.stability(sites=9)
     assert repr(orbit) == "<Breather of frequency 1.5, 1 unstable>"
     assert "participation" in str(orbit.table())
     assert "max(v9)" not in str(orbit.table())
