@@ -296,6 +296,7 @@ class Detail(Mapping[str, Any]):
 
 
 Examined = str | Mapping[str, Any]
+NOTHING: Examined = {"kind": ""}  # what is found where nothing happens
 Many = tuple[Any, Any]  # arrays with a test and the count beside it, None without one
 
 
@@ -327,7 +328,8 @@ class Event:
     examine : callable, optional
         ``examine(point)`` returns a str, the reason why a located point is not what the kind says,
         empty if it is; or a dict of what else to know of it, coefficients of its normal form for
-        instance. That is kept in ``point.detail``, but for "kind", a better name.
+        instance. That is kept in ``point.detail``, but for "kind", a better name; an empty one says
+        that nothing happens there.
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
