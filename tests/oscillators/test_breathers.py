@@ -10,6 +10,7 @@ import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
 from contbreather.oscillators.breather_problem import BreatherProblem, SparseHalfOrbit
+from contbreather.plotting import plot_multipliers
 
 from .test_boundaries import HARD as PULL
 from .test_boundaries import half_map, whole
@@ -328,6 +329,21 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
     (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
     with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.69.*of the coupling"):
         cb.plot(none)
+
+
+def test_open_circles_among_the_multipliers_have_a_legend() -> None:
+    """Those of the band, below a hard breather; above a soft one they have the signature +1."""
+    both = phi4(cb.Ring(5), {0: 1, 2: -1}, 0.03).solution
+    axes = plot_multipliers(both).axes
+    words = {word.get_text() for word in axes.get_legend().get_texts()}
+    assert words == {"Krein signature \N{MINUS SIGN}1"}
+    (drawn,) = (line for line in axes.get_lines() if line.get_label() in words)
+    circles = drawn.get_xdata() + 1j * drawn.get_ydata()
+    ends = [abs(both.others - mu).min() for mu in circles]
+    assert (len(circles), max(ends) < 1e-12) == (6, True)
+    soft = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(5))
+    alone = cb.breather(soft, {0: 1}, omega=0.8, params={"c": 0.03})
+    assert plot_multipliers(alone).axes.get_legend() is None
 
 
 def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
