@@ -122,8 +122,8 @@ def plot(
             return plot_zones(drawn, **wanted)  # beside each other
         other = next(kind_of(one) for one in drawn if not isinstance(one, Branch))
         raise BadInput(
-            f"only branches are drawn together, or zones; {other} was among them: draw each of "
-            "the others by itself"
+            f"only branches are drawn together, or zones; {other} was among them: leave it out, or "
+            "draw it by itself"
         )
     value, draw = _drawn(drawn[0])
     if draw is None:

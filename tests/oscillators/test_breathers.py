@@ -324,7 +324,7 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
     )
     heights = cb.plot(one[0]).axes.get_lines()[0].get_ydata()
     np.testing.assert_array_equal(heights, one[0].breather.solution.displacement(slice(5), 0.0))
-    with pytest.raises(cb.BadInput, match="a CodedBreather was among them: draw each"):
+    with pytest.raises(cb.BadInput, match="a CodedBreather was among them: leave it"):
         cb.plot(*one, *other)
     (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
     with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.69.*of the coupling"):
