@@ -18,9 +18,8 @@ indices that are the eigenvalues of one of them,
     M_half = | A  B |,   M = | 1 + 2 B^T C    2 D^T B   |
              | C  D |        |   2 A^T C    1 + 2 C^T B |.
 
-Events are those of pairs of multipliers, as of cycles where something is conserved: at +1 LP, where
-the energy of the family turns (or at a given energy its parameter), BP, and PF, where orbits that
-are not time-reversible branch off; at -1 PD; KC.
+Events are those of pairs of multipliers, as of cycles where something is conserved; at +1 PF, too,
+where orbits that are not time-reversible branch off.
 """
 
 from __future__ import annotations
@@ -268,7 +267,9 @@ class Breather(Cycle):
         return Verdict(self.lattice.describe(), self.period, None, self.unstable, map=self)
 
     def __repr__(self) -> str:
-        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
+        near, inside = resonance(self.chain, self.omega, self.params)
+        spread = f"; {near}" if inside and not self.chain.dissipative else ""
+        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable{spread}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -407,7 +408,7 @@ class BreatherProblem(CycleProblem):
 
     def ends_near(self, point: Point) -> str:
         orbit: Breather = point.solution
-        near = resonance(orbit.chain, orbit.omega, orbit.params)
+        near, _ = resonance(orbit.chain, orbit.omega, orbit.params)
         return f"|u| is at most {orbit.farthest:.3g} there, and of its harmonics {near}"
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

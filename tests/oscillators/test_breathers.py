@@ -317,6 +317,18 @@ def test_its_stability_is_a_verdict() -> None:
     assert "max(v9)" not in str(orbit.table())
 
 
+def test_an_orbit_says_which_of_its_harmonics_is_in_the_band() -> None:
+    """Odd forces have no second one."""
+    chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(7))
+    for omega, said in (
+        (0.34, "; harmonic 3, 1.02, lies in the band of small oscillations, 1 to 1.09092>"),
+        (0.52, "unstable>"),
+    ):
+        orbit = cb.breather(chain, {3: 1}, omega=omega, params={"c": 0.05}).solution
+        assert repr(orbit).endswith(said)
+        assert (orbit.swings.min() > 1.0) == (omega == 0.34)
+
+
 def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
     one, other = (
