@@ -420,7 +420,7 @@ class BreatherProblem(CycleProblem):
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
         getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
-        return {**getters, "unstable": UNSTABLE}
+        return {"unstable": UNSTABLE, **getters}
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:

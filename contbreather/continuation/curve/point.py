@@ -106,7 +106,7 @@ class Point(HtmlRepr):
 
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""
-        names = [*self.curve.problem.names, *self.curve.problem.record]
+        names = [*self.curve.problem.listed, *self.curve.problem.record]
         shown = [(name, self.table_value(name)) for name in names]
         numbers: list[Any] = [(name, value) for name, value in shown if np.ndim(value) == 0]
         numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
@@ -205,7 +205,7 @@ class Point(HtmlRepr):
         return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
 
     def __repr__(self) -> str:
-        shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
+        shown = {name: self[name] for name in self.curve.problem.listed if np.ndim(self[name]) == 0}
         values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
         if self.located:
             return f"Point({self.title + ': ' if self.label else ''}{values})"

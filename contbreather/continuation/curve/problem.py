@@ -403,10 +403,9 @@ class Problem(Structure):
         return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
     def start_text(self) -> str:
-        values = {**self.start, **self.params}
-        return ", ".join(
-            f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0
-        )
+        every = {**self.start, **self.params}
+        shown = {name: every[name] for name in self.listed if np.ndim(every[name]) == 0}
+        return ", ".join(f"{name}={float(value):.6g}" for name, value in shown.items())
 
 
 def problem_in(owner: object) -> Problem:
