@@ -10,7 +10,7 @@ import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
 from contbreather.oscillators.breather_problem import BreatherProblem, SparseHalfOrbit
-from contbreather.plotting import plot_multipliers
+from contbreather.plotting import plot_multipliers, plot_space_time
 
 from .test_boundaries import HARD as PULL
 from .test_boundaries import half_map, whole
@@ -370,6 +370,9 @@ def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
     whole, site = (line.get_ydata() for line in energies.get_lines())
     np.testing.assert_allclose(whole, start.solution.energy, atol=1e-6)
     assert site.max() < start.solution.energy
+    alone = plot_space_time(start).axes  # over one period, in the same units
+    assert alone.get_ylabel() == picture.get_ylabel()
+    assert alone.get_ylim() == pytest.approx((0.0, 1.0), abs=5e-3)
     few = cb.plot(cb.integrate(start, periods=2)).figure.axes
     assert sum(len(axes.get_lines()) for axes in few) == 6  # u and v of each site
 
