@@ -125,7 +125,7 @@ def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
         grid = f" Site (i, j) of this grid has the number {shape[1]} i + j." if shape else ""
         raise BadInput(
             f"code = {brief(code)}: a dict of sites, from 0 to {chain.sites - 1}, and 1, -1 or an "
-            f"amplitude for each was expected, {{5: 1}} for instance.{grid}"
+            f"amplitude for each was expected, {{{chain.sites // 2}: 1}} for instance.{grid}"
         )
     return {int(n): value for n, value in given.items()}
 

@@ -290,7 +290,11 @@ def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
         cb.Ring(9, masses=np.ones(9))
     with pytest.raises(cb.BadInput, match="a dict of sites, from 0 to 5"):
         cb.breathers(chain, omega=1.5, sites=[9], params={"c": 0.01})
+    with pytest.raises(cb.BadInput, match=r"\{3: 1\} for instance"):
+        cb.breather(chain, 2, omega=1.5, params={"c": 0.01})
     start = cb.breather(chain, {4: 1}, omega=1.5, params={"c": 0.01})
+    with pytest.raises(AttributeError, match=r"has no 'energy'; its orbit may: problem\.solution"):
+        start.energy  # noqa: B018
     for asked in (start.solution.displacement, start.solution.velocity):
         with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 5"):
             asked(6, 0.0)
