@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -291,7 +291,7 @@ class Multibreather(HtmlRepr):
     copies: int
     gamma: float
     ended: str
-    orbit: Orbit | None
+    orbit: Orbit | None = field(repr=False)
 
     @property
     def exists(self) -> bool:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -223,7 +223,7 @@ class CodedBreather(HtmlRepr):
     copies: int
     share: float
     ended: str
-    breather: BreatherProblem | None
+    breather: BreatherProblem | None = field(repr=False)
 
     @property
     def exists(self) -> bool:

@@ -338,6 +338,7 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
     one, other = (
         cb.breathers(chain, omega=1.5, sites=sites, params={"c": 0.03}) for sites in ([0], [0, 1])
     )
+    assert repr(one) == "(CodedBreather(code={0: 1}, copies=2, share=1.0, ended=''),)"
     heights = cb.plot(one[0]).axes.get_lines()[0].get_ydata()
     np.testing.assert_array_equal(heights, one[0].breather.solution.displacement(slice(5), 0.0))
     with pytest.raises(cb.BadInput, match="a CodedBreather was among them: leave it"):
