@@ -191,6 +191,8 @@ def check_kind(
 
 
 def kind_of(value: object) -> str:
-    """Name the kind of a value, with its article."""
+    """Name the kind of a value, with its article; of what may be empty by now say what keeps it."""
     kind = type(value).__name__
+    if isinstance(value, Iterator):
+        kind += " (it gives its values once, list(...) keeps them)"
     return "None" if value is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -37,6 +37,10 @@ class Front(ModuleType):
         self.__dict__[name] = value = getattr(module, name) if home else module
         return value
 
+    def __call__(self, *args: Any, **named: Any) -> Any:
+        known = ", ".join(self._homes)
+        raise TypeError(f"{self.__name__} is a package, no function; it has {known}")
+
     def __setattr__(self, name: str, value: object) -> None:
         # a module that was imported would take the place of the function that it is called after
         if not (isinstance(value, ModuleType) and self._homes.get(name)):

@@ -113,7 +113,7 @@ def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
     assert lost.table().rows == list(zip(lost.exponents, lost.error, strict=True))
     for value in (*(value for value, _ in rows), waves, lost):
         assert "<table" in value._repr_html_()
-        assert pictures_of(value._repr_html_()) == []
+        assert len(pictures_of(value._repr_html_())) == (value is alone)  # that of its orbit
 
 
 def test_a_covering_is_a_line_for_each_count_and_one_for_each_gap() -> None:

@@ -261,6 +261,8 @@ def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 def test_unknown_public_name_is_refused_with_the_known_ones() -> None:
     with pytest.raises(AttributeError, match=r"no attribute 'symetric'; it has .*BadInput"):
         contbreather.symetric  # noqa: B018
+    with pytest.raises(TypeError, match=r"stability is a package, no function; it has .*verdict"):
+        contbreather.stability()
 
 
 def test_public_names_are_listed() -> None:

@@ -289,7 +289,11 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
     ("draw", "sentence"),
     [
         (lambda b, z: plots.plot(b, x="b"), "no column 'b'; this branch has"),
-        (lambda b, z: plots.plot(), "at least one branch"),
+        (lambda b, z: plots.plot(), "one branch; those of trace_many come once, a list keeps"),
+        (
+            lambda b, z: plots.plot(cb.trace_many([b[0]], "a")),
+            r"got a generator \(it gives its values once, list\(\.\.\.\) keeps them\)",
+        ),
         (lambda b, z: plots.plot(b, z), "only branches are drawn together, or zones; a Zones was"),
         (lambda b, z: plots.plot(z, y="p"), "y says nothing of the picture of a Zones"),
         (lambda b, z: plots.plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),

@@ -48,6 +48,12 @@ def examine_place(place: float, found: Examined, point: Point) -> Examined:
     return unresolved(point) or (found if off < _NEAR else far)
 
 
+def event_at(place: float, kind: str, test: Any, found: Examined, **how: Any) -> Event:
+    """Make the event of a test that vanishes where a pair is at a place; it is followed by that."""
+    examine, locus = partial(examine_place, place, found), partial(followed, test)
+    return Event(kind, test, examine=examine, locus=locus, **how)
+
+
 def turn_of_energy(point: Point) -> float:
     """Solve for the change of the energy along the family at given parameters, for a change of the
     period: it vanishes where a pair is at +1 and branches do not cross."""
@@ -179,13 +185,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     """List the events of pairs of multipliers, with that of crossing branches among them."""
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(_fold_locus, plain))
-    turn = Event(
-        "LP", turn_of_energy, examine=partial(examine_place, 1.0, beside),
-        locus=partial(followed, turn_of_energy), may_jump=True,
-    )  # fmt: skip
-    pd = Event(
-        "PD", nearest_to_minus_one, examine=partial(examine_place, -1.0, ""),
-        locus=partial(followed, nearest_to_minus_one),
-    )  # fmt: skip
+    turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
+    pd = event_at(-1.0, "PD", nearest_to_minus_one, "")
     kc = Event("KC", _apart, locus=partial(followed, _meeting), examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

@@ -263,6 +263,10 @@ class CycleProblem(Problem):
         """States: their envelopes are columns."""
         return tuple(self.residual.parts)
 
+    def __getattr__(self, name: str) -> Any:
+        orbit = "problem.solution of a breather, flows.cycle_of(problem) of a cycle"
+        raise AttributeError(f"a problem has no {name!r}; its orbit may: {orbit}")
+
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         orbit = self.orbit(np.array(point.x), point.params)
         if self.keeps_solutions:

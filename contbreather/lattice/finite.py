@@ -400,8 +400,13 @@ def by_matrix(lattice: Finite) -> Lattice:
     return Lattice(stiffness_of(lattice), name=lattice.describe().partition(" of")[0])
 
 
-def whole_sites(n: ArrayLike, count: float = math.inf) -> NDArray[np.int64]:
+def whole_sites(n: ArrayLike, count: float = math.inf, lattice: Any = None) -> NDArray[np.int64]:
     """Numbers of sites, of a lattice of so many, or a sentence."""
+    if isinstance(n, tuple) and len(n) == 2 and (shape := getattr(lattice, "shape", None)):
+        raise BadInput(
+            f"n = {n}: site (i, j) of this grid has the number {shape[1]} i + j; two sites are a "
+            f"list, {[*n]}."
+        )
     try:
         sites = np.asarray(n)
     except ValueError:  # rows of different lengths

@@ -286,12 +286,13 @@ class ModalResponse(Response):
     def _check_apart(self, waves: ModeWaves) -> None:
         if not waves.apart.min() > RESONANT:
             w = math.sqrt(abs(float(self.z[waves.apart.argmin()])))
-            raise self.resonance(f" with {w:.9g} times the frequency of the drive")
+            raise self.resonance(w)
 
-    def resonance(self, which: str = "") -> Resonance:
+    def resonance(self, w: float) -> Resonance:
         return Resonance(
-            f"a mode of the {self.lattice.describe()}{which} is in resonance with the orbit: "
-            "change gamma, spring or omega, or give it damping."
+            f"a mode of the {self.lattice.describe()} with {w:.9g} times the frequency of the "
+            "drive is in resonance with the orbit: change gamma, spring or omega, or give it "
+            "damping."
         )
 
     @property

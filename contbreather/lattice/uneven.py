@@ -140,14 +140,15 @@ class Medium:
 
         return np.asarray(expm(time * self.generator(self.pull, self.loss)))
 
-    def room(self, first: float, step: float, by: str = "") -> float:
-        """Change of a parameter up to which all modes certainly are off all harmonics."""
+    def room(self, first: float, step: float, by: str = "") -> tuple[float, float]:
+        """Change of a parameter up to which all modes certainly are off all harmonics, and the
+        harmonic that one of them meets first."""
         pull, loss = _strengths(self, by)
         # no mode is faster than the root of K's norm
         last = 2.0 * step + self._fastest
         count = math.ceil((last - first) / step) + 1
         harmonics = [first + i * step for i in range(count)]
-        return min(self._least(w) / (pull + w * loss) for w in harmonics)
+        return min((self._least(w) / (pull + w * loss), w) for w in harmonics)
 
     def _least(self, w: float) -> float:
         """Bound of the singular values of `dynamic`, which move no faster than the matrix does: by

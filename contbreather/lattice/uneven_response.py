@@ -153,7 +153,7 @@ def _site_waves(of: UnevenResponse, by: str) -> SiteWaves:
 def _modes(of: UnevenResponse, by: str) -> SiteModes:
     medium, pace = of.own
     first, step = harmonics(of.turns, of.sign)
-    room = medium.room(first / pace, step / pace, by)
+    room, nearest = medium.room(first / pace, step / pace, by)
     if not room * pace * pace > RESONANT:
-        raise of.resonance()
+        raise of.resonance(nearest * pace)
     return modes_of(medium, 2.0 ** math.floor(math.log2(RADIUS * room)), by)

@@ -10,10 +10,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -292,7 +291,7 @@ class Multibreather(HtmlRepr):
     copies: int
     gamma: float
     ended: str
-    orbit: Orbit | None
+    orbit: Orbit | None = field(repr=False)
 
     @property
     def exists(self) -> bool:
@@ -378,6 +377,8 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
 
 def classes_of(images: Mapping[Any, Iterable[Any]]) -> list[tuple[Any, int]]:
     """The first of each class of choices that are images of each other, and how many it has."""
+    import networkx as nx  # dear to import, as below
+
     alike, order = nx.Graph(), {choice: i for i, choice in enumerate(images)}
     alike.add_nodes_from(images)
     alike.add_edges_from((a, b) for a, others in images.items() for b in others if b in order)
@@ -392,6 +393,8 @@ def exchanges_of_sites(bonds: FloatArray, own: Iterable[Any]) -> Iterator[Mappin
     To nine digits what sets sites apart is the diagonal of a symmetric matrix and rows of their
     own, and what sets bonds apart are its other entries.
     """
+    import networkx as nx
+
     graph = nx.Graph()
     for n, traits in enumerate(zip(bonds.diagonal(), *own, strict=True)):
         graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits))

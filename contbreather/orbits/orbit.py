@@ -87,7 +87,8 @@ class Orbit(ImpactSequence, HtmlRepr):
         Parameters
         ----------
         n : int or array_like of int
-            Site; on a ring modulo its number of sites.
+            Site; on a ring modulo its number of sites. Site (i, j) of a grid has the number
+            ``i columns + j``.
         t : float or array_like
             Any real times; n and t are broadcast against each other.
 
@@ -107,7 +108,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         return self._profile(n, t, 2)
 
     def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
-        values = self.motion.states(whole_sites(n), numbers("t", t))[order]
+        values = self.motion.states(whole_sites(n, lattice=self.lattice), numbers("t", t))[order]
         return float(values) if np.ndim(values) == 0 else values
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:

@@ -27,6 +27,7 @@ from contbreather.continuation.files.resume import refined
 from contbreather.continuation.walk.checkpoint import Checkpoint
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
+from contbreather.lattice.conditions import check_drive
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
@@ -113,9 +114,12 @@ class ZoneSearch:
     def run(self, shown: Counter) -> None:
         scans = [self._scan(x, shown) for x in self._comb(self.pair[0])]
         if not any(scans):
-            at = " and ".join(
-                f"{n} = {x:g}" for n, x in {self.name: self.value, **self.held}.items()
-            )
+            known = {self.name: self.value, **self.held}
+            if "omega" in self.within:  # the band may be wider than the window
+                least = known | {n: window[0] for n, window in self.within.items()}
+                held = least["gamma"], self.model.get("spring"), self.model["lattice"]
+                check_drive(self.within["omega"][1], *held)
+            at = " and ".join(f"{n} = {x:g}" for n, x in known.items())
             searched = " and ".join(
                 f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
                 for name, (low, high) in self.within.items()

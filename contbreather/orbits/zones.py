@@ -151,8 +151,8 @@ def zones(
     if len(fixed) != 1:
         raise BadInput(
             f"zones need exactly one of k, gamma and a fixed, got {fixed or 'none'}; "
-            "zones(k=0.8) draws the plane (gamma, a), and zones(k=0.8, gamma=0.05) that of omega "
-            "and a"
+            "zones(k=0.8) draws the plane (gamma, a), and zones(k=0.8, gamma=0.05), without "
+            "omega=, that of omega and a"
         )
     ((name, value),) = fixed.items()
     # a diagram for each; a string is iterable too, but no values

@@ -43,6 +43,7 @@ _LEAST = 0.02  # share of the coupling from which it is walked
 LITTLE = 0.05  # the share of the coupling that tells in which order several sites impact
 _SHRUNK, _BEYOND = 1e-5, 0.01  # of a period; and the share where the next order is looked for
 _AT_ONCE = 1e-7  # relative to the walls: what is as close to one impacts as well
+_LATER = "; one drive moves all, half a period later those with -1 in the row drive= of the Lattice"
 
 # flows, if it is not smooth, an orbit of them, and the share of the coupling at which it is one
 Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
@@ -103,13 +104,12 @@ class SingleOscillator:
         if found := self.amplitudes(omega, sign):
             wanted = 0.0 if abs(code) == 1.0 else abs(code)
             return sign * min(found, key=lambda a: abs(a - wanted))
-        small = self.half_periods(_AMPLITUDES[:1], sign)[0]
-        if not math.isfinite(small):
+        known = math.pi / self.half_periods(_AMPLITUDES, sign)
+        if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         raise NoSolution(
-            f"site {self.site}: alone it has no oscillation of the frequency {omega:.6g}; its "
-            f"small ones have {math.pi / small:.6g}, and a potential that hardens larger ones, "
-            "one that softens smaller ones."
+            f"site {self.site}: alone, up to |u| = {_AMPLITUDES[-1]:g}, it oscillates at "
+            f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"
         )
 
 
@@ -125,7 +125,7 @@ def coded(chain: Oscillators, code: Any) -> dict[int, Any]:
         grid = f" Site (i, j) of this grid has the number {shape[1]} i + j." if shape else ""
         raise BadInput(
             f"code = {brief(code)}: a dict of sites, from 0 to {chain.sites - 1}, and 1, -1 or an "
-            f"amplitude for each was expected, {{5: 1}} for instance.{grid}"
+            f"amplitude for each was expected, {{{chain.sites // 2}: 1}} for instance.{grid}"
         )
     return {int(n): value for n, value in given.items()}
 
@@ -144,21 +144,23 @@ def half_without_coupling(
     return (), (flight,), 0.0
 
 
-def resonance(chain: Oscillators, omega: float, p: Params) -> str:
-    """Say which harmonic of a frequency is nearest to the band of small oscillations, or in it."""
+def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, bool]:
+    """Say which harmonic of a frequency is nearest to the band of small oscillations, or in it, and
+    tell whether it is in."""
     band = chain.frequencies(p)
     if np.isnan(band).any():
-        return "at rest it is unstable there"
+        return "at rest it is unstable there", False
     low, high = float(band[0]), float(band[-1])
-    m = np.arange(1, int(high / omega) + 2)
+    u = np.linspace(0.1, 0.4, chain.sites)  # anywhere: where forces are odd so are all harmonics
+    pull, push = chain.gradient(u, p), chain.gradient(-u, p)
+    odd = not chain.dissipative and abs(pull + push).max() <= 1e-12 * abs(pull).max()
+    m = np.arange(1, int(high / omega) + 3, 2 if odd else 1)
     off = np.maximum(np.maximum(low - m * omega, m * omega - high), 0.0)
     j = int(off.argmin())
     where = "lies in" if off[j] == 0 else f"is {off[j]:.3g} off"
     name = "the frequency itself" if m[j] == 1 else f"harmonic {m[j]}"
-    return (
-        f"{name}, {m[j] * omega:.6g}, {where} the band of small oscillations, {low:.6g} to "
-        f"{high:.6g}"
-    )
+    edges = f"the band of small oscillations, {low:.6g} to {high:.6g}"
+    return f"{name}, {m[j] * omega:.6g}, {where} {edges}", bool(off[j] == 0)
 
 
 # --- driven ones ---------------------------------------------------------------------------------
@@ -243,9 +245,7 @@ def _chosen(site: int, code: Any, found: list[Cycle]) -> Cycle:
         return found[0 if code == "low" else -1]
     if not real(code) > 0:
         raise BadInput(
-            f"site {site}: {code!r} was given; 'low', 'high' or an amplitude is expected. All "
-            "sites follow one drive: what moves half a period later has -1 in the row drive= of "
-            "its Lattice."
+            f"site {site}: {code!r} was given; 'low', 'high' or an amplitude is expected{_LATER}"
         )
     return min(found, key=lambda orbit: abs(_swing(orbit) - real(code)))
 
@@ -285,10 +285,7 @@ def between_walls_without_coupling(
             "of a conservative one from impact to impact are not looked for"
         )
     if any(value != 1 for value in code.values()):
-        raise BadInput(
-            f"code = {code!r}: 1 is expected for each site that impacts. All sites follow one "
-            "drive: what moves half a period later has -1 in the row drive= of its Lattice."
-        )
+        raise BadInput(f"code = {code!r}: 1 is expected for each site that impacts{_LATER}")
     p = {**given, SHARE: 0.0}
     orbits = {n: _single(chain, p, n) for n in code}
     first = orbits[next(iter(code))].flights[0]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -178,7 +178,7 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
             first, _ = first.solve(tolerance=1e-11)
         except NotConverged as error:
             raise NoSolution(
-                f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)}"
+                f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)[0]}"
             ) from error
         ends = (replace(fold(), ends="branch"),)
         # of several that impact, first as far as to tell their order
@@ -192,7 +192,7 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
     turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
     raise CouplingEnds(
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
-        f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)}.",
+        f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)[0]}.",
         float(end[SHARE]),
     )
 
@@ -223,7 +223,7 @@ class CodedBreather(HtmlRepr):
     copies: int
     share: float
     ended: str
-    breather: BreatherProblem | None
+    breather: BreatherProblem | None = field(repr=False)
 
     @property
     def exists(self) -> bool:

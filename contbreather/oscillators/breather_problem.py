@@ -18,9 +18,8 @@ indices that are the eigenvalues of one of them,
     M_half = | A  B |,   M = | 1 + 2 B^T C    2 D^T B   |
              | C  D |        |   2 A^T C    1 + 2 C^T B |.
 
-Events are those of pairs of multipliers, as of cycles where something is conserved: at +1 LP, where
-the energy of the family turns (or at a given energy its parameter), BP, and PF, where orbits that
-are not time-reversible branch off; at -1 PD; KC.
+Events are those of pairs of multipliers, as of cycles where something is conserved; at +1 PF, too,
+where orbits that are not time-reversible branch off.
 """
 
 from __future__ import annotations
@@ -41,9 +40,10 @@ from ..continuation.curve.point import Event, Examined, Point
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import Singular, signed_smallest
+from ..errors import BadInput
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
-from ..flows.conservative_events import conservative_events, examine_place, followed
+from ..flows.conservative_events import conservative_events, event_at
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
@@ -190,7 +190,7 @@ class Breather(Cycle):
     def _at(self, n: Any) -> NDArray[np.int64]:
         ring, count = isinstance(self.lattice, Ring), self.chain.sites
         n = np.arange(count)[n] if isinstance(n, slice) else n
-        return whole_sites(n) % count if ring else whole_sites(n, count)
+        return whole_sites(n, math.inf if ring else count, self.lattice) % count
 
     def state(self, t: Any = 0.0) -> tuple[Array, Array]:
         """Positions and velocities of all sites at a time, or at times."""
@@ -258,14 +258,18 @@ class Breather(Cycle):
     def unstable_multipliers(self) -> NDArray[np.complex128]:
         return self.multipliers[: self.unstable]
 
-    def stability(self, threshold: float | None = None) -> Verdict:
+    def stability(self, threshold: float | None = None, sites: None = None) -> Verdict:
         """Is it stable? By the multipliers outside of the unit circle, or beyond a threshold."""
+        if sites is not None:
+            raise BadInput(f"sites = {sites}: leave it out; this is the {self.lattice.describe()}")
         if threshold is not None:
             return verdict(self, threshold)
         return Verdict(self.lattice.describe(), self.period, None, self.unstable, map=self)
 
     def __repr__(self) -> str:
-        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable>"
+        near, inside = resonance(self.chain, self.omega, self.params)
+        spread = f"; {near}" if inside and not self.chain.dissipative else ""
+        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable{spread}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -362,8 +366,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
-    found = partial(examine_place, 1.0, said)
-    pf = Event("PF", _turned_around, examine=found, locus=partial(followed, _turned_around))
+    pf = event_at(1.0, "PF", _turned_around, said)
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return lp, turn, branch_point, pf, pd, kc, born
 
@@ -405,7 +408,7 @@ class BreatherProblem(CycleProblem):
 
     def ends_near(self, point: Point) -> str:
         orbit: Breather = point.solution
-        near = resonance(orbit.chain, orbit.omega, orbit.params)
+        near, _ = resonance(orbit.chain, orbit.omega, orbit.params)
         return f"|u| is at most {orbit.farthest:.3g} there, and of its harmonics {near}"
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:

@@ -123,9 +123,8 @@ class Oscillators:
     Parameters
     ----------
     V : str or callable, optional
-        Potential of each site, a formula in ``u``, or ``V(u, p)``; none unless given. Other names
-        in a formula are parameters. Nothing is executed; derivatives are those of SymPy, those of a
-        callable complex steps: it has to be analytic.
+        Potential of each site, a formula in ``u``, or ``V(u, p)``, which has to be analytic; none
+        unless given. Other names in a formula are parameters; it is never executed.
     W : str or callable
         Potential of each bond, a formula in the difference ``r`` of its ends, or ``W(r, p)``.
     lattice : Ring or Lattice

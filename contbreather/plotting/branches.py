@@ -69,7 +69,9 @@ def plot_branches(
     colours: Sequence[str] | None = None,
 ) -> Drawn:
     if not branches:
-        raise BadInput("plot needs at least one branch")
+        raise BadInput(
+            "plot needs at least one branch; those of trace_many come once, a list keeps them"
+        )
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     check_kind(labels, (bool, type(None)), "True, False or None for labels")

@@ -115,12 +115,12 @@ def draw_multipliers(
     name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
     axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
     _dots(axes, mu, shown, alone)
-    if paired:  # open where the Krein signature is -1
-        on, signs = signatures(orbit)
-        index = on[signs < 0]
+    on, signs = signatures(orbit) if paired else (np.empty(0), np.empty(0))
+    if (index := on[signs < 0]).size:
         side = np.sqrt(1 - index**2) * np.array([[1], [-1]])
         axes.plot(np.tile(index, 2), side.ravel(), "o", color=BLUE, markerfacecolor="w",
-                  markersize=4, zorder=4)  # fmt: skip
+                  markersize=4, zorder=4, label="Krein signature \N{MINUS SIGN}1")  # fmt: skip
+        axes.legend(loc="lower right", frameon=False, handlelength=1.0)
     return mu, shown, _named(mu, alone & (mu.imag >= 0.0))
 
 

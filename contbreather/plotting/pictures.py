@@ -19,8 +19,10 @@ from contbreather.continuation.files.result_files import Run as Kept
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.flows.integrate import Trajectory
+from contbreather.orbits.multibreathers import Multibreather
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
+from contbreather.oscillators.breather_constructors import CodedBreather
 from contbreather.oscillators.breather_problem import BreatherProblem
 from contbreather.plotting.branches import plot_branches, plot_diagram
 from contbreather.plotting.canvas import Drawn, drawing, inline, symbol
@@ -64,8 +66,8 @@ def plot(
     *values : Branch, or any one value
         Branches of one problem or several, as long as all have the columns that are drawn; on
         boundaries lines are solid. Or one diagram, zones (or several in a list), orbit, cycle,
-        point, run, sweep or basin: of these `contbreather.plotting` has functions with more to
-        choose.
+        point, entry of a catalogue, run, sweep or basin: of these `contbreather.plotting` has
+        functions with more to choose.
     x, y : str, optional
         Columns. By default the free parameter of the first branch, and the first unknown (on a
         boundary the other parameter; of cycles the first state; of breathers p, half the momentum
@@ -119,7 +121,10 @@ def plot(
         if all(isinstance(one, Zones) for one in drawn):
             return plot_zones(drawn, **wanted)  # beside each other
         other = next(kind_of(one) for one in drawn if not isinstance(one, Branch))
-        raise BadInput(f"only branches are drawn together, or zones; {other} was among them")
+        raise BadInput(
+            f"only branches are drawn together, or zones; {other} was among them: leave it out, or "
+            "draw it by itself"
+        )
     value, draw = _drawn(drawn[0])
     if draw is None:
         raise BadInput(f"a branch, zones or an orbit, say, was expected, got {kind_of(value)}")
@@ -135,6 +140,10 @@ def _drawn(value: Any) -> tuple[Any, Any]:
             return _drawn(next(iter(value.values()), None))
         case Classification():
             return _drawn(value.run)
+        case CodedBreather(breather=None) | Multibreather(orbit=None):
+            raise BadInput(f"there is nothing to draw of {kind_of(value)}: {value.ended}")
+        case CodedBreather(breather=found) | Multibreather(orbit=found):
+            return _drawn(found)
         case Point():
             return value, plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place
         case SimulationRun() | SmoothRun():

@@ -244,7 +244,8 @@ def plot_space_time(
     with canvas.drawing(ax, height=8.0) as (drawn, axes):
         look = {**orbits.colours_of(u, signed), "shading": "nearest", "rasterized": True}
         mesh = axes.pcolormesh(there, times / math.tau, u, **look)
-        axes.set(xlabel=label, ylabel=ANGLE if isinstance(motion, Trajectory) else orbits.PERIODS)
+        of_oscillators = isinstance(orbits.solution_of(motion), Trajectory | Breather)
+        axes.set(xlabel=label, ylabel=ANGLE if of_oscillators else orbits.PERIODS)
         axes.set_title(title, loc="left")
         orbits.whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label=words)
@@ -321,7 +322,8 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
     drawn = sorted(orbits.all_sites(orbit) if chosen is None else chosen)
     turns = orbit.section.turns if isinstance(orbit, Orbit) else 1
     times = np.linspace(0.0, orbit.period, orbits.MOMENTS * turns + 1)
-    return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
+    u = np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
+    return times * (math.tau * turns / orbit.period), np.array(drawn), u
 
 
 def with_impacts(t: Array, u: Array, run: Any, site: int) -> tuple[Array, Array]:

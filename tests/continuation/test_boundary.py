@@ -232,10 +232,10 @@ def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
         return np.array([(1 + p["m"]) * u[0], (2 * p["m"] - 1) * u[1] + p["c"]])
 
     problem = cb.Problem(residual, {"x": 0.0, "y": 0.0}, {"m": -0.3, "c": 0.0})
-    branch = cb.trace(problem, "m", within={"m": (-0.4, 0.4)}, events=[cb.hopf()])
-    (doubtful,) = branch.doubtful
+    branch = cb.trace(problem, "m", within={"m": (-0.4, 0.4)}, events=[cb.user("m", 0.0)])
+    taken = replace(branch.first("UZ"), kind="HB", event=cb.hopf())
     with pytest.raises(BadInput, match="HB cannot be traced from here: no complex pair"):
-        cb.boundary(doubtful, ("c", "m"))
+        cb.boundary(taken, ("c", "m"))
 
 
 def test_walls_hold_on_boundaries_and_on_what_continues_them_from_a_file(tmp_path) -> None:

@@ -279,6 +279,10 @@ def test_orbit_is_asked_for_its_own_sites_only() -> None:
     assert orbit.displacement([0, 1], [0.1, 0.2]) == pytest.approx(
         [orbit.displacement(0, 0.1), orbit.displacement(1, 0.2)]
     )
+    grid = orbit.on(cb.Grid(2, 3))
+    with pytest.raises(cb.BadInput, match=r"\(i, j\) of this grid has the number 3 i \+ j; two"):
+        grid.displacement((1, 1), 0.0)
+    assert np.array_equal(grid.displacement([1, 1], 0.0), 2 * [grid.displacement(1, 0.0)])
 
 
 # --- walls ------------------------------------------------------------------------------------

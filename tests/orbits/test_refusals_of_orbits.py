@@ -272,6 +272,11 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
             {"k": 0.8, "gamma": 0.05, "a": 0.5},
             r"zones need exactly one of k, gamma and a fixed, got",
         ),
+        ({"k": 0.8, "gamma": 0.05, "omega": 1.2}, r"zones\(k=0\.8, gamma=0\.05\), without omega="),
+        (
+            {"k": 0.8, "gamma": 0.09, "within": {"omega": (0.3, 0.5)}},
+            r"harmonic 1 of the drive, 0\.5, is in the band of the lattice, 0 to 0\.6;",
+        ),
         ({"k": []}, r"zones need a value of k, or several; got none"),
         ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
         *(

@@ -10,6 +10,7 @@ import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
 from contbreather.flows.functions import slopes
 from contbreather.oscillators.breather_problem import BreatherProblem, SparseHalfOrbit
+from contbreather.plotting import plot_multipliers, plot_space_time
 
 from .test_boundaries import HARD as PULL
 from .test_boundaries import half_map, whole
@@ -245,6 +246,9 @@ def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> Non
         ({"W": "r**2/2 + r**4/4", "lattice": cb.Ring(10)}, "may be shifted together"),
         ({"W": "r**2/2 + r**4/4", "lattice": cb.OpenChain(11)}, "may be shifted together"),
         ({"V": "(u**2 - 1)**2/8", "W": "r**2/2", "lattice": cb.Ring(5)}, "minimum of its potent"),
+        ({"V": "1 - cos(u)", "W": "r**2/2", "lattice": cb.Ring(5)}, r"to 1, not at 2\.5$"),
+        # that of u^4/4 is 0.8472 |u|
+        ({"V": "u**4/40000", "W": "r**2/2", "lattice": cb.Ring(5)}, r"to 0\.8472.*, not at 2\.5$"),
     ],
 )
 def test_lattices_without_isolated_breathers_say_why(given, says) -> None:
@@ -286,10 +290,16 @@ def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
         cb.Ring(9, masses=np.ones(9))
     with pytest.raises(cb.BadInput, match="a dict of sites, from 0 to 5"):
         cb.breathers(chain, omega=1.5, sites=[9], params={"c": 0.01})
+    with pytest.raises(cb.BadInput, match=r"\{3: 1\} for instance"):
+        cb.breather(chain, 2, omega=1.5, params={"c": 0.01})
     start = cb.breather(chain, {4: 1}, omega=1.5, params={"c": 0.01})
+    with pytest.raises(AttributeError, match=r"has no 'energy'; its orbit may: problem\.solution"):
+        start.energy  # noqa: B018
     for asked in (start.solution.displacement, start.solution.velocity):
         with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 5"):
             asked(6, 0.0)
+        with pytest.raises(cb.BadInput, match=r"\(i, j\) of this grid has the number 3 i \+ j"):
+            asked((1, 1), 0.0)
     with pytest.raises(cb.BadInput, match=r"perturb has shape \(3,\).*each of 12 states"):
         cb.integrate(start, periods=1, perturb=np.ones(3))
     with pytest.raises(cb.BadInput, match="periods = -2: how many, above 0"):
@@ -304,9 +314,53 @@ def test_its_stability_is_a_verdict() -> None:
     assert (exact.stable, exact.unstable, ruled.stable) == (False, 1, True)
     assert exact.largest == ruled.largest == pytest.approx(1.785304246, abs=1e-9)
     assert "ring of 11: unstable, 1 multiplier" in repr(exact)
+    with pytest.raises(cb.BadInput, match="sites = 9: leave it out; this is the ring of 11"):
+        orbit.stability(sites=9)
     assert repr(orbit) == "<Breather of frequency 1.5, 1 unstable>"
     assert "participation" in str(orbit.table())
     assert "max(v9)" not in str(orbit.table())
+
+
+def test_an_orbit_says_which_of_its_harmonics_is_in_the_band() -> None:
+    """Odd forces have no second one."""
+    chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(7))
+    for omega, said in (
+        (0.34, "; harmonic 3, 1.02, lies in the band of small oscillations, 1 to 1.09092>"),
+        (0.52, "unstable>"),
+    ):
+        orbit = cb.breather(chain, {3: 1}, omega=omega, params={"c": 0.05}).solution
+        assert repr(orbit).endswith(said)
+        assert (orbit.swings.min() > 1.0) == (omega == 0.34)
+
+
+def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
+    one, other = (
+        cb.breathers(chain, omega=1.5, sites=sites, params={"c": 0.03}) for sites in ([0], [0, 1])
+    )
+    assert repr(one) == "(CodedBreather(code={0: 1}, copies=2, share=1.0, ended=''),)"
+    heights = cb.plot(one[0]).axes.get_lines()[0].get_ydata()
+    np.testing.assert_array_equal(heights, one[0].breather.solution.displacement(slice(5), 0.0))
+    with pytest.raises(cb.BadInput, match="a CodedBreather was among them: leave it"):
+        cb.plot(*one, *other)
+    (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
+    with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.69.*of the coupling"):
+        cb.plot(none)
+
+
+def test_open_circles_among_the_multipliers_have_a_legend() -> None:
+    """Those of the band, below a hard breather; above a soft one they have the signature +1."""
+    both = phi4(cb.Ring(5), {0: 1, 2: -1}, 0.03).solution
+    axes = plot_multipliers(both).axes
+    words = {word.get_text() for word in axes.get_legend().get_texts()}
+    assert words == {"Krein signature \N{MINUS SIGN}1"}
+    (drawn,) = (line for line in axes.get_lines() if line.get_label() in words)
+    circles = drawn.get_xdata() + 1j * drawn.get_ydata()
+    ends = [abs(both.others - mu).min() for mu in circles]
+    assert (len(circles), max(ends) < 1e-12) == (6, True)
+    soft = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(5))
+    alone = cb.breather(soft, {0: 1}, omega=0.8, params={"c": 0.03})
+    assert plot_multipliers(alone).axes.get_legend() is None
 
 
 def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
@@ -321,6 +375,9 @@ def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
     whole, site = (line.get_ydata() for line in energies.get_lines())
     np.testing.assert_allclose(whole, start.solution.energy, atol=1e-6)
     assert site.max() < start.solution.energy
+    alone = plot_space_time(start).axes  # over one period, in the same units
+    assert alone.get_ylabel() == picture.get_ylabel()
+    assert alone.get_ylim() == pytest.approx((0.0, 1.0), abs=5e-3)
     few = cb.plot(cb.integrate(start, periods=2)).figure.axes
     assert sum(len(axes.get_lines()) for axes in few) == 6  # u and v of each site
 

@@ -243,7 +243,7 @@ def _hopf_locus(point: Point) -> DefiningSystem:
 def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means; why not, where there is no l1."""
     upper, square = _AXIS.pair_at(point), point.detail.get("omega2", math.nan)
-    if isinstance(upper, str):
+    if not isinstance(upper, complex):
         return upper
     known, omega = eigenvalues_at(point), math.sqrt(square) if square > 0 else upper.imag
     reach = {"reach": known.reach} if is_sparse(known.matrix) else {}

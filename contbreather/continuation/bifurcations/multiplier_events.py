@@ -118,7 +118,7 @@ def _examine_flip(point: Point) -> Examined:
 
 def _examine_rotation(circle: Border, point: Point) -> Examined:
     upper = unresolved(point) or circle.pair_at(point)
-    if isinstance(upper, str):
+    if not isinstance(upper, complex):
         return upper
     angle = cmath.phase(upper)
     make = partial(normal_forms.rotation_coefficient, point, angle)

@@ -24,7 +24,7 @@ import numpy as np
 
 from ..algebra.newton import OUT_OF_DOMAIN
 from ..branches.boundary import codim_two
-from ..curve.point import CodimensionTwo, Event, Examined, Point
+from ..curve.point import NOTHING, CodimensionTwo, Event, Examined, Point
 from ..systems import normal_forms
 from ..systems.branch_points import branches_cross
 from ..systems.spectrum import CriticalValues, Eigenvalues, Multipliers
@@ -119,8 +119,8 @@ class Border:
         name, measure = self.frequency
         return {name: float(measure(upper[0]))} if upper.size == 1 else ""
 
-    def pair_at(self, point: Point) -> complex | str:
-        """The upper value of the pair that is on the border, or why it is no complex pair."""
+    def pair_at(self, point: Point) -> complex | Examined:
+        """The upper value of the pair that is on the border, or what is there in its place."""
         every = self.spectrum(point)
         if every.values.size < 2:
             return f"no two {self.values} are known beside the {self.name}"
@@ -128,9 +128,8 @@ class Border:
         for on, event in self.double.items():
             if abs(pair - self.real[on]).max() <= every.beside:
                 return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
-        if not pair.imag.any():
-            one, other = pair.real
-            return f"a neutral saddle: the {self.values} {one:.3g} and {other:.3g} are real"
+        if not pair.imag.any():  # nor is a double one near: a neutral saddle
+            return NOTHING
         return complex(pair[0] if pair[0].imag > 0 else pair[1])
 
     def degenerate(

@@ -394,8 +394,7 @@ class Branch(Columns, HtmlRepr):
         """A line for each special point, the free parameters first; a count of unstable directions
         is left blank where one of them is on the verge."""
         start, points, free = self.points[0], self.special, self.curve.varied
-        apart = {*free, *self.problem.internals}
-        unknowns = [name for name in self.curve.slots if name not in apart]
+        unknowns = [n for n in self.curve.slots if n not in {*free, *self.problem.internals}]
         record = self.problem.record.items()
         names = (*free, *unknowns, *(n for n, column in record if not isinstance(column, Implied)))
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]

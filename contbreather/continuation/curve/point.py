@@ -106,7 +106,7 @@ class Point(HtmlRepr):
 
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""
-        names = [*self.curve.problem.names, *self.curve.problem.record]
+        names = [*self.curve.problem.listed, *self.curve.problem.record]
         shown = [(name, self.table_value(name)) for name in names]
         numbers: list[Any] = [(name, value) for name, value in shown if np.ndim(value) == 0]
         numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
@@ -205,7 +205,7 @@ class Point(HtmlRepr):
         return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
 
     def __repr__(self) -> str:
-        shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
+        shown = {name: self[name] for name in self.curve.problem.listed if np.ndim(self[name]) == 0}
         values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
         if self.located:
             return f"Point({self.title + ': ' if self.label else ''}{values})"
@@ -296,6 +296,7 @@ class Detail(Mapping[str, Any]):
 
 
 Examined = str | Mapping[str, Any]
+NOTHING: Examined = {"kind": ""}  # what is found where nothing happens
 Many = tuple[Any, Any]  # arrays with a test and the count beside it, None without one
 
 
@@ -327,7 +328,8 @@ class Event:
     examine : callable, optional
         ``examine(point)`` returns a str, the reason why a located point is not what the kind says,
         empty if it is; or a dict of what else to know of it, coefficients of its normal form for
-        instance. That is kept in ``point.detail``, but for "kind", a better name.
+        instance. That is kept in ``point.detail``, but for "kind", a better name; an empty one says
+        that nothing happens there.
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.

@@ -398,16 +398,15 @@ class Problem(Structure):
         )
 
     def __repr__(self) -> str:
-        kinds = dict.fromkeys(event.kind for event in self.events)  # LP has two tests in some
-        events = f"; events {[*kinds]}" if kinds else ""
+        kinds = [*dict.fromkeys(event.kind for event in self.events)]  # LP may have two tests
+        events = f"; events {kinds}" if kinds else ""
         counted = "1 equation" if self.x.size == 1 else f"{self.x.size} equations"
         return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
     def start_text(self) -> str:
-        values = {**self.start, **self.params}
-        return ", ".join(
-            f"{name}={float(values[name]):.6g}" for name in self.listed if not np.ndim(values[name])
-        )
+        every = {**self.start, **self.params}
+        shown = {name: every[name] for name in self.listed if np.ndim(every[name]) == 0}
+        return ", ".join(f"{name}={float(value):.6g}" for name, value in shown.items())
 
 
 def problem_in(owner: object) -> Problem:

@@ -80,7 +80,7 @@ def find(
     for samples in counts:
         if not samples.clear or points:
             points += _explained(samples, others, points)
-    points = _in_order(points, events)
+    points = _in_order([point for point in points if point.kind], events)
     last = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in points if p.located and p.arclength >= last}
     for i, samples in enumerate(tests):
