@@ -267,6 +267,18 @@ def test_a_branch_of_breathers_is_drawn_by_its_largest_displacement(tmp_path) ->
         assert "|u|" in axes.get_ylabel()
 
 
+def test_half_of_a_period_is_in_no_table_of_breathers() -> None:
+    """It follows from omega; and where room is short the count of what is unstable stays."""
+    start = phi4(cb.Ring(5), {2: 1}, 0.05)
+    branch = cb.trace(start, "c", within={"c": (0.04, 0.06)}, events=())
+    assert [column.heading for column in branch.table().columns[:4]] == [
+        "label", "c", "unstable", "energy",
+    ]  # fmt: skip
+    for shown in (start, branch[0], branch.table(), branch[0].curve.problem):
+        assert "held" not in repr(shown)
+    assert "held" not in str(branch[0].table())
+
+
 @pytest.mark.parametrize(
     ("given", "says"),
     [
