@@ -59,6 +59,8 @@ class SingleOscillator:
         for (ends, _), weights in chain.parts(self.params):  # the bonds that hold it even so
             column = ends[:, [site]].toarray().ravel()
             self.terms += [(chain.W, sign, weights[column == sign].sum()) for sign in (1, -1)]
+        own = np.transpose([chain.lattice.dampings, chain.lattice.drive])[site]
+        self.kind = (self.mass, *self.terms, *own)  # of each one is enough
 
     def __call__(self, u: Any) -> NDArray[Any]:
         p, total = self.params, 0.0 * u
@@ -260,11 +262,9 @@ def driven_without_coupling(
             "leave them both out of a conservative one"
         )
     known, orbits = dict[Any, list[Cycle]](), list[Cycle]()
-    for n, row in enumerate(np.transpose([chain.lattice.dampings, chain.lattice.drive])):
-        one = SingleOscillator(chain, n, p)
-        kind = (one.mass, *one.terms, *row)  # of each one is enough
-        known[kind] = known.get(kind) or attractors(chain, one)
-        orbits.append(_chosen(n, code.get(n, "low"), known[kind]))
+    for one in (SingleOscillator(chain, n, p) for n in range(chain.sites)):
+        known[one.kind] = known.get(one.kind) or attractors(chain, one)
+        orbits.append(_chosen(one.site, code.get(one.site, "low"), known[one.kind]))
 
     def motion(t: Array) -> Array:
         return np.stack([of.states(t) for of in orbits], axis=1).reshape(2 * chain.sites, -1)
@@ -287,7 +287,9 @@ def between_walls_without_coupling(
     if any(value != 1 for value in code.values()):
         raise BadInput(f"code = {code!r}: 1 is expected for each site that impacts{_LATER}")
     p = {**given, SHARE: 0.0}
-    orbits = {n: _single(chain, p, n) for n in code}
+    known, orbits = dict[Any, Cycle](), dict[int, Cycle]()
+    for one in (SingleOscillator(chain, n, p) for n in code):
+        orbits[one.site] = known[one.kind] = known.get(one.kind) or _impacting(chain, one)
     first = orbits[next(iter(code))].flights[0]
     begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
     if not chain.bare:  # the others beside rest, whether that attracts or not
@@ -297,8 +299,7 @@ def between_walls_without_coupling(
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
     # without any, sites that no potential holds would be free
-    share = _LEAST if chain.bare else 0.0
-    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), share
+    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), _LEAST if chain.bare else 0.0
 
 
 def in_another_order(
@@ -345,10 +346,10 @@ def _from_impact_to_impact(
     return between_walls(chain, met[1:]), tuple(flights[1:])
 
 
-def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
+def _impacting(chain: Oscillators, one: SingleOscillator) -> Cycle:
     """The impacting orbit of one site without coupling: simulated, then along the restitution."""
+    p, field = one.params, single_field(chain, one)
     wall, k, period = float(chain.walls(0.0, p)), float(chain.k(0.0, p)), 2 * math.pi / p["omega"]
-    field = single_field(chain, SingleOscillator(chain, site, p))
 
     def up_to(side: int) -> Flow:
         return Flow(
@@ -372,6 +373,6 @@ def _single(chain: Oscillators, p: Params, site: int) -> Cycle:
             if twice and found.params["k"] == k:
                 return cycle_of(found)
     raise NoSolution(
-        f"site {site}: alone it has no orbit that impacts once on each wall in a period, and "
+        f"site {one.site}: alone it has no orbit that impacts once on each wall in a period, and "
         f"attracts where impacts keep at most {_SETTLED:g} of their velocity"
     )
