@@ -12,20 +12,22 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, reduce
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import is_sparse
+from ..continuation.algebra.sparse import dense, is_sparse
 from ..continuation.bifurcations.equilibria import fold
-from ..continuation.bifurcations.multiplier_events import unresolved
+from ..continuation.bifurcations.multiplier_events import meeting, unresolved
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
 
+_ORBIT = "base_point.solution"
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _STEP = 1e-5  # of differences along solutions, in the metric of a curve
 _NEAR = 1e-6  # how far off its place the index of a located event may be
@@ -165,9 +167,7 @@ def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
 
     def make(z: Array) -> tuple[Array, Array]:
         n, units = curve.size, np.sqrt(curve.metric)
-        others: Any = curve.jacobian(z)[:, n:]
-        others = others.toarray() if is_sparse(others) else others
-        right = np.column_stack([-others, curve.equations(z)])
+        right = np.column_stack([-dense(curve.jacobian(z)[:, n:]), curve.equations(z)])
         both = np.eye(z.size, right.shape[1], -n)
         both[:n] = solved(curve.in_unknowns(z), right, "a fold in both parameters")
         ways, off = np.linalg.qr(units[:, None] * both[:, :-1])[0], units * both[:, -1]
@@ -176,16 +176,14 @@ def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
     return curve.cached("beside", z, make)
 
 
-def _fold_locus(plain: Event, point: Point) -> DefiningSystem:
-    assert plain.locus is not None
-    return replace(plain.locus(point), meets={})
-
-
 def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     """List the events of pairs of multipliers, with that of crossing branches among them."""
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
-    lp = replace(plain, locus=partial(_fold_locus, plain))
+    lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    pd = event_at(-1.0, "PD", nearest_to_minus_one, "")
-    kc = Event("KC", _apart, locus=partial(followed, _meeting), examine=_examine_collision)
+    pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=attrgetter(f"{_ORBIT}.inverse"))
+    kc = Event(
+        "KC", _apart, count=attrgetter(f"{_ORBIT}.quadruplets"),
+        locus=partial(followed, _meeting), examine=_examine_collision,
+    )  # fmt: skip
     return lp, turn, branch_point, pd, kc

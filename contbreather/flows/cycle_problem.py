@@ -180,6 +180,16 @@ class Cycle(HtmlRepr):
         return indices_of(self.others)
 
     @property
+    def quadruplets(self) -> int:
+        """Count the pairs of pairs of multipliers that have left the unit circle together."""
+        return int((self.indices.imag > 0).sum())
+
+    @property
+    def inverse(self) -> int:
+        """Count the pairs of multipliers that are real and negative: inverse hyperbolic ones."""
+        return int(((self.indices.imag == 0) & (self.indices.real < -1)).sum())
+
+    @property
     def unstable(self) -> int:
         if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)

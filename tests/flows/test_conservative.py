@@ -231,22 +231,28 @@ def test_a_fold_in_the_energy_is_found_on_a_family_in_the_period_too(loops) -> N
     assert ends[0]["period"] == pytest.approx(ends[1]["period"], abs=1e-7)
 
 
-def modes(sign: float, **params: float) -> cb.Problem:
-    """A Duffing oscillator, and beside it two oscillators of which one has an energy below zero:
-    those hang together by e."""
-    first, second = 1.7, {"w": 1.5, "e": 0.1} | params
+def modes(sign: float, firsts: tuple[float, ...] = (1.7,), **params: float) -> cb.Problem:
+    """A Duffing oscillator, and beside it pairs of oscillators of which one has an energy below
+    zero: those hang together by e."""
+    first, second, m = np.array(firsts), {"w": 1.5, "e": 0.1} | params, len(firsts)
+
+    def parts(x):
+        q, x = (x[0], x[1 + 2 * m]), np.delete(np.asarray(x), [0, 1 + 2 * m], axis=0)
+        own = first.reshape(-1, *[1] * (x.ndim - 1))
+        return *q, own, *x.reshape(4, m, *x.shape[1:])
 
     def f(t, x, p):
-        q, a, b, r, s, u = x
-        return [r, first * s, -sign * p["w"] * u, -q - q**3,
-                -first * a - p["e"] * b, sign * p["w"] * b - p["e"] * a]  # fmt: skip
+        q, r, first, a, b, s, u = parts(x)
+        rates = [first * s, -sign * p["w"] * u, -first * a - p["e"] * b,
+                 sign * p["w"] * b - p["e"] * a]  # fmt: skip
+        return np.concatenate([[r], *rates[:2], [-q - q**3], *rates[2:]])
 
     def energy(x, p):
-        q, a, b, r, s, u = x
-        own = r**2 / 2 + q**2 / 2 + q**4 / 4 + p["e"] * a * b
-        return own + first * (a**2 + s**2) / 2 - sign * p["w"] * (b**2 + u**2) / 2
+        q, r, first, a, b, s, u = parts(x)
+        own = first * (a**2 + s**2) / 2 - sign * p["w"] * (b**2 + u**2) / 2 + p["e"] * a * b
+        return r**2 / 2 + q**2 / 2 + q**4 / 4 + own.sum(axis=0)
 
-    start = {"q": 1.0, "a": 0.0, "b": 0.0, "r": 0.0, "s": 0.0, "u": 0.0}
+    start = {f"x{i}": float(i == 0) for i in range(2 + 4 * m)}
     return cb.cycle(f, start, second, conserves=energy, fixed="energy")
 
 
@@ -270,6 +276,16 @@ def test_pairs_of_opposite_signature_collide_where_the_closed_form_says() -> Non
     line = cb.boundary(branch.first("KC"), ("e", "w"), within={"e": (0.08, 0.12)})
     assert line["e"].min() == 0.08
     assert abs(off(line["w"], line["e"])).max() < 1e-10
+
+
+def test_several_collisions_within_a_step_are_all_found() -> None:
+    """Three pairs of pairs leave the circle one after the other: the test changes its sign once."""
+    firsts = 1.7, 1.704, 1.71
+    branch = cb.trace(modes(1.0, firsts), "w", within={"w": (1.5, 1.7)}, towards="up")
+    assert [point.kind for point in branch.special] == ["EP", "KC", "KC", "KC", "EP"]
+    for first, point in zip(firsts, branch.special[1:-1], strict=True):
+        w = point["w"]
+        assert abs(first**2 - w**2) == pytest.approx(2 * 0.1 * np.sqrt(first * w), abs=1e-10)
 
 
 @pytest.mark.parametrize(("sign", "e"), [(-1.0, 0.1), (1.0, 0.0)])

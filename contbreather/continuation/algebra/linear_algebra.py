@@ -18,8 +18,8 @@ from .sparse import (
     Matrix,
     any_vector,
     beside,
+    eliminated_as,
     factorised,
-    in_order,
     is_large,
     is_sparse,
 )  # fmt: skip
@@ -71,7 +71,7 @@ def solved(matrix: Matrix, right: NDArray[Any], why: str) -> NDArray[Any]:
         if not is_sparse(matrix):
             return np.asarray(np.linalg.solve(matrix, right))
         dtype = np.result_type(matrix.dtype, right.dtype)
-        matrix = in_order(matrix.astype(dtype), matrix)
+        matrix = eliminated_as(matrix.astype(dtype), matrix)
         return np.asarray(factorised(matrix).solve(right.astype(dtype)))
     except (np.linalg.LinAlgError, RuntimeError) as error:
         raise Undefined(why) from error

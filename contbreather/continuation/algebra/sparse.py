@@ -105,6 +105,11 @@ def is_sparse(matrix: object) -> bool:
     return hasattr(matrix, "tocsc")
 
 
+def dense(matrix: Matrix) -> Array:
+    array: Array = matrix.toarray() if is_sparse(matrix) else matrix
+    return array
+
+
 def is_large(matrix: Matrix) -> bool:
     """Tell a matrix that is only solved with: a sparse one, or one of many rows."""
     return hasattr(matrix, "tocsc") or len(matrix) >= 120  # from there on that takes less time
@@ -125,7 +130,7 @@ def beside(matrix: Matrix, columns: Matrix) -> Matrix:
         return np.hstack([matrix, columns])
     from scipy.sparse import csc_array
 
-    columns = columns.toarray() if is_sparse(columns) else columns
+    columns = dense(columns)
     n, width = columns.shape
     rows = np.tile(np.arange(n, dtype=matrix.indices.dtype), width)
     ends = matrix.indptr[-1] + n * np.arange(1, width + 1, dtype=matrix.indptr.dtype)
@@ -151,7 +156,7 @@ def first_columns(matrix: Matrix, n: int) -> Matrix:
 
     end = matrix.indptr[n]
     parts = (matrix.data[:end], matrix.indices[:end], matrix.indptr[: n + 1])
-    return in_order(csc_array(parts, shape=(matrix.shape[0], n)), matrix)
+    return eliminated_as(csc_array(parts, shape=(matrix.shape[0], n)), matrix)
 
 
 def entry_columns(matrix: Matrix) -> NDArray[np.intp]:
@@ -179,10 +184,12 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
 def _with(matrix: Matrix, data: Array) -> Matrix:
     from scipy.sparse import csc_array
 
-    return in_order(csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape), matrix)
+    return eliminated_as(
+        csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape), matrix
+    )
 
 
-def in_order(matrix: Matrix, of: Matrix, more: Sequence[int] = ()) -> Matrix:
+def eliminated_as(matrix: Matrix, of: Matrix, more: Sequence[int] = ()) -> Matrix:
     """A matrix whose unknowns are best eliminated as those of another are, and some more after
     these, if that has an order."""
     if (order := getattr(of, "elimination", None)) is not None:

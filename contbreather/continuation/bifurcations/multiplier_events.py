@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -50,7 +50,9 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
         "multipliers", "unit circle", {"BP": 1.0, "LP": 1.0, "PD": -1.0}, "NS",
         multipliers_at, _pair_followed, ("angle", cmath.phase),
     )  # fmt: skip
-    circle.events["LP"] = replace(fold, locus=partial(_fold_locus, fold, circle))
+    circle.events["LP"] = replace(
+        fold, locus=partial(meeting, fold, partial(circle.meetings, "LP"))
+    )
     circle.events["PD"] = Event(
         "PD", flips or partial(circle.least_beside, "", -1.0),
         locus=partial(_flip_locus, circle), examine=_examine_flip,
@@ -205,9 +207,10 @@ def slope_of_bordered(curve: Curve, z: Array, extra: Array) -> NDArray[np.comple
     return np.append(-real - 1j * imaginary, turned)
 
 
-def _fold_locus(plain: Event, circle: Border, point: Point) -> DefiningSystem:
+def meeting(plain: Event, meets: Callable[[], Mapping[str, Any]], point: Point) -> DefiningSystem:
+    """The locus of an event, on which other events are looked for where it meets some."""
     assert plain.locus is not None
-    return replace(plain.locus(point), meets=circle.meetings("LP"))
+    return replace(plain.locus(point), meets=meets())
 
 
 def _flip_locus(circle: Border, point: Point) -> DefiningSystem:

@@ -25,6 +25,7 @@ from ..algebra.sparse import (
     beside,
     canonical,
     checked_finite,
+    dense,
     first_columns,
     is_large,
     is_sparse,
@@ -290,9 +291,7 @@ class Curve:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
 
         def eigenvalues(z: Array) -> NDArray[np.complex128]:
-            matrix = self.jacobian(z)[:, : self.size]
-            dense = matrix.toarray() if is_sparse(matrix) else matrix
-            return np.linalg.eigvals(dense).astype(complex)
+            return np.linalg.eigvals(dense(self.jacobian(z)[:, : self.size])).astype(complex)
 
         return self.cached("spectrum", z, eigenvalues)
 

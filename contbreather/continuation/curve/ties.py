@@ -15,7 +15,7 @@ from ...checks import number
 from ...errors import BadInput
 from ..algebra.derivatives import Scheme, choose
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..algebra.sparse import Matrix, beside, first_columns, is_sparse
+from ..algebra.sparse import Matrix, beside, dense, first_columns
 from .curve import Curve, Params
 
 
@@ -107,9 +107,7 @@ class Ties:
         """Derivatives of the base in the parameters that change, times those of the functions."""
         curve, z, chain = self.untied(start, x, params, free)
         matrix = curve.jacobian(z)
-        columns = matrix[:, x.size :]
-        slopes = (columns.toarray() if is_sparse(columns) else columns) @ chain
-        return beside(first_columns(matrix, x.size), slopes)
+        return beside(first_columns(matrix, x.size), dense(matrix[:, x.size :]) @ chain)
 
 
 def chained(slopes: Callable[..., Array]) -> Callable[..., Array]:

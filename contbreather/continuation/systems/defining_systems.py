@@ -30,7 +30,7 @@ from ..algebra.linear_algebra import (
     least_singular,
 )
 from ..algebra.newton import Array
-from ..algebra.sparse import Dense, Matrix, above, beside, in_order, is_large
+from ..algebra.sparse import Dense, Matrix, above, beside, eliminated_as, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
@@ -299,7 +299,7 @@ class Extended:
         # | g_x  g_y  g_r  g_p |
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
         whole = above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
-        return in_order(whole, matrix, range(n, n + extra.size + 1))
+        return eliminated_as(whole, matrix, range(n, n + extra.size + 1))
 
     # --- events of the shorter problem, asked at places of the longer one ---
 

@@ -27,6 +27,7 @@ from ..algebra.sparse import (
     Factors,
     Matrix,
     any_vector,
+    dense,
     factorised,
     is_sparse,
     plus_diagonal,
@@ -236,9 +237,8 @@ def flow(curve: Curve, z: Array) -> Matrix:
 
 def all_eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
     """The eigenvalues of the derivative in the unknowns."""
-    matrix = flow(curve, z)
-    dense = matrix.toarray() if is_sparse(matrix) else matrix
-    return Eigenvalues(curve.spectrum(z), ROUNDING * float(np.linalg.norm(dense)), dense)
+    matrix = dense(flow(curve, z))
+    return Eigenvalues(curve.spectrum(z), ROUNDING * float(np.linalg.norm(matrix)), matrix)
 
 
 def eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
