@@ -22,7 +22,7 @@ from .sparse import (
     factorised,
     is_large,
     is_sparse,
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,6 +106,7 @@ def is_sparse(matrix: object) -> bool:
 
 
 def dense(matrix: Matrix) -> Array:
+    """Make an array of a matrix, dense or sparse."""
     array: Array = matrix.toarray() if is_sparse(matrix) else matrix
     return array
 
@@ -184,13 +185,12 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
 def _with(matrix: Matrix, data: Array) -> Matrix:
     from scipy.sparse import csc_array
 
-    return eliminated_as(
-        csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape), matrix
-    )
+    parts = data, matrix.indices, matrix.indptr
+    return eliminated_as(csc_array(parts, shape=matrix.shape), matrix)
 
 
 def eliminated_as(matrix: Matrix, of: Matrix, more: Sequence[int] = ()) -> Matrix:
-    """A matrix whose unknowns are best eliminated as those of another are, and some more after
+    """Have a matrix factorised in the order that suits another one, and some unknowns more after
     these, if that has an order."""
     if (order := getattr(of, "elimination", None)) is not None:
         matrix.elimination = np.append(order, more).astype(np.intp)
