@@ -27,7 +27,6 @@ from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
 
-_ORBIT = "base_point.solution"
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _STEP = 1e-5  # of differences along solutions, in the metric of a curve
 _NEAR = 1e-6  # how far off its place the index of a located event may be
@@ -181,9 +180,11 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=attrgetter(f"{_ORBIT}.inverse"))
+    counts = (f"base_point.solution.{name}" for name in ("inverse_hyperbolic", "quadruplets"))
+    inverse, quadruplets = map(attrgetter, counts)
+    pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(
-        "KC", _apart, count=attrgetter(f"{_ORBIT}.quadruplets"),
-        locus=partial(followed, _meeting), examine=_examine_collision,
+        "KC", _apart, count=quadruplets, locus=partial(followed, _meeting),
+        examine=_examine_collision,
     )  # fmt: skip
     return lp, turn, branch_point, pd, kc

@@ -185,8 +185,8 @@ class Cycle(HtmlRepr):
         return int((self.indices.imag > 0).sum())
 
     @property
-    def inverse(self) -> int:
-        """Count the pairs of multipliers that are real and negative: inverse hyperbolic ones."""
+    def inverse_hyperbolic(self) -> int:
+        """Count the pairs of multipliers that are real and negative, off the unit circle."""
         return int(((self.indices.imag == 0) & (self.indices.real < -1)).sum())
 
     @property
@@ -274,6 +274,8 @@ class CycleProblem(Problem):
         return tuple(self.residual.parts)
 
     def __getattr__(self, name: str) -> Any:
+        if hasattr(type(self), name):  # what failed inside of it says why
+            return object.__getattribute__(self, name)
         orbit = "problem.solution of a breather, flows.cycle_of(problem) of a cycle"
         raise AttributeError(f"a problem has no {name!r}; its orbit may: {orbit}")
 

@@ -288,6 +288,31 @@ def test_several_collisions_within_a_step_are_all_found() -> None:
         assert abs(first**2 - w**2) == pytest.approx(2 * 0.1 * np.sqrt(first * w), abs=1e-10)
 
 
+def test_several_doublings_within_a_step_are_all_found() -> None:
+    """A Duffing oscillator drives three modes b'' = -(w^2 d + e q) b, each by itself: what one does
+    at w another one does where w^2 d is the same."""
+    d = np.array([1.0, 1.01, 1.02])
+
+    def parts(x, p):
+        (q, r), x = (x[0], x[4]), np.delete(np.asarray(x), [0, 4], axis=0)
+        return q, r, p["w"] ** 2 * d.reshape(-1, *[1] * (x.ndim - 1)) + p["e"] * q, x[:3], x[3:]
+
+    def f(t, x, p):
+        q, r, pull, b, s = parts(x, p)
+        return np.concatenate([[r], s, [-q - q**3 - p["e"] * (b**2).sum(axis=0) / 2], -pull * b])
+
+    def energy(x, p):
+        q, r, pull, b, s = parts(x, p)
+        return r**2 / 2 + q**2 / 2 + q**4 / 4 + ((s**2 + pull * b**2) / 2).sum(axis=0)
+
+    start = {f"x{i}": float(i == 0) for i in range(8)}
+    problem = cb.cycle(f, start, {"w": 0.5, "e": 0.3}, conserves=energy, fixed="energy")
+    branch = cb.trace(problem, "w", within={"w": (0.4, 0.8)})
+    assert [point.kind for point in branch.special] == ["EP", *6 * ["PD"], "EP"]
+    places = np.array([point["w"] for point in branch.special[1:-1]]).reshape(2, 3)
+    np.testing.assert_allclose(np.ptp(places * np.sqrt(d[::-1]), axis=1), 0.0, atol=1e-8)
+
+
 @pytest.mark.parametrize(("sign", "e"), [(-1.0, 0.1), (1.0, 0.0)])
 def test_pairs_of_equal_signature_and_those_that_do_not_hang_together_pass(sign, e) -> None:
     branch = cb.trace(modes(sign, e=e), "w", within={"w": (1.5, 1.9)})
