@@ -63,6 +63,11 @@ class Collocation:
         return 0.5 + 0.5 * np.polynomial.legendre.leggauss(self.points)[0]
 
     @cached_property
+    def decaying(self) -> Collocation:
+        """The scheme with one point more by which what decays fast is gone after an interval."""
+        return _Radau(self.intervals, self.points + 1)
+
+    @cached_property
     def matrix(self) -> Array:
         """Integrals of the Lagrange polynomials from 0 to each node: Butcher's matrix."""
         return self.spread(self.nodes)
@@ -98,6 +103,22 @@ class Collocation:
     def _lagrange(self, legendre: NDArray[Any]) -> Array:
         # Lagrange's are P V^-1 with V_cj = P_j(2 s_c - 1): powers of s would be ill conditioned
         return np.asarray(np.linalg.solve(self._legendre.T, legendre).T)
+
+
+class _Radau(Collocation):
+    """Radau's points, the last of them at the end of the interval, of any number."""
+
+    def __post_init__(self) -> None:
+        pass
+
+    @cached_property
+    def nodes(self) -> Array:
+        # zeros of P_m - P_(m-1)
+        difference = np.zeros(self.points + 1)
+        difference[-2:] = -1.0, 1.0
+        nodes = 0.5 + 0.5 * np.polynomial.legendre.legroots(difference)
+        nodes[-1] = 1.0
+        return np.asarray(nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,6 +310,7 @@ class Slopes(NamedTuple):
     ends: Array  # (intervals, n, n + 2 + parameters)
     inside: Array  # (intervals, points n, n + 2 + parameters)
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
+    decay: Array  # (intervals,): by e to so much it shrinks volumes
     inverse: Any = None  # (intervals, points n, points n), of the equations for these
 
     def beside(
@@ -406,9 +428,10 @@ def derivatives(
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inverse = None if once else _inverse(scheme, jacobian)
     inside = _solved(_equations(scheme, jacobian), right) if inverse is None else inverse @ right
+    decay = -np.einsum("jcii->jc", jacobian) @ scheme.weights
     ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
     ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
-    return Slopes(ends.reshape(count, n, width), inside, f * lengths, inverse)
+    return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, inverse)
 
 
 def _inverse(scheme: Collocation, jacobian: Array) -> Array:

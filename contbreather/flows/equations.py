@@ -522,6 +522,21 @@ class FlowEquations:
             place.linear = tuple(linear)
         return place
 
+    def transitions(self, x: Array, p: Params) -> Iterator[Array]:
+        """Map small perturbations over the intervals of each flow, shape (intervals, n, n).
+
+        Where volumes shrink by more than ``exp(points)`` in an interval, the Gauss method, whose
+        growth is next to e^z for z as small as that alone and tends to +-1, would let what decays
+        live on.
+        """
+        place = self.linearised(x, p)
+        for flow, flight, piece in zip(self.flows, place.flights, place.linear, strict=True):
+            slopes = piece.slopes
+            if slopes.decay.min() > flight.scheme.points:
+                flight = flight.on(flight.knots, flight.scheme.decaying)
+                slopes = derivatives(flow, flight, flight.slopes, place.params, once=True)
+            yield slopes.ends[:, :, : flight.dimension]
+
     def _linearised(
         self, i: int, whole: TrajectorySegment, derivative: Slopes, places: Sequence[SolvedPlace]
     ) -> Iterator[tuple[SolvedPlace, Linear]]:
@@ -538,7 +553,7 @@ class FlowEquations:
         ended = self.flows[i].reset or self.flows[i].until
         for j, place in enumerate(places):
             of = slice(j * many, (j + 1) * many)
-            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:3])
+            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:4])
             own = Slopes(*parts)  # of several no inverse is known
             linear = Linear(own, ends[of], ends[of.stop - 1], shares[of], longer[of])
             yield place, self._with_ending(i, place, linear) if ended else linear

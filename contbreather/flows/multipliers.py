@@ -219,8 +219,7 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
     ways = equations.velocities(x, p)
     factors: list[Array] = []
     directions: list[Array] = []
-    for i, (piece, way) in enumerate(zip(place.linear, ways, strict=True)):
-        ends = piece.slopes.ends[:, :, : way.shape[1]]
+    for i, (ends, way) in enumerate(zip(equations.transitions(x, p), ways, strict=True)):
         flow, stacks = equations.flows[i], [ends]
         if flow.reset or flow.until:
             last = _saltation(equations, place, i, ways) @ ends[-1:]

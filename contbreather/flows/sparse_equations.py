@@ -164,18 +164,12 @@ class SparseFlowEquations(FlowEquations):
         return np.asarray(self.start[0].scheme.weights @ self._inverse)
 
     @cached_property
-    def _inner(self) -> tuple[Array, ...]:
-        """Entries of A^-1, in states inside."""
-        inside = self.layout.inside
-        return _joined([(inside[:, :, None], inside[:, None], self._inverse[:, :, None])])
-
-    @cached_property
     def _constant(self) -> tuple[Any, ...]:
         """Entries of the derivative that are the same everywhere: of what is interpolated."""
         (nodes,), inside, ends = self.layout.nodes, self.layout.inside, self._ends
         first, last = self.closing
         return _joined([
-            self._inner,  # A^-1 (X - x_0)
+            (inside[:, :, None], inside[:, None], self._inverse[:, :, None]),  # A^-1 (X - x_0)
             (inside, nodes[:, None], -self._inverse.sum(axis=1)[:, None]),
             (nodes[0], nodes[0], self.standing),
             (nodes[1:], nodes[1:], 1.0),
@@ -263,28 +257,40 @@ class SparseFlowEquations(FlowEquations):
         return self.start[0].dimension <= MANY or self.conservation is not None
 
     def maps(self, x: Array, p: Params) -> list[Callable[[Array], Array]]:
-        """Map small perturbations over each interval: what is inside is solved for."""
-        from scipy.sparse import csc_array
+        """Map small perturbations over each interval, by the scheme that `transitions` takes: what
+        is inside is solved for."""
+        from scipy.sparse import csc_array, eye_array, kron
 
-        (flow,), (flight,), full = self.flows, self.flights(x, p), self._unfolded(x, p)
-        given: Any = flow.f
-        states = reached(flight, flight.slopes)
-        entries = given.jacobian.entries(flow.f, flight.inner, states, full, ())[1]
-        rows, columns, data = _joined([self._inner, self._field(entries, flight)])
-        inside, forced, ends = self.layout.inside, self._inverse.sum(axis=1), self._ends
-        first, size = inside.flat[0], inside[0].size
-        cells: Any = data, (rows - first, columns - first)
-        whole = csc_array(cells, (inside.size, inside.size))
+        place = self._solved(x, p)
+        (flight,), p = place.flights, place.params
+        rates, points = self._rates(flight, p), flight.scheme.points
+        traces = rates.diagonal().reshape(flight.slopes.shape).sum(axis=2)
+        if (-traces @ flight.scheme.weights).min() > points:
+            flight = flight.on(flight.knots, flight.scheme.decaying)
+            rates, points = self._rates(flight, p), points + 1
+        inverse = np.linalg.inv(flight.scheme.matrix)
+        forced, ends = inverse.sum(axis=1), flight.scheme.weights @ inverse
+        inner, size = kron(inverse, eye_array(flight.dimension)), points * flight.dimension
 
         def over(factors: Any, start: Array) -> Array:
             # (A^-1 - h f_x) X = A^-1 x_0
             right = np.multiply.outer(forced, start).reshape(-1, *start.shape[1:])
-            states = factors.solve(right).reshape(ends.size, *start.shape)
+            states = factors.solve(right).reshape(points, *start.shape)
             return np.asarray((1 - ends.sum()) * start + np.tensordot(ends, states, 1))
 
-        starts = range(0, inside.size, size)
-        blocks = (whole[:, start : start + size][start : start + size] for start in starts)
-        return [partial(over, factorised(csc_array(block))) for block in blocks]
+        parts = (slice(first, first + size) for first in range(0, rates.shape[0], size))
+        blocks = (csc_array(inner - rates[:, part][part]) for part in parts)
+        return [partial(over, factorised(block)) for block in blocks]
+
+    def _rates(self, flight: TrajectorySegment, p: Params) -> Any:
+        """Differentiate h f at the states inside of a flight: a block for each on the diagonal."""
+        from scipy.sparse import csc_array
+
+        given: Any = self.flows[0].f
+        states = reached(flight, flight.slopes)
+        rows, columns, data = given.jacobian.entries(given, flight.inner, states, p, ())[1]
+        lengths = np.repeat(flight.lengths, flight.slopes[0].size)
+        return csc_array((lengths[rows] * data, (rows, columns)), shape=(lengths.size,) * 2)
 
     def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """Map all perturbations over each interval, dense."""
@@ -293,7 +299,7 @@ class SparseFlowEquations(FlowEquations):
             unit = np.eye(self.start[0].dimension)
             ends = np.array([over(unit) for over in self.maps(x, p)])
             none = np.empty(0)
-            slopes = Slopes(ends, none, none, none)
+            slopes = Slopes(ends, none, none, np.zeros(1))
             place.linear = (Linear(slopes, ends, none, none, none),)
         return place
 
