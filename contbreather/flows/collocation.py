@@ -428,7 +428,7 @@ def derivatives(
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inverse = None if once else _inverse(scheme, jacobian)
     inside = _solved(_equations(scheme, jacobian), right) if inverse is None else inverse @ right
-    decay = -np.einsum("jcii->jc", jacobian) @ scheme.weights
+    decay = -jacobian.trace(0, 2, 3) @ scheme.weights
     ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
     ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
     return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, inverse)

@@ -522,20 +522,18 @@ class FlowEquations:
             place.linear = tuple(linear)
         return place
 
-    def transitions(self, x: Array, p: Params) -> Iterator[Array]:
-        """Map small perturbations over the intervals of each flow, shape (intervals, n, n).
+    def transition(self, i: int, place: SolvedPlace) -> Array:
+        """Map small perturbations over each interval of a flow, shape (intervals, n, n).
 
-        Where volumes shrink by more than ``exp(points)`` in an interval, the Gauss method, whose
-        growth is next to e^z for z as small as that alone and tends to +-1, would let what decays
-        live on.
+        Where in every one volumes shrink by more than ``exp(points)`` the Gauss method, of which
+        the growth is next to e^z for z as small as that alone, and tends to +-1, would let live on
+        what decays fast.
         """
-        place = self.linearised(x, p)
-        for flow, flight, piece in zip(self.flows, place.flights, place.linear, strict=True):
-            slopes = piece.slopes
-            if slopes.decay.min() > flight.scheme.points:
-                flight = flight.on(flight.knots, flight.scheme.decaying)
-                slopes = derivatives(flow, flight, flight.slopes, place.params, once=True)
-            yield slopes.ends[:, :, : flight.dimension]
+        slopes, flight = place.linear[i].slopes, place.flights[i]
+        if np.minimum.reduce(slopes.decay) > flight.scheme.points:
+            flight = flight.on(flight.knots, flight.scheme.decaying)
+            slopes = derivatives(self.flows[i], flight, flight.slopes, place.params, once=True)
+        return slopes.ends[:, :, : flight.dimension]
 
     def _linearised(
         self, i: int, whole: TrajectorySegment, derivative: Slopes, places: Sequence[SolvedPlace]

@@ -219,8 +219,8 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
     ways = equations.velocities(x, p)
     factors: list[Array] = []
     directions: list[Array] = []
-    for i, (ends, way) in enumerate(zip(equations.transitions(x, p), ways, strict=True)):
-        flow, stacks = equations.flows[i], [ends]
+    for i, (flow, way) in enumerate(zip(equations.flows, ways, strict=True)):
+        stacks = [ends := equations.transition(i, place)]
         if flow.reset or flow.until:
             last = _saltation(equations, place, i, ways) @ ends[-1:]
             alike = last.shape[1] == last.shape[2]

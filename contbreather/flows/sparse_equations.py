@@ -257,7 +257,7 @@ class SparseFlowEquations(FlowEquations):
         return self.start[0].dimension <= MANY or self.conservation is not None
 
     def maps(self, x: Array, p: Params) -> list[Callable[[Array], Array]]:
-        """Map small perturbations over each interval, by the scheme that `transitions` takes: what
+        """Map small perturbations over each interval, by the scheme that `transition` takes: what
         is inside is solved for."""
         from scipy.sparse import csc_array, eye_array, kron
 
