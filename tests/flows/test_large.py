@@ -159,3 +159,35 @@ def test_many_states_without_events_ask_for_no_multipliers(monkeypatch: Any) -> 
     assert np.isfinite(cycles["max(u)"]).all()
     with pytest.raises(AssertionError, match="multipliers"):
         print(cycles[-1].solution.multipliers)
+
+
+@pytest.mark.parametrize("cells", [100, 200])  # with all multipliers, and with the leading ones
+def test_multipliers_of_waves_that_diffuse_fast_are_known(cells: int) -> None:
+    """Of u' = (r + i) u - |u|^2 u + D u_xx, alike everywhere, the amplitude of a mode of the cells
+    decays as its phase does, and by 2 r more; of the fastest a Gauss method would leave 0.6."""
+    modes = 4 * np.sin(np.pi * np.arange(cells) / (2 * cells)) ** 2
+    D = 0.05 / modes[1]
+
+    def field(t: Any, x: Any, p: Any) -> Any:
+        u, v = x[:cells], x[cells:]
+        grows = p["r"] - u * u - v * v
+
+        def diffused(w: Any) -> Any:
+            return D * np.diff(np.concatenate([w[:1], w, w[-1:]]), n=2, axis=0)
+
+        return np.concatenate([grows * u - v + diffused(u), u + grows * v + diffused(v)])
+
+    band = diags_array([np.ones(cells - 1), np.ones(cells), np.ones(cells - 1)], offsets=(-1, 0, 1))
+    pattern = block_array([[band, eye_array(cells)], [eye_array(cells), band]])
+    rest = cb.equilibrium(
+        field, {"u": np.zeros(cells), "v": np.zeros(cells)}, {"r": -0.01}, jacobian=pattern,
+        collocation=cb.Collocation(8, 4),
+    )  # fmt: skip
+    begins = cb.trace(rest, "r", within={"r": (-0.01, 0.02)}).first("HB")
+    assert begins["r"] == pytest.approx(0.0, abs=1e-9)
+    (waves,) = cb.switch(begins, within={"r": (-0.1, 1.0)}, steps=cb.Steps(most=1))
+    r, orbit = waves[-1]["r"], waves[-1].solution
+    wanted = np.exp(-2 * np.pi * np.sort(np.concatenate([D * modes, D * modes + 2 * r])))
+    known = orbit.multipliers
+    assert np.count_nonzero(wanted > 0.5) <= known.size
+    np.testing.assert_allclose(known, wanted[: known.size], atol=1e-5)

@@ -226,3 +226,17 @@ def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
     line = cb.boundary(fold, ("rho", "s0"), within={"s0": (109.5, 111), "rho": (4, 6)})
     end = max(line, key=lambda point: point["s0"])
     assert (end["rho"], end["period"]) == pytest.approx((4.72213, 6.08717), abs=1e-5)
+
+
+def test_a_state_that_follows_another_at_once_has_a_multiplier_of_nothing() -> None:
+    """That of the van der Pol oscillator beside it is the integral of the divergence."""
+
+    def field(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], (1 - x[0] ** 2) * x[1] - x[0], 1e6 * (x[0] - x[2])]
+
+    start = {"x": 2.0, "v": 0.0, "seen": 2.0}
+    orbit = cb.flows.cycle_of(cb.cycle(field, start, {}, settle=30))
+    t = np.linspace(0.0, orbit.period, 2001)
+    grown = np.exp(np.trapezoid(1 - orbit.states(t)[0] ** 2, t))
+    np.testing.assert_allclose(orbit.multipliers, [1.0, grown, 0.0], atol=1e-6)
+    assert orbit.multipliers[1] == pytest.approx(grown, rel=1e-4)
