@@ -371,7 +371,9 @@ def _arnoldi(
             border = float(moduli[wanted - 1 :].mean())
             space = schur(small[:k, :k], sort=partial(_beyond, border))[1][:, :wanted]
             return mu[:wanted], np.linalg.qr(np.column_stack([apart, known @ space]))[0]
-    raise Undefined(f"too many multipliers are above {_KNOWN} to look for all of them")
+    raise Undefined(
+        f"too many multipliers are above {_KNOWN} to look for all of them: events=() asks for none"
+    )
 
 
 def _beyond(border: float, *parts: float) -> bool:
