@@ -355,17 +355,17 @@ class CycleProblem(Problem):
             return None
         return self.of_flows(single, point.params)
 
-    def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
+    def finer(self, point: Point, along: Any, crosses: bool) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
         if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
             return None
         if along is None:
             return self.halved(), None
         with suppress(Undefined):
-            return self._arm(along, point.curve.free)
+            return self._arm(along, crosses, point.curve.free)
         return None
 
-    def _arm(self, along: Array, free: tuple[str, ...]) -> tuple[Problem, Array]:
+    def _arm(self, along: Array, crosses: bool, free: tuple[str, ...]) -> tuple[Problem, Array]:
         """Solve for the start of an arm, and its direction, on a mesh of twice the intervals."""
         finer = Curve(self.halved(self.residual.start), free)  # tangents keep their phase
         z, guess = finer.start, np.zeros(finer.start.size)
@@ -374,13 +374,15 @@ class CycleProblem(Problem):
             guess[many] = np.repeat(along[few], 2, axis=0)
         guess[there.lengths[0] :] = along[here.lengths[0] :]  # durations, phase and parameter
         row = finer.metric * guess
-        if SwitchingProblem(self, free[0]).tangents[1] is None:  # one curve passes it, as at HB
+        ways: Sequence[Array] = ()
+        if crosses:
+            with suppress(Undefined):  # one curve may pass where a direction was given
+                branch_point = crossing(finer, z)
+                z, ways = branch_point.solution.z, branch_point.tangents
+        if not ways:
             z = newton(finer, z, row).z
-            tangent = finer.tangent_at(z, guess)[0]
-        else:
-            branch_point = crossing(finer, z)
-            z = branch_point.solution.z
-            tangent = max(branch_point.tangents, key=lambda way: abs(way @ row))
+            ways = finer.tangent_at(z, guess)[:1]
+        tangent = max(ways, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
     def halved(self, flights: Sequence[TrajectorySegment] = ()) -> CycleProblem:

@@ -222,3 +222,13 @@ def test_scales_of_a_map_are_heeded() -> None:
     assert branch.first("PD").detail["c"] == pytest.approx(2 / 3, rel=1e-6)
     curve = boundary(branch.first("PD"), ("beta", "alpha"), within=PLANE)
     assert kinds(curve) == ["LPPD", "R2"]
+
+
+def test_what_is_nearer_to_zero_is_no_second_multiplier_minus_one_beside_a_large_one() -> None:
+    def saddle(x, p):
+        return np.array([-p["mu"] * x[0] + x[0] ** 3, 1e8 * x[1], 0.5 * x[2]])
+
+    rest = FixedPoint(saddle, {"x": 0.0, "y": 0.0, "z": 0.0}, {"mu": 0.5})
+    branch = trace(rest, "mu", within={"mu": (0.5, 1.5)})
+    assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
+    assert not branch.doubtful

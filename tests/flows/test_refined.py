@@ -135,6 +135,26 @@ def test_arms_of_a_symmetric_circuit_are_followed_into_where_they_need_more_inte
         assert arm.first("PD")["nu"] == pytest.approx(-0.6149552, abs=1e-7)
 
 
+def test_cycles_from_a_hopf_point_get_more_intervals_whatever_the_units_of_their_states() -> None:
+    """Morris-Lecar in mV and ms: beside HB equations are as close to singular as where curves
+    cross."""
+
+    def neuron(t, u, p):
+        V, w = u
+        opens = (1 + np.tanh((V + 1.2) / 18)) / 2
+        rest, pace = (1 + np.tanh((V - 12) / 17.4)) / 2, 0.067 * np.cosh((V - 12) / 34.8)
+        ions = 2 * (V + 60) + 4 * opens * (V - 120) + 8 * w * (V + 84)
+        return [(p["I"] - ions) / 20, pace * (rest - w)]
+
+    few = Collocation(intervals=8, points=4)
+    rest = cb.equilibrium(neuron, {"V": 8.3, "w": 0.4}, {"I": 97.5}, collocation=few)
+    hopf = cb.trace(rest, "I", within={"I": (97, 98)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"I": (97, 120)})
+    assert cycles["mesh"].shape[1] > 8
+    assert not cycles.doubtful
+    assert cycles.first("LP")["I"] == pytest.approx(115.94872149, abs=1e-6)
+
+
 def test_a_diagram_has_arms_on_finer_meshes_and_what_they_left_once() -> None:
     rest = cb.equilibrium(forked, {"x": 0.0, "v": 0.0, "w": 0.0}, {"mu": -0.5}, collocation=FEW)
     tree = cb.diagram(rest, "mu", within={"mu": (-0.5, 1.8)})

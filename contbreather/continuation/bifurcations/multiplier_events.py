@@ -72,11 +72,19 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
     return circle
 
 
+def _distances(values: Values, wanted: float) -> tuple[Values, float]:
+    """Measure how far multipliers are off one value, the nearest first, and the size of all. Beside
+    large ones others may be off by as much as all of themselves: none is there that is nearer 0."""
+    off, size = values - wanted, max(1.0, abs(values).max(initial=0.0))
+    off = off[abs(off) < abs(values)]
+    return off[abs(off).argsort()], size
+
+
 def _count(values: Values, wanted: float) -> int:
     """Count the multipliers at one value. Rounding moves two of them that are one by its root, but
     their sum and their product by no more than itself: so with all symmetric functions of them."""
-    size = max(1.0, abs(values).max(initial=0.0))
-    off = (values - wanted)[abs(values - wanted).argsort()] / size
+    off, size = _distances(values, wanted)
+    off = off / size
     # the most of which all are small: of two that a root splits neither one is there alone
     counts = range(off.size, 0, -1)
     return next((k for k in counts if abs(np.poly(off[:k])[1:]).max() < _NEAR), 0)
@@ -108,11 +116,11 @@ def unresolved(point: Point) -> str:
 def _examine_flip(point: Point) -> Examined:
     if coarse := unresolved(point):
         return coarse
-    values = multipliers_at(point).values
-    off, near = abs(values + 1), _NEAR * max(1.0, abs(values).max(initial=0.0))
-    if not off.min(initial=math.inf) < near:
-        return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
-    if np.count_nonzero(off < near) > 1 and _eigenvectors(-1.0, point) > 1:
+    off, size = _distances(multipliers_at(point).values, -1.0)
+    if not abs(off).min(initial=math.inf) < (near := _NEAR * size):
+        least = abs(multipliers_at(point).values + 1).min(initial=math.inf)
+        return f"no multiplier is -1: the nearest is {least:.2g} off"
+    if np.count_nonzero(abs(off) < near) > 1 and _eigenvectors(-1.0, point) > 1:
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
     make = partial(normal_forms.flip, point)
     return normal_forms.criticality("c", make, stable_if_negative=False)

@@ -348,7 +348,7 @@ def follow(
     settings = Settings.of(within, events, steps, lifted)
     arm = walk_from(
         start, free, settings, along=seed.tangent, progress=progress, save=save,
-        whole=partial(_with_parent, point=point, seed=seed),
+        whole=partial(_with_parent, point=point, seed=seed), crosses=seed.parent is not None,
     )  # fmt: skip
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(

@@ -99,9 +99,9 @@ class Structure:
         it: `switch` follows them. None where there are none."""
         return None
 
-    def finer(self, point: Any, along: Any) -> tuple[Any, Any] | None:
-        """Refine the problem at a point that is `unresolved`: from its present start in more
-        unknowns, and a direction in these. Its branch is walked anew."""
+    def finer(self, point: Any, along: Any, crosses: bool) -> tuple[Any, Any] | None:
+        """Refine the problem at a point that is `unresolved`: from its present start, where another
+        curve may cross, in more unknowns, and a direction in these. Its branch is walked anew."""
         return None
 
     def unresolved(self, point: Any) -> str:

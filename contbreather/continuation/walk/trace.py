@@ -143,9 +143,11 @@ def walk_from(
     name: str = "branch",
     whole: Callable[[Branch], Branch] | None = None,
     continues: Branch | None = None,
+    crosses: bool = True,
 ) -> Branch:
     """Walk with these settings; from the end of a branch in its unknowns, and back to its start.
-    What is returned, and kept under a name in a file, is made of the walk by `whole`, if given."""
+    What is returned, and kept under a name in a file, is made of the walk by `whole`, if given;
+    a direction is that of one of two curves if another `crosses`."""
     one_of("towards", towards, ("both", "up", "down"))
     origin = start if isinstance(start, Point) else None
     if origin and free in origin.base_point.curve.free[:1]:
@@ -160,7 +162,8 @@ def walk_from(
         finer: Finer | None = having(problem_in(start), free), along
         while finer is not None:
             coarse, along = finer
-            look = partial(coarse.finer, along=along) if continues is None else lambda point: None
+            refined = partial(coarse.finer, along=along, crosses=crosses)
+            look = refined if continues is None else lambda point: None
             walks[:] = _set_out(coarse, free, settings, towards, along, continues)
             shown.remark = advice(walks[0].curve)
             for walk in walks:
