@@ -259,7 +259,7 @@ class ByImpacts:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
             slopes[name] = self.equations.moved(at, {name: 1.0})[2]
-        slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
+        slopes = {name: (-c * c / J * column.T).T for name, column in slopes.items()}
         if "k" in names:
             slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
         if "damping" in names:
