@@ -203,12 +203,11 @@ class ByImpacts:
 
     @property
     def family(self) -> str:
-        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`."""
-        k = self.conditions.at_sites("k", self.impacts[0].site)
-        chi, loss = _closure(self.terms.h, float(k))
-        _, slope, bend, _ = self.terms.forced[:, 0]
-        # the determinant of the closure, over -a
-        return "upper" if chi * bend + loss * slope >= 0.0 else "lower"
+        """``"upper"`` before a fold, ``"lower"`` behind it, as of `ClosedForm`: a fold is where the
+        determinant of the equations changes its sign, whether amplitudes of modes are among
+        the unknowns, or not: these multiply it by sums of squares."""
+        matrix = self.equations.jacobian(self.x, self.conditions.params)
+        return "upper" if np.linalg.det(matrix) >= 0.0 else "lower"
 
     @cached_property
     def accelerations(self) -> FloatArray:
