@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Finite, stiffness_of
+from contbreather.lattice.modal_waves import RADIUS
 from contbreather.one_thread import one_thread
 
 FloatArray = NDArray[np.float64]
@@ -162,13 +163,16 @@ class Medium:
     def modes(self, radius: float, by: str) -> SiteModes:
         """Modes with a parameter at places of a circle, without their conjugates, weighted so that
         sums over all are means, or slopes."""
-        moved = radius * PLACES[:, None]
+        n, moved = self.lattice.sites, radius * PLACES[:, None]
         dK, dC = self.slope(by)
+        # what drifts has the rate 0, of which means over a section are 0/0: so a spring at every
+        # site turns with the square of the place, which leaves first orders as they are
+        held = RADIUS * radius * PLACES[:, None, None] ** 2 * np.eye(n)
         generators = self.generator(
-            self.pull + moved[..., None] * dK, np.broadcast_to(self.loss, dC.shape) + moved * dC
+            self.pull + moved[..., None] * dK + held,
+            np.broadcast_to(self.loss, dC.shape) + moved * dC,
         )
         rates, vectors = np.linalg.eig(generators)
-        n = self.lattice.sites
         kicks = np.linalg.inv(vectors)[..., n:]  # impulses are velocities
         values = vectors[:, :n, :].swapaxes(1, 2) / (len(moved) * (moved[..., None] if by else 1.0))
         kicks = kicks.reshape(-1, n)

@@ -203,12 +203,11 @@ class ByImpacts:
 
     @property
     def family(self) -> str:
-        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `ClosedForm`."""
-        k = self.conditions.at_sites("k", self.impacts[0].site)
-        chi, loss = _closure(self.terms.h, float(k))
-        _, slope, bend, _ = self.terms.forced[:, 0]
-        # the determinant of the closure, over -a
-        return "upper" if chi * bend + loss * slope >= 0.0 else "lower"
+        """``"upper"`` before a fold, ``"lower"`` behind it, as of `ClosedForm`: a fold is where the
+        determinant of the equations changes its sign, whether amplitudes of modes are among
+        the unknowns, or not: these multiply it by sums of squares."""
+        matrix = self.equations.jacobian(self.x, self.conditions.params)
+        return "upper" if np.linalg.det(matrix) >= 0.0 else "lower"
 
     @cached_property
     def accelerations(self) -> FloatArray:
@@ -259,7 +258,7 @@ class ByImpacts:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
             slopes[name] = self.equations.moved(at, {name: 1.0})[2]
-        slopes = {name: -c * c * (column.T / J).T for name, column in slopes.items()}
+        slopes = {name: (-c * c / J * column.T).T for name, column in slopes.items()}
         if "k" in names:
             slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
         if "damping" in names:

@@ -30,7 +30,7 @@ from contbreather.orbits.clearance import (
     of_idle,
     smallest_margins,
 )
-from contbreather.orbits.margins import MARGIN, WHEN
+from contbreather.orbits.margins import CONTACT, MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.orbits.section import AT_ONCE
@@ -187,7 +187,7 @@ def other_contacts(
     ``m/(|m| + d)``, between -1 and 1, of the sign of each margin m and no zero that says nothing; 1
     where rounding decides that sign.
     """
-    idle = [*orbit.idle]
+    idle, period = [*orbit.idle], orbit.period
     if site not in orbit.hit and site not in idle:
         idle.append(site)
     near = {site, *orbit.beside}
@@ -195,13 +195,17 @@ def other_contacts(
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
         crests = measured.rows[-2:, : WHEN + 1].tolist()  # at its own wall, and at the other one
-        opposite = crests[1][MARGIN]
-        # by symmetry it touches the other wall, too
-        if opposite == math.inf or (mirrored and abs(opposite) < 1e-13):
+        if crests[1][MARGIN] == math.inf:
             crests.pop()
-        period = orbit.period
         own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
         gaps = own + gaps
+    if mirrored:  # half a period later it touches the other wall, between its impacts, too
+        late = t + 0.5 * period
+        gaps = [
+            gap
+            for gap in gaps
+            if gap.site != site or abs(math.remainder(gap.time - late, period)) > CONTACT
+        ]
     apart = orbit.differences([gap.site for gap in gaps], site)
     return [
         # motions that differ by less touch together but for rounding

@@ -67,6 +67,14 @@ BRANCHES: dict[str, Callable[[], cb.Branch]] = {
     "shot": lambda: branch(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8), "a", 0.05, 0.99),
     # by springs to the ground
     "held": lambda: branch(cb.symmetric(0.5, 0.03, 0.8, spring=0.1), "a", 0.05, 2.0),
+    # two sites, and four amplitudes of modes among the unknowns
+    "in resonance": lambda: branch(
+        cb.multibreather([0, 3], a=0.6, gamma=0.15, k=0.7, damping=0.02, lattice=cb.OpenChain(4)),
+        "a",
+        0.6,
+        0.7,
+        towards="up",
+    ),
     "arm of two": lambda: branch(
         asymmetric(0.82, 0.04, 0.8, forcing=LATER).problem, "a", 0.7, 0.95, towards="up"
     ),
@@ -103,6 +111,8 @@ PLACES: list[Place] = [
     ("held", "PF", ("k", "a")),
     ("held", "PF", ("spring", "gamma")),
     ("held", "GR", ("spring", "a")),
+    ("in resonance", "NS", ("gamma", "a")),
+    ("in resonance", "NS", ("k", "damping")),
     ("arm of two", "GR", ("c3", "a")),
     ("shot", "PF", ("gamma", "a")),
     ("shot", "LP", ("k", "a")),

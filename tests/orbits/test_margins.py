@@ -166,3 +166,16 @@ def test_far_field_carries_the_offset():
     assert orbit.on(cb.Ring(12)).admissibility().far == 1.0
     # without coupling nothing lifts the other sites
     assert asymmetric(0.82, 0.0, 0.8).admissibility().far == pytest.approx(1 - 0.82, abs=1e-14)
+
+
+def test_a_crest_and_its_mirror_image_between_impacts_are_one_contact() -> None:
+    """Of the image rounding was left, which ended curves of the whole period after a few steps."""
+    start = cb.symmetric(0.8, 0.05, 0.02, lattice=cb.OpenChain(3), damping=0.02)
+    within = {"k": (0.005, 0.1), "a": (0.7, 1.0)}
+    ends = []
+    for problem in (start.problem, start.unfolded().problem):
+        branch = cb.trace(problem, "a", towards="up", within={"a": (0.7, 0.95)})
+        curve = cb.boundary(branch.first("GR"), ("k", "a"), within=within)
+        ends.append([(point.kind, point["k"], point["a"]) for point in curve.special])
+    assert [kind for kind, *_ in ends[0]] == [kind for kind, *_ in ends[1]] == ["EP", "GR-GR"]
+    assert np.allclose([end[1:] for end in ends[0]], [end[1:] for end in ends[1]], atol=1e-8)

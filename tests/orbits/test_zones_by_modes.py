@@ -89,3 +89,17 @@ def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere(
         with pytest.raises(cb.BadInput, match=why):
             cb.boundary(bare.first("PF"), pair)
         assert len(cb.boundary(next_to.first("PF"), pair, steps=cb.Steps(most=2))) > 1
+
+
+def test_a_family_ends_at_the_fold_whatever_modes_are_unknowns() -> None:
+    """Lower breathers next to their fold were taken for upper ones, and had a curve of NS."""
+    light = cb.OpenChain(5, masses=[3, 0.5, 3, 0.5, 3])
+    start = cb.symmetric(0.12, 0.1, 0.7, lattice=light, site=1, damping=0.02)
+    assert start.representation.resonant
+    within, steps = {"a": (0.1, 0.13)}, cb.Steps(largest=0.02)
+    branch = cb.trace(start, "a", within=within, events=[cb.fold()], steps=steps)
+    fold = branch.first("LP")
+    others = [point for point in branch if point.label != "LP1"]
+    families = [point.solution.representation.family for point in others]
+    assert families == ["upper" if point["p"] > fold["p"] else "lower" for point in others]
+    assert {*families} == {"upper", "lower"}
