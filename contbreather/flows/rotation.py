@@ -13,7 +13,7 @@ from ..checks import brief, check_kind, number
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput
 from .flow import Filippov, Flow
-from .functions import Function, Params, values
+from .functions import Function, Params, at_state, values
 
 _PERIODIC = 1e-9  # of a function: off by less after a turn it is that of an angle
 
@@ -26,7 +26,8 @@ class TurnedBack:
     reset: Function | None
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        after = x if self.reset is None else np.asarray(values(self.reset, t, x, p))
+        evaluated = at_state if np.ndim(x) == 1 else values
+        after = x if self.reset is None else evaluated(self.reset, t, x, p)
         return after - self.turns.reshape(-1, *[1] * (np.ndim(x) - 1))
 
 

@@ -66,6 +66,24 @@ def test_a_driven_pendulum_goes_over_the_top_so_often(a: float, periods: int, tu
     assert abs(run.y[:, -1] - start) == pytest.approx([turns * TURN, 0.0], abs=1e-8)
 
 
+def test_an_impact_oscillator_is_the_same_with_its_phase_as_an_angle() -> None:
+    def field(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], 0.5 * np.cos(x[2]) - x[0] - 0.1 * x[1], p["w"] + 0 * x[0]]
+
+    def rebound(t: Any, x: Any, p: Any) -> Any:
+        return [x[0], -0.8 * x[1], x[2]]
+
+    hit = cb.Flow(field, until=lambda t, x, p: 1 - x[0], reset=rebound)
+    start = {"x": 0.0, "v": 0.0, "angle": 0.0}
+    orbit = cb.cycle([hit], start, {"w": 1.0}, wraps={"angle": TURN}, settle=200)
+    branch = cb.trace(orbit, "w", within={"w": (0.9, 1.0)}, towards="down")
+    doubling = branch.first("PD")
+    # areas shrink by exp(-0.1 T) in flight, and by e squared at an impact
+    assert doubling["period"] == pytest.approx(TURN / doubling["w"], rel=1e-10)
+    product = 0.8**2 * np.exp(-0.1 * doubling["period"])
+    assert np.prod(doubling.solution.others) == pytest.approx(product, rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("wraps", "words"),
     [
