@@ -22,6 +22,7 @@ from .equations import FlowEquations, equations_of
 from .flow import Flow, Wall, flow_between, slid_along, system_of
 from .functions import values
 from .multipliers import paces
+from .rotation import turned_back, unturned
 from .rounds import once
 
 SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
@@ -91,15 +92,17 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
     start = flights[0].start
     flights = [replace(f, start=start + (f.start - start) % orbit.period) for f in flights]
+    flows, flights, turns = unturned(flows, flights)
     hit, walls = _hit(point, flows, flights[0])
     short = SHORTEST * orbit.period if hit[1:] else 0.0
     if more:
         touch = start + detail["touch"] * flights[0].duration
-        parts, pieces = _added(hit, walls, flows, flights, touch, short)
+        parts, pieces = _added(hit, walls, flows, flights, touch, short, turns)
     else:
         touch = flights[0].last + (flights[1].duration / 2 if short else 0.0)
         parts, pieces = _removed(hit, flows, flights)
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
+    parts[-1] = turned_back(parts[-1], turns)
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
     made = made if more else once(made, pieces, p)
     height = partial(_height, hit[0].until, flow if more else 0)
@@ -210,13 +213,14 @@ def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
 
 def _added(
     hit: Sequence[Flow], walls: Sequence[Wall], flows: Sequence[Flow],
-    flights: Sequence[TrajectorySegment], touch: float, short: float,
+    flights: Sequence[TrajectorySegment], touch: float, short: float, turns: Array,
 ) -> tuple[list[Flow], list[TrajectorySegment]]:  # fmt: skip
     """Cut the first flow in two at a contact."""
     (whole, *rest), parts = flights, [hit[0].walled(walls), *hit[1:]]
     joints = [touch - short / 2, touch + short / 2] if short else [touch]
     if flows[0].until is None:  # what comes after the contact goes on into what is before it
-        before = replace(whole, start=whole.start - whole.duration)
+        earlier = whole.start - whole.duration
+        before = replace(whole, start=earlier, states=whole.states - turns)
         return parts, _refitted([before, whole], [joints[-1] - whole.duration, *joints])
     return [*parts, *flows], [*_refitted([whole], [whole.start, *joints, whole.last]), *rest]
 

@@ -34,6 +34,7 @@ from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
 from .multipliers import paces
+from .rotation import moves
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
@@ -369,14 +370,14 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
     being, as short as the root of how far the parameter is beyond. And of those that do at an edge
     of sliding, as short as that."""
     flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
-    if all(flow.reset or not flow.until for flow in flows):
+    if all(moves(flow) or not flow.until for flow in flows):
         return
     rates = paces(orbit.equations, orbit.x, orbit.params)
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
         edge = flow_between(flows[before], after) == flow
         # of its largest rate less than this: all but touched
-        tangent = flows[before].until and not flows[before].reset and rates[before][1] < 1e-2
+        tangent = flows[before].until and not moves(flows[before]) and rates[before][1] < 1e-2
         if tangent or edge:
             least = 0.0 if edge and slid_along(flow) else SHORTEST
             shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system

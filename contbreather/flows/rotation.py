@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..checks import brief, check_kind, number
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput
+from .collocation import TrajectorySegment
 from .flow import Filippov, Flow
 from .functions import Function, Params, at_state, values
 
@@ -29,6 +30,31 @@ class TurnedBack:
         evaluated = at_state if np.ndim(x) == 1 else values
         after = x if self.reset is None else evaluated(self.reset, t, x, p)
         return after - self.turns.reshape(-1, *[1] * (np.ndim(x) - 1))
+
+
+def unturned(
+    flows: Iterable[Flow], flights: Iterable[TrajectorySegment]
+) -> tuple[list[Flow], list[TrajectorySegment], Array]:
+    """Let an orbit run on through its whole turns, and return these, shape (n,)."""
+    parts, pieces, turns = [], [], np.zeros(1)
+    for flow, flight in zip(flows, flights, strict=True):
+        pieces.append(replace(flight, states=flight.states + turns) if turns.any() else flight)
+        if isinstance(flow.reset, TurnedBack):
+            turns = turns + flow.reset.turns
+            flow = replace(flow, reset=flow.reset.reset)
+        parts.append(flow)
+    return parts, pieces, turns
+
+
+def turned_back(flow: Flow, turns: Array) -> Flow:
+    """Let a flow end with whole turns taken back."""
+    return replace(flow, reset=TurnedBack(turns, flow.reset)) if turns.any() else flow
+
+
+def moves(flow: Flow) -> bool:
+    """Tell whether the reset of a flow moves its state, by more than whole turns."""
+    reset = flow.reset
+    return (reset.reset if isinstance(reset, TurnedBack) else reset) is not None
 
 
 @dataclass(frozen=True)
@@ -85,5 +111,4 @@ class Angles:
 
     def taken_from(self, flow: Flow, moved: Array) -> Flow:
         """Let a flow end with the whole turns that an orbit makes taken back."""
-        turns = self.turns(moved)
-        return replace(flow, reset=TurnedBack(turns, flow.reset)) if turns.any() else flow
+        return turned_back(flow, self.turns(moved))

@@ -189,3 +189,51 @@ def test_a_wall_leads_to_no_flow() -> None:
     branch = cb.trace(orbit, "w", within={"w": (0.5, 2.5)}, towards="down", events=())
     with pytest.raises(cb.BadInput, match="give the wall as the flow that ends there"):
         cb.switch(branch.first("GR"))
+
+
+@pytest.mark.parametrize(("settle", "first"), [(150, "sine"), (151, "pressed")])
+def test_contacts_come_and_go_where_the_phase_is_an_angle(settle: float, first: str) -> None:
+    def sine(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(x[2]), 1 + 0 * x[0]]
+
+    def pressed(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], sine(t, x, p)[1] - 8 * (x[0] - 0.8), 1 + 0 * x[0]]
+
+    flows = [
+        cb.Flow(sine, until=lambda t, x, p: 0.8 - x[0]),
+        cb.Flow(pressed, until=lambda t, x, p: x[0] - 0.8),
+    ]
+    start, window = {"x": 0.0, "v": 0.0, "angle": 0.0}, {"F": (0.02, 0.7)}
+    orbit = cb.cycle(flows, start, {"F": 0.6}, wraps={"angle": TAU}, settle=settle)
+    assert orbit.residual.flows[0].f.__name__ == first  # the turn is taken back after the other
+    shrunk = cb.trace(orbit, "F", within=window, towards="down").special[-1]
+    assert (shrunk.kind, shrunk["F"]) == ("GR", pytest.approx(0.08, rel=1e-9))
+    (apart,) = cb.switch(shrunk, within=window)
+    assert [at["max(x)"] for at in apart] == pytest.approx([10 * at["F"] for at in apart])
+    touched = cb.trace(apart[-1].problem, "F", within=window, towards="up").special[-1]
+    (again,) = cb.switch(touched, within={"F": (0.02, 0.6)})
+    assert again[-1]["max(x)"] == pytest.approx(cb.flows.cycle_of(orbit).max["x"], rel=1e-9)
+
+
+def test_a_rotation_meets_its_stop_and_leaves_it() -> None:
+    def pendulum(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], p["torque"] - 0.3 * x[1] - np.sin(x[0])]
+
+    def braked(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], pendulum(t, x, p)[1] - 2 * (x[1] - 3)]
+
+    brakes = (
+        cb.Flow(pendulum, until=lambda t, x, p: 3 - x[1]),
+        cb.Flow(braked, until=lambda t, x, p: x[1] - 3),
+    )
+    start, window = {"theta": 0.0, "v": 2.0}, {"torque": (0.7, 1.0)}
+    over = cb.Flow(pendulum, walls=(brakes,))
+    orbit = cb.cycle(over, start, {"torque": 0.75}, wraps={"theta": TAU}, settle=80)
+    touched = cb.trace(orbit, "torque", within=window, towards="up").special[-1]
+    assert (touched.kind, touched["max(v)"]) == ("GR", pytest.approx(3.0, rel=1e-9))
+    (slower,) = cb.switch(touched, within=window)
+    assert slower[0]["beyond"] == "persists"
+    last = slower[-1].solution
+    assert last.flights[-1].end - last.flights[0].states[0] == pytest.approx([TAU, 0.0], abs=1e-9)
+    found = cb.cycle(brakes, start, {"torque": 1.0}, wraps={"theta": TAU}, settle=80)
+    assert last.period == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-9)
