@@ -68,6 +68,16 @@ def test_sites_have_their_shares_of_it_as_of_k():
     np.testing.assert_allclose(sim.variation(alike), sim.variation(number), rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.parametrize("of", [{"k": 0.9}, {"restitution": LAWS["of spheres"]}], ids=["k", "law"])
+def test_no_site_gains_by_its_share(state, of):
+    lattice = cb.Lattice(np.zeros((5, 5)), restitutions=[1, 1, 1.2, 1, 1])
+    with pytest.raises(BadInput, match=r"^k = 1\.\d+: the restitution coefficient"):
+        sim.simulate(state, **ON, **of, lattice=lattice, periods=1)
+    sim.simulate(state, **ON, k=0.8, lattice=lattice, periods=1)
+    with pytest.raises(BadInput, match=r"^k = 1\.08: "):
+        sim.sweep(state, "k", [0.8, 0.9], **ON, lattice=lattice, periods=2)
+
+
 def test_many_sites_that_hit_together_have_each_its_own_speed():
     u, v = np.array([1.0, 1.0, 0.5]), np.array([0.4, 0.8, 0.0])
     law = LAWS["softer when fast"]
