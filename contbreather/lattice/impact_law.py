@@ -47,11 +47,12 @@ class ImpactLaw:
         return (8.0 * near - far) / (12.0 * h) if h else -self.at(0.0)
 
     def along(self, velocities: ArrayLike, shares: ArrayLike = 1.0) -> tuple[Array, Array]:
-        """Ratios of the velocities after and before many impacts, at sites with these shares of k,
-        and slopes."""
-        v = np.asarray(velocities, dtype=float)
+        """Ratios of the velocities after and before many impacts, at sites with these shares of k
+        or of what is in its place, and slopes."""
+        v, share = np.asarray(velocities, dtype=float), np.asarray(shares, dtype=float)
         if self.by_speed is None:
-            ratios = np.full(v.shape, -self.k) * shares
+            ratios = np.full(v.shape, -self.k) * share
             return ratios, ratios.copy()
-        ratios = [-self.at(abs(x)) for x in v.tolist()]
-        return np.array(ratios, float), np.array([self.slope(x) for x in v.tolist()], float)
+        ratios = np.array([-self.at(abs(x)) for x in v.tolist()], float)
+        slopes = np.array([self.slope(x) for x in v.tolist()], float)
+        return ratios * share, slopes * share

@@ -121,7 +121,7 @@ def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t:
             if work.answer[0] != abs(before):
                 work.answer[0] = abs(before)
                 return -2
-            k = work.answer[1]
+            k *= work.answer[1]
         work.when[n] = NEVER
         after = -k * before + 0.0  # (2); no minus zero
         # the push at rest has the wall's sign; u'' as it is just before has the drag besides

@@ -208,7 +208,8 @@ def parameters_of(conditions: Conditions) -> Parameters:
     rest_step = step * rate / max(rate, top)
     mean = float(force.c[force.m == 0.0].sum())
     ring = isinstance(lattice, Ring) and c.spring == 0.0 and mean == 0.0
-    back = float(c.k) * lattice.restitutions
+    # a function of the speed takes the place of k, not of the shares that sites have of it
+    back = lattice.restitutions if c.restitution is not None else float(c.k) * lattice.restitutions
     walls = np.array([low, high, np.minimum(high, -low), back])
     where = (ring, float(c.gamma), bonds, walls)
     steps = step, rest_step, powers_needed(step * rate)

@@ -230,6 +230,9 @@ def ranged(on: C) -> C:
     for name, value in on.params.items():
         if name in (*NAMES, *SMOOTH):
             parameter(name, value, **ranges.get(name, {}))
+    if isinstance(on, Conditions):  # nor does a site gain by an impact that has more than k
+        largest = on.k if on.restitution is None else 1.0
+        parameter("k", largest * float(on.lattice.restitutions.max()))
     return on
 
 

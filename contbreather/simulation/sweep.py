@@ -97,11 +97,13 @@ class Sweep(Columns, HtmlRepr):
     def lost(self, site: int = 0) -> float:
         """The first value at which there is no breather at the site any more.
 
-        On impacting rings a breather hits twice in a period and nobody else does; on smooth
-        ones most of the energy is at the site. NaN if it was never lost.
+        Between rigid walls a breather hits as often in a period as at the first value, once where
+        there is one wall, and nobody else does; on smooth ones most of the energy is at the site.
+        NaN if it was never lost.
         """
         with np.errstate(invalid="ignore"):
-            hard = (np.abs(self.impacts - 2.0) < 0.3) & (self.others == 0.0)
+            steady = (self.impacts > 0.0) & (np.abs(self.impacts - self.impacts[0]) < 0.3)
+            hard = steady & (self.others == 0.0)
         alive = np.where(np.isnan(self.impacts), self.participation < 3.0, hard)
         alive &= self.centre == whole("site", site, -MOST) % self.u.shape[1]
         gone = np.flatnonzero(~alive)

@@ -52,7 +52,7 @@ class Parameters(NamedTuple):
     gamma: float
     bonds: Couplings
     # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
-    # distance of both from 0; k
+    # distance of both from 0; k, or the share of it where the speed decides
     walls: Matrix
     mu: float
     by_speed: bool  # whether k is asked for at every impact

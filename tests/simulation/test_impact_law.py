@@ -55,6 +55,29 @@ def test_a_function_that_is_constant_is_the_number_bit_for_bit(state):
         assert on is ON or len(one.rests) > 10
 
 
+def test_sites_have_their_shares_of_it_as_of_k():
+    law, shares = LAWS["softer when fast"], np.array([1.0, 0.5, 0.9])
+    lattice = cb.Lattice([[1, -1, 0], [-1, 2, -1], [0, -1, 1]], restitutions=shares)
+    state, on = (np.array([0.2, -0.4, 0.5]), np.array([1.0, 2.0, -1.5])), {**ON, "lattice": lattice}
+    hits = sim.simulate(state, **on, restitution=law, periods=2).impacts
+    assert set(hits["site"]) == {0, 1, 2}
+    ratios = np.array([law(speed) for speed in abs(hits["before"])]) * shares[hits["site"]]
+    np.testing.assert_allclose(hits["after"], -ratios * hits["before"], rtol=1e-14)
+    alike = sim.simulate(state, **on, restitution=lambda speed: 0.8, periods=1)
+    number = sim.simulate(state, **on, k=0.8, periods=1)
+    np.testing.assert_allclose(sim.variation(alike), sim.variation(number), rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("of", [{"k": 0.9}, {"restitution": LAWS["of spheres"]}], ids=["k", "law"])
+def test_no_site_gains_by_its_share(state, of):
+    lattice = cb.Lattice(np.zeros((5, 5)), restitutions=[1, 1, 1.2, 1, 1])
+    with pytest.raises(BadInput, match=r"^k = 1\.\d+: the restitution coefficient"):
+        sim.simulate(state, **ON, **of, lattice=lattice, periods=1)
+    sim.simulate(state, **ON, k=0.8, lattice=lattice, periods=1)
+    with pytest.raises(BadInput, match=r"^k = 1\.08: "):
+        sim.sweep(state, "k", [0.8, 0.9], **ON, lattice=lattice, periods=2)
+
+
 def test_many_sites_that_hit_together_have_each_its_own_speed():
     u, v = np.array([1.0, 1.0, 0.5]), np.array([0.4, 0.8, 0.0])
     law = LAWS["softer when fast"]

@@ -72,6 +72,18 @@ def test_lost_breather_does_not_come_back_on_the_way_up(orbit):
     assert run.lost() < 0.0863
 
 
+def test_a_breather_with_one_wall_is_lost_where_its_impacts_end():
+    on = {"gamma": 0.05, "k": 0.9, "damping": 0.03, "spring": 0.3, "walls": (None, 1.0)}
+    start = np.zeros(8), np.zeros(8)
+    start[0][0], start[1][0] = 0.9, 1.0
+    state = sim.simulate(start, a=0.4, **on, periods=200).final
+    down = sim.sweep(state, "a", [0.4, 0.3, 0.2, 0.05, 0.01], **on, periods=100)
+    quiet = down.impacts == 0.0
+    assert np.all(down.impacts[~quiet] == 1.0)
+    assert not quiet[:3].any()
+    assert down.lost() == down.value[quiet][0]
+
+
 def test_upward_sweep_loses_the_breather_where_the_neighbour_grazes():
     """gamma = 0.04: past the pitchfork on its asymmetric arm, until a = 0.877387 (no damping)."""
     conditions = {"gamma": 0.04, "k": 0.8, "damping": 0.01}
