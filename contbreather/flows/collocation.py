@@ -195,6 +195,17 @@ class TrajectorySegment:
         states, slopes = self.at(knots[:-1]).T, rates * steps[:, None, None]
         return replace(self, scheme=scheme, knots=knots, states=states, slopes=slopes)
 
+    def for_perturbations(self, decay: Array) -> TrajectorySegment:
+        """Interpolate at the points by which small perturbations decay, where they do so by this
+        (of `Slopes`) in each interval: itself, or Radau's.
+
+        The growth of the Gauss method is next to e^z for z about as small as its points are many,
+        and tends to +-1: where in every interval volumes shrink by more it would let live on what
+        decays fast.
+        """
+        fast = np.minimum.reduce(decay) > self.scheme.points
+        return self.on(self.knots, self.scheme.decaying) if fast else self
+
     def halved(self) -> TrajectorySegment:
         """Interpolate on twice as many intervals, of few states of the highest order: the tail
         after a jump is in one of them, however many they are."""

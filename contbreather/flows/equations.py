@@ -523,17 +523,11 @@ class FlowEquations:
         return place
 
     def transition(self, i: int, place: SolvedPlace) -> Array:
-        """Map small perturbations over each interval of a flow, shape (intervals, n, n).
-
-        Where in every one volumes shrink by more than ``exp(points)`` the Gauss method, of which
-        the growth is next to e^z for z as small as that alone, and tends to +-1, would let live on
-        what decays fast.
-        """
-        slopes, flight = place.linear[i].slopes, place.flights[i]
-        if np.minimum.reduce(slopes.decay) > flight.scheme.points:
-            flight = flight.on(flight.knots, flight.scheme.decaying)
+        """Map small perturbations over each interval of a flow, shape (intervals, n, n)."""
+        slopes, own = place.linear[i].slopes, place.flights[i]
+        if (flight := own.for_perturbations(slopes.decay)) is not own:
             slopes = derivatives(self.flows[i], flight, flight.slopes, place.params, once=True)
-        return slopes.ends[:, :, : flight.dimension]
+        return slopes.ends[:, :, : own.dimension]
 
     def _linearised(
         self, i: int, whole: TrajectorySegment, derivative: Slopes, places: Sequence[SolvedPlace]

@@ -257,18 +257,16 @@ class SparseFlowEquations(FlowEquations):
         return self.start[0].dimension <= MANY or self.conservation is not None
 
     def maps(self, x: Array, p: Params) -> list[Callable[[Array], Array]]:
-        """Map small perturbations over each interval, by the scheme that `transition` takes: what
-        is inside is solved for."""
+        """Map small perturbations over each interval: what is inside is solved for."""
         from scipy.sparse import csc_array, eye_array, kron
 
         place = self._solved(x, p)
-        (flight,), p = place.flights, place.params
-        rates, points = self._rates(flight, p), flight.scheme.points
-        traces = rates.diagonal().reshape(flight.slopes.shape).sum(axis=2)
-        if (-traces @ flight.scheme.weights).min() > points:
-            flight = flight.on(flight.knots, flight.scheme.decaying)
-            rates, points = self._rates(flight, p), points + 1
-        inverse = np.linalg.inv(flight.scheme.matrix)
+        (own,), p = place.flights, place.params
+        rates = self._rates(own, p)
+        traces = rates.diagonal().reshape(own.slopes.shape).sum(axis=2)
+        if (flight := own.for_perturbations(-traces @ own.scheme.weights)) is not own:
+            rates = self._rates(flight, p)
+        inverse, points = np.linalg.inv(flight.scheme.matrix), flight.scheme.points
         forced, ends = inverse.sum(axis=1), flight.scheme.weights @ inverse
         inner, size = kron(inverse, eye_array(flight.dimension)), points * flight.dimension
 
@@ -299,7 +297,7 @@ class SparseFlowEquations(FlowEquations):
             unit = np.eye(self.start[0].dimension)
             ends = np.array([over(unit) for over in self.maps(x, p)])
             none = np.empty(0)
-            slopes = Slopes(ends, none, none, np.zeros(1))
+            slopes = Slopes(ends, none, none, np.zeros(1))  # these decay as they should
             place.linear = (Linear(slopes, ends, none, none, none),)
         return place
 
