@@ -386,7 +386,7 @@ def _newton(
     # where all is at rest slopes count as a tenth of what moves
     moves = max(abs(k).max(), 0.1 * unit)
     t, count, first_order = flight.inner, k[..., 0].size, inverse is not None
-    if error < math.inf:  # what is exact is asked for its velocities, too
+    if error <= ROUNDING:  # what is exact is asked for its velocities, too
         t = np.concatenate([t, flight.begins])
     for _ in range(12):
         if fresh := inverse is None:

@@ -108,34 +108,29 @@ def chord(
     """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
     short and shrink fast; None where they do not. It counts as one iteration.
 
-    On the way the equations need be no more exact than the next correction: `roughly`. What
+    At first the equations need be no more exact than the next correction: `roughly`. What
     corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
     Iterative Methods for Linear and Nonlinear Equations, section 7.3).
     """
     size = 1.0 + curve.length(z)
-    most, before = _REUSED * size, math.nan
+    value, most = roughly(z), _REUSED * size
     steps: list[Array] = []
     while True:
-        step, singular = factors.correction(roughly(z), row)
+        step, singular = factors.correction(value, row)
+        left = curve.length(step)
+        if steps and not singular and left <= _EXACT * tolerance * size:
+            return Solution(z, True, 1, float(abs(value).max()), left)
         for i, past in enumerate(steps):
             dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
             # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
             step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
-        moved = curve.length(step)
+        moved = curve.length(step) if steps else left
         if singular or not moved <= most:
             return None
         steps.append(step)
-        z = z - step
-        # convergence is at least linear: the next correction, about what is left, is shorter by
-        # this rate
-        rate = _SHRINKS if math.isnan(before) else moved / before
-        if moved * rate <= _EXACT * tolerance * size:
-            value, roughly = curve.equations(z), curve.equations
-            left = curve.length(factors.correction(value, row)[0])
-            if left <= _EXACT * tolerance * size:
-                return Solution(z, True, 1, float(abs(value).max()), left)
-        most, before = _SHRINKS * moved, moved
+        z, most = z - step, _SHRINKS * moved
+        value = curve.equations(z)
 
 
 def approach(curve: Equations, z: Array) -> Array | None:

@@ -32,7 +32,7 @@ residual: Any = None
 jacobian: Any = None
 
 ACCEPTED, SHORTER, LOOK = 0, 1, 2  # a step is taken; a shorter one may do; the caller has to look
-ARCLENGTH, SIZE, SIGN, LONGEST = range(4)  # of the state of a walk
+ARCLENGTH, SIZE, SIGN, LONGEST, LENGTH = range(5)  # of the state of a walk
 
 
 @fixed
@@ -53,11 +53,13 @@ class Rules(NamedTuple):
 
 @fixed
 class Room(NamedTuple):
-    """z, unit tangent and dt/ds where a step sets out, what it leads to, and room to solve."""
+    """z, unit tangent and what the curve bends by in s^2 and s^3 where a step sets out, what it
+    leads to, and room to solve."""
 
     z: Vector
     tangent: Vector
-    curvature: Vector
+    second: Vector
+    third: Vector
     end: Vector
     end_tangent: Vector
     between: Vector
@@ -101,7 +103,7 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
     """Take a step of this size if it comes off; how that ended, and its residual."""
     z, t, end = room.z, room.tangent, room.end
     for i in range(z.size):
-        end[i] = z[i] + size * t[i] + 0.5 * size * size * room.curvature[i]
+        end[i] = z[i] + size * (t[i] + size * (room.second[i] + size * room.third[i]))
     if outside(rules, end):
         return LOOK, 0.0
     status, iterations, off = newton_steps(data, rules, room)
@@ -131,8 +133,13 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
     state[ARCLENGTH] = before + length
     length = state[ARCLENGTH] - before  # as points of a branch have it, rounded
     state[LONGEST] = max(state[LONGEST], length)
+    last, state[LENGTH] = state[LENGTH], length
     for i in range(z.size):
-        room.curvature[i] = (room.end_tangent[i] - t[i]) / length
+        curvature, change = (room.end_tangent[i] - t[i]) / length, 0.0
+        if last > 0.0:
+            before = 2.0 * room.second[i] - 3.0 * last * room.third[i]
+            change = (curvature - before) / (last + length)
+        room.second[i], room.third[i] = (curvature + length * change) / 2.0, change / 3.0
         z[i], t[i] = end[i], room.end_tangent[i]
     return ACCEPTED, off
 
@@ -316,16 +323,16 @@ class Pieces:
     """Calls the kernels for one curve; `state` is as above, where the last piece ended."""
 
     def __init__(self, kernels: Walker, data: Any, rules: Rules) -> None:
-        self.kernels, self.data, self.rules, self.state = kernels, data, rules, np.zeros(4)
+        self.kernels, self.data, self.rules, self.state = kernels, data, rules, np.zeros(5)
         d = rules.metric.size
         flat = np.zeros(d * d)
-        buffers: list[Any] = [*np.zeros((7, d)), np.zeros(d - 1), flat, flat.reshape(d, d)]
+        buffers: list[Any] = [*np.zeros((8, d)), np.zeros(d - 1), flat, flat.reshape(d, d)]
         self.room = Room(*buffers)
 
     def steps(self, start: Any, state: Any, most: int) -> Any:
-        """Take as many steps as come off, at most so many, from z, tangent and curvature, and a
-        state: their z, tangents, arclengths and residuals."""
-        for buffer, entries in zip((*self.room[:3], self.state), (*start, state), strict=True):
+        """Take as many steps as come off, at most so many, from z, tangent and bends, and a state:
+        their z, tangents, arclengths and residuals."""
+        for buffer, entries in zip((*self.room[:4], self.state), (*start, state), strict=True):
             buffer[:] = entries
         d, count = self.rules.metric.size, np.zeros(1, dtype=np.int64)
         out = np.empty((most, 2 * d + 2))

@@ -150,8 +150,10 @@ def singular_with(mu: float, curve: Curve, z: Array) -> tuple[float, Array, Arra
             weight = min(1.0, weak.second)
             return weight * value, weight * left / units, right * units
         kind, how = (Factors, {"refined": False}) if is_large(B) else (Dense, {})
-        # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (kind(closed(curve, matrix, mu * beyond)) for beyond in (1.0, 1.0 + 1e-12))
+        # where a pivot is 0 nothing tells on which side the vectors are: beside it they do, of a
+        # double multiplier farther off, as the determinant grows with the square of that
+        off = (0.0, 1e-12, 1e-6)
+        factors = (kind(closed(curve, matrix, mu * (1.0 + more))) for more in off)
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")

@@ -110,8 +110,10 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
             finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
-            ends = [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
-            bounds.append(Bound(name, curve.slots[name], low, high, ends))
+            slot = curve.slots[name]
+            size = float(np.max(curve.scales[slot]))  # what is 0 is rounded as what it is made of
+            ends = [(side, end, 4 * math.ulp(end or size)) for side, end in finite]
+            bounds.append(Bound(name, slot, low, high, ends))
     return bounds
 
 

@@ -81,8 +81,10 @@ class Stepper:
         self.outset = home is way.point
         # whether that is a branch point
         self.crossed = way.sign == 0 if self.outset else home.parent is not None
-        # of the bordered determinant, 0 where unknown; to try next; dt/ds
-        self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
+        # of the bordered determinant, 0 where unknown; to try next
+        self.sign, self.size = way.sign, steps.first
+        # how long the last step was, and what the curve bends by in s^2 and s^3 from its end on
+        self.length, self.bend = 0.0, np.zeros((2, way.point.z.size))
         self.longest, self.tiny = 0.0, 0
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
 
@@ -148,13 +150,14 @@ class Stepper:
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
         """Take as many steps as come off at once; None where the first is more than a plain one."""
-        state = point.arclength, self.size, self.sign, self.longest
-        start = point.z, point.direction, self.curvature
+        state = point.arclength, self.size, self.sign, self.longest, self.length
+        start = point.z, point.direction, *self.bend
         rows = pieces.steps(start, state, min(self.together, most))
         if not len(rows[0]):
             return None
-        _, self.size, sign, self.longest = pieces.state.tolist()
-        self.sign, self.tiny, self.curvature = int(sign), 0, pieces.room.curvature.copy()
+        _, self.size, sign, self.longest, self.length = pieces.state.tolist()
+        self.sign, self.tiny = int(sign), 0
+        self.bend = np.array([pieces.room.second, pieces.room.third])
         self.together = min(2 * self.together, _MOST)
         return Points(self.curve, *rows)
 
@@ -204,9 +207,9 @@ class Stepper:
         raise failed or StepFailed()
 
     def _attempt(self, point: Point, size: float, along: float) -> Step:
-        curve, curvature, sign, way = self.curve, self.curvature, self.sign, point.direction
-        # predict: z + s t + s^2/2 dt/ds
-        predicted = point.z + size * way + (0.5 * size * size) * curvature
+        curve, (second, third), sign, way = self.curve, self.bend, self.sign, point.direction
+        # predict: z + s t + s^2 c_2 + s^3 c_3
+        predicted = point.z + size * (way + size * (second + size * third))
         guess, landing = self._within(point.z, predicted, LEVEL * size)
         row = curve.metric * way
         # correct
@@ -246,7 +249,13 @@ class Stepper:
         effort = 1.0 if count == EASY else (0.7 if count > EASY else math.inf)
         self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
         self.sign = side or sign
-        self.curvature = (tangent - way) / (arclength - point.arclength)
+        # the next prediction: the integral of the parabola through the last three tangents. Theirs
+        # and not that of ends, from which what is left of corrections would grow fivefold a step
+        before, self.length = self.length, arclength - point.arclength
+        curvature, change = (tangent - way) / self.length, 0 * way
+        if before:
+            change = (curvature - 2 * second + 3 * before * third) / (before + self.length)
+        self.bend = np.array([(curvature + self.length * change) / 2, change / 3])
         return last, branch_point, None if landing is None else Stop.BOUND
 
     def correct(self, predicted: Array, row: Array, near: Array | None = None) -> Solution:

@@ -372,7 +372,7 @@ class ContinuationIterator:
         while stop is None and self.count < self.steps.most:
             try:
                 with one_thread, np.errstate(**QUIET):
-                    # predict   z + s t + s^2/2 dt/ds
+                    # predict   z + s t + s^2 c_2 + s^3 c_3
                     #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
                     # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
                     # adapt     s, so that the tangent turns by 0.15, in 4 iterations
