@@ -214,3 +214,49 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
     found = cb.trace(line, "m", within={"m": (0.0, 1.0)}, towards="up", events=event, steps=steps)
     assert not found.doubtful
     assert len(looks) <= most  # 36 to find out where it is least to six digits
+
+
+def test_predictions_are_off_by_the_fourth_power_of_a_step() -> None:
+    """By the last three tangents; two would leave the third. The most that is met of the equations
+    is what a prediction leaves."""
+
+    def left_at(size: float) -> float:
+        met: list[float] = []
+
+        def helix(x: Array, p: Mapping[str, float]) -> Any:
+            left = [x[0] - np.cos(p["m"]), x[1] - np.sin(p["m"])]
+            met.append(max(map(abs, left)))
+            return left
+
+        problem = cb.Problem(
+            helix, {"x": 1.0, "y": 0.0}, {"m": 0.0}, jacobian=lambda x, p: [[1.0, 0.0], [0.0, 1.0]]
+        )
+        steps = cb.Steps(first=size, largest=size, most=12)
+        cb.trace(problem, "m", events=(), steps=steps, towards="up")
+        return max(met[len(met) // 2 :])
+
+    assert left_at(0.04) / left_at(0.02) == pytest.approx(16, rel=0.02)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_a_step_of_many_unknowns_takes_one_derivative_and_is_as_exact(unit: float) -> None:
+    """That at the point before serves; also of what is small beside a parameter."""
+    calls: Counter[str] = Counter()
+    pulls = np.linspace(0.0, 0.2, 16)
+
+    def field(x: Array, p: Mapping[str, float]) -> Any:
+        calls["residual"] += 1
+        y = x / unit
+        return p["T"] * 1e-4 * np.exp(-y) - y + pulls * np.roll(y, 1)
+
+    def slope(x: Array, p: Mapping[str, float]) -> Any:
+        calls["jacobian"] += 1
+        own = -p["T"] * 1e-4 * np.exp(-x / unit) - 1.0
+        return (np.diag(own) + pulls[:, None] * np.roll(np.eye(16), 1, axis=0)) / unit
+
+    problem = cb.Problem(field, {"u": np.full(16, 0.6 * unit)}, {"T": 1e4}, jacobian=slope)
+    branch = cb.trace(problem, "T", within={"T": (1e3, 4e4)}, events=())
+    assert calls["jacobian"] <= 1.1 * len(branch)
+    assert calls["residual"] <= 12 * len(branch)
+    off = [abs(field(x, {"T": T})).max() for x, T in zip(branch["u"], branch["T"], strict=True)]
+    assert max(off) < 1e-8

@@ -79,9 +79,7 @@ def newton(
                 return Solution(z, solved, iteration, float(abs(value).max()), moved)
         z = z - step
         if moved <= bound and (
-            slow
-            or bound < LARGE * tolerance
-            or (abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all()
+            slow or bound < LARGE * tolerance or _each_is_short(curve, z, step, tolerance)
         ):
             value, solved = curve.equations(z), True
             if singular:  # the shortest correction may be short far from any solution
@@ -99,26 +97,29 @@ def newton(
 
 def chord(
     curve: Equations,
-    roughly: Callable[[Array], Array],
+    roughly: Callable[[Array], Array] | None,
     factors: Dense | Factors,
     z: Array,
     row: Array,
     tolerance: float,
 ) -> Solution | None:
-    """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
-    short and shrink fast; None where they do not. It counts as one iteration.
+    """Solve as `newton` does by the factors of a derivative near by, as long as corrections shrink
+    fast; None where they do not. It counts as one iteration.
 
-    At first the equations need be no more exact than the next correction: `roughly`. What
-    corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
-    Iterative Methods for Linear and Nonlinear Equations, section 7.3).
+    What corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
+    Iterative Methods for Linear and Nonlinear Equations, section 7.3). Equations that are dear are
+    known `roughly`, too: at first they need be no more exact than the next correction, and of a
+    large z no entry is asked to be more exact than by `newton`.
     """
     size = 1.0 + curve.length(z)
-    value, most = roughly(z), _REUSED * size
+    value, each = (roughly(z), tolerance) if roughly else (curve.equations(z), _EXACT * tolerance)
+    most = math.inf
     steps: list[Array] = []
     while True:
         step, singular = factors.correction(value, row)
         left = curve.length(step)
-        if steps and not singular and left <= _EXACT * tolerance * size:
+        solved = steps and left <= _EXACT * tolerance * size and not singular
+        if solved and (size < LARGE or _each_is_short(curve, z, step, each)):
             return Solution(z, True, 1, float(abs(value).max()), left)
         for i, past in enumerate(steps):
             dual = past * curve.metric
@@ -131,6 +132,11 @@ def chord(
         steps.append(step)
         z, most = z - step, _SHRINKS * moved
         value = curve.equations(z)
+
+
+def _each_is_short(curve: Equations, z: Array, step: Array, tolerance: float) -> bool:
+    """Tell whether a correction is short in each entry, relative to that and to its scale."""
+    return bool((abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all())
 
 
 def approach(curve: Equations, z: Array) -> Array | None:

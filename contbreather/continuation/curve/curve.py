@@ -191,10 +191,10 @@ class Curve:
     def solved_near(
         self, near: Array | None, guess: Array, row: Array, tolerance: float, **how: int
     ) -> Solution:
-        """The solution next to a guess: by the derivative at a place near by and by
-        `Problem.roughly`, where both are known and the solution is close; or by Newton's method."""
+        """The solution next to a guess: of more than a few unknowns by the derivative at a place
+        near by, if that is known and serves; or by Newton's method."""
         solution = None
-        if near is not None and self.problem.roughly is not None:
+        if near is not None and guess.size > FEW:
             solution = self._chord(near, guess, row, tolerance)
         return solution or newton(self, guess, row, tolerance=tolerance, **how)
 
@@ -212,7 +212,7 @@ class Curve:
                 factors = Dense(here + ahead / length * (here - known[key]), row)
                 break
         factors = factors or self.factors(near, row)
-        roughly = partial(self.equations, function=self.problem.roughly)
+        roughly = self.problem.roughly and partial(self.equations, function=self.problem.roughly)
         return chord(self, roughly, factors, guess, row, tolerance)
 
     def kernels(self) -> tuple[Walker, Any] | None:

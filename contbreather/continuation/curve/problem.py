@@ -39,8 +39,7 @@ class Structure:
     # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
     # `walk_kernel.walker` and what they ask for
     walker: ClassVar[Callable[..., Any] | None] = None
-    # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
-    # last point are tried first, the residual to the accuracy that such an iteration needs
+    # ``(x, params) -> array``: the residual as exact as the first iteration of a step needs it
     roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
     # whether columns of a branch are made of solutions that the walk has come by anyway
     keeps_solutions: ClassVar[bool] = False
