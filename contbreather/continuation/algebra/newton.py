@@ -108,18 +108,20 @@ def chord(
 
     What corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
     Iterative Methods for Linear and Nonlinear Equations, section 7.3). Equations that are dear are
-    known `roughly`, too: at first they need be no more exact than the next correction, and of a
-    large z no entry is asked to be more exact than by `newton`.
+    known `roughly`, too: at first they need be no more exact than the next correction, and the
+    last one, which is too short to matter, is not made.
     """
     size = 1.0 + curve.length(z)
-    value, each = (roughly(z), tolerance) if roughly else (curve.equations(z), _EXACT * tolerance)
-    most = math.inf
+    value, most = (roughly or curve.equations)(z), math.inf
     steps: list[Array] = []
     while True:
         step, singular = factors.correction(value, row)
         left = curve.length(step)
         solved = steps and left <= _EXACT * tolerance * size and not singular
-        if solved and (size < LARGE or _each_is_short(curve, z, step, each)):
+        if solved and (size < LARGE or _each_is_short(curve, z, step, tolerance)):
+            if not roughly:
+                z = z - step
+                value = curve.equations(z)
             return Solution(z, True, 1, float(abs(value).max()), left)
         for i, past in enumerate(steps):
             dual = past * curve.metric

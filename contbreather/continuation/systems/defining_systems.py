@@ -343,10 +343,6 @@ class ExtendedProblem(Problem):
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, free)
 
-    @property
-    def roughly(self) -> Extended | None:  # type: ignore[override]
-        return None if self.residual.problem.roughly is None else self.residual
-
     def walker(self, free: tuple[str, ...], params: Params) -> Any:
         both = self.residual
         if both.problem.walker is None or both.locus.walker is None:
