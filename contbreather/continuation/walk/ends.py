@@ -109,6 +109,8 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
         if not low <= size <= high:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
+            if what != name and low == 0:
+                low = -math.inf  # no norm falls below 0
             finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
             ends = [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
             bounds.append(Bound(name, curve.slots[name], low, high, ends))
