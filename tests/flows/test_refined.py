@@ -206,6 +206,21 @@ def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
     assert (end["k7"], end["k8"]) == pytest.approx((1.857675, 0.930422), abs=2e-6)
 
 
+def test_what_has_doubled_ends_where_that_is_taken_back_next_to_a_point_of_its_own() -> None:
+    """A pendulum whose length swings rests up to one PD and from another on. The last step to that
+    may end so near that both rounds are alike."""
+
+    def swings(t: Any, x: Any, p: Any) -> Any:
+        push = -(0.1 + 0.3 * x[0] ** 2) * x[1] - x[0] ** 3
+        return [x[1], push - (1 + 0.5 * np.cos(p["w"] * t)) * x[0]]
+
+    rest = cb.cycle(swings, {"x": 0.0, "v": 0.0}, {"w": 2.5}, period=lambda p: 2 * np.pi / p["w"])
+    first, second = cb.trace(rest, "w", within={"w": (1.5, 3)}).special[1:-1]
+    (arm,) = cb.switch(first, within={"w": (1.5, 4)})
+    assert arm[-1]["w"] == pytest.approx(second["w"], abs=1e-9)
+    assert "its own image" in arm.reason
+
+
 @pytest.mark.slow
 def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
     """Of Duffing's cascade the branch of four periods reaches from one PD of that of two to the
