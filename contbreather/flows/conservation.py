@@ -192,6 +192,9 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def on_axis(indices: NDArray[Any]) -> NDArray[np.complex128]:
-    """Indices that are off the real axis by rounding, on it."""
+    """Indices that are off the real axis by rounding, on it: what leaves it does so in two, each
+    nearer to the conjugate of the other than to its own."""
     indices = np.asarray(indices, dtype=complex)
-    return np.where(abs(indices.imag) > _LEAVES, indices, indices.real)
+    conjugate = abs(indices[:, None] - indices.conj())
+    left = conjugate.min(axis=1, initial=math.inf) < conjugate.diagonal()
+    return np.where(left & (abs(indices.imag) > _LEAVES), indices, indices.real)

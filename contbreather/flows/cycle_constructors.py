@@ -177,16 +177,20 @@ def cycle(
         motion, *ends = pieces[0]
         parts = (angles.taken_from(alone, np.diff(motion(np.array(ends)))[:, 0]),)
         scheme = replace(scheme, intervals=turns * scheme.intervals)
-    flights = [
-        replace(flight, start=flight.start - shift)
-        for flight in _resolved(scheme, parts, params, pieces)
-    ]
+
+    def fit(scheme: Collocation) -> tuple[TrajectorySegment, ...]:
+        return tuple(
+            replace(flight, start=flight.start - shift)
+            for flight in _resolved(scheme, parts, params, pieces)
+        )
+
+    flights = fit(scheme)
     parts = tuple(
         flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
     )
     refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
     equations = FlowEquations(
-        parts, tuple(flights), forcing, turns, names, sizes_of(flights), arrays=arrays
+        parts, flights, forcing, turns, names, sizes_of(flights), arrays=arrays
     )
     if conserved:
         equations, params = _conserving(equations, conserved, params)
@@ -196,7 +200,7 @@ def cycle(
     problem_at = partial(
         CycleProblem.of, params=params, events=tuple(events), label=label or "cycle"
     )
-    closed = _closed(equations, problem_at, params, size)
+    closed = _closed(equations, problem_at, params, size, fit)
     if wanted is not None:
         try:
             closed = closed.having("period").at(period=wanted).solve(tolerance=1e-12)[0]
@@ -290,6 +294,7 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
 
 
 ProblemAt = Callable[[FlowEquations], CycleProblem]
+Fit = Callable[[Collocation], tuple[TrajectorySegment, ...]]
 
 
 def _resolved(
@@ -334,12 +339,12 @@ def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, .
 
 
 def _closed(
-    equations: FlowEquations, problem_at: ProblemAt, params: Params, size: float
+    equations: FlowEquations, problem_at: ProblemAt, params: Params, size: float, fit: Fit
 ) -> Problem:
     """Solve for the orbit of a problem, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
-    for _ in range(2):
-        equations, solved = _solved(equations, problem_at)
+    for fit_again in (fit, None):
+        equations, solved = _solved(equations, problem_at, fit_again)
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
@@ -357,14 +362,22 @@ def _closed(
     return closed
 
 
-def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquations, Problem]:
-    """Solve for the orbit on as many intervals as it needs."""
+def _solved(
+    equations: FlowEquations, problem_at: ProblemAt, fit: Fit | None
+) -> tuple[FlowEquations, Problem]:
+    """Solve for the orbit on as many intervals as it needs: halved, or, where those that the motion
+    was fitted on lead to none, fitted to it again on more."""
+    begun = equations
     while True:
         try:
             return equations, problem_at(equations).solve(tolerance=_SOLVED)[0]
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
-            coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
+            coarse = _is_coarse(equations)
+            if not coarse and fit and _is_coarse(begun):
+                first = begun.start[0]
+                more = replace(first.scheme, intervals=2 * (first.knots.size - 1))
+                return _solved(replace(begun, start=fit(more)), problem_at, fit)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
                 for problem in filter(None, (getattr(error, "last", None), problem_at(equations))):
@@ -376,6 +389,10 @@ def _solved(equations: FlowEquations, problem_at: ProblemAt) -> tuple[FlowEquati
                 ) from error
         halved = [flight.halved() for flight in equations.start]
         equations = replace(equations, start=_adapted(halved))
+
+
+def _is_coarse(equations: FlowEquations) -> bool:
+    return any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
 
 
 def _refuse_family(problem: Problem, near: float, error: Exception | None = None) -> None:

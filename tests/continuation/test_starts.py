@@ -241,6 +241,13 @@ def test_a_branch_ends_exactly_where_the_norm_does(largest: float) -> None:
     assert branch.stop is branch.began is cb.continuation.Stop.BOUND
 
 
+def test_a_norm_that_is_rounding_is_within_a_window_from_0() -> None:
+    """No norm falls below it: where it is 1e-26 no step led on."""
+    rest = cb.Problem(lambda u, p: (p["mu"] - 1) * u - u**3, {"u": [1e-26, -1e-26]}, {"mu": 0.0})
+    branch = cb.trace(rest, "mu", within={"mu": (-1, 0.5), "u": (0, 2)})
+    assert branch["mu"][[0, -1]].tolist() == [-1, 0.5]
+
+
 def test_a_norm_that_peaks_beyond_its_window_within_a_step_is_seen() -> None:
     arch = cb.Problem(
         lambda u, p: np.array([u[0] - 3 * np.cos(p["h"]), u[1]]),

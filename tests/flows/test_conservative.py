@@ -12,6 +12,7 @@ import contbreather as cb
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
 from contbreather.flows import cycle_of
+from contbreather.flows.conservation import indices_of
 from contbreather.flows.rounds import twice
 
 from .test_cycle import variational
@@ -276,6 +277,14 @@ def test_pairs_of_opposite_signature_collide_where_the_closed_form_says() -> Non
     line = cb.boundary(branch.first("KC"), ("e", "w"), within={"e": (0.08, 0.12)})
     assert line["e"].min() == 0.08
     assert abs(off(line["w"], line["e"])).max() < 1e-10
+
+
+@pytest.mark.parametrize(("apart", "left"), [(0.1, 0), (1e-7, 2)])
+def test_pairs_leave_the_circle_in_twos_not_each_by_its_own_rounding(apart, left) -> None:
+    """As of a halo orbit that all but hits the moon, whose multipliers are 1e-7 off."""
+    upper = np.exp(1j * np.array([1.56, 1.56 + apart])) * (1 + np.array([1e-7, -1e-7]))
+    indices = indices_of(np.concatenate([upper, upper.conj()]))
+    assert np.count_nonzero(indices.imag) == left
 
 
 def test_several_collisions_within_a_step_are_all_found() -> None:

@@ -268,17 +268,20 @@ def test_a_curve_of_period_doublings_stays_one() -> None:
 
 
 def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
-    """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2)."""
+    """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2), and again at
+    k/(k - 1) sqrt(2), beyond a double -1 with two eigenvectors, through which it goes."""
     start = {"x": 0.9, "y": 0.0, "z": 1.3}
     params, few = {"lam": 1.75, "turn": 6.0}, Collocation(intervals=8)
     ring = cb.cycle(langford, start, params, settle=60, collocation=few)
     point = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up").first("NS")
-    line = cb.boundary(point, ("turn", "lam"), within={"turn": (2.5, 6.1), "lam": (1, 3)})
+    line = cb.boundary(point, ("turn", "lam"), within={"turn": (1.6, 6.1), "lam": (1, 3)})
     assert line["lam"] == pytest.approx(2.0, abs=1e-9)
-    found = {place.kind: place["turn"] for place in line.special}
-    for k in (2, 3, 4):
-        assert found[f"R{k}"] == pytest.approx(k * math.sqrt(2), abs=1e-8)
-    assert "CH" not in found  # Re d vanishes all along: what is left of it is rounding
+    found = sorted((at.kind, at["turn"] / math.sqrt(2)) for at in line.special if at.kind != "EP")
+    places = [("R3", 3 / 2), ("R3", 3), ("R4", 4 / 3), ("R4", 4)]  # no CH: Re d is rounding
+    assert found == [(kind, pytest.approx(place, abs=1e-8)) for kind, place in places]
+    (double,) = line.doubtful
+    assert double["turn"] == pytest.approx(2 * math.sqrt(2), abs=1e-8)
+    assert double.detail["reason"] == "two multipliers are -1, with two eigenvectors"
 
 
 def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:

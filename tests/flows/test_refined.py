@@ -206,6 +206,21 @@ def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
     assert (end["k7"], end["k8"]) == pytest.approx((1.857675, 0.930422), abs=2e-6)
 
 
+def test_what_has_doubled_ends_where_that_is_taken_back_next_to_a_point_of_its_own() -> None:
+    """A pendulum whose length swings rests up to one PD and from another on. The last step to that
+    may end so near that both rounds are alike."""
+
+    def swings(t: Any, x: Any, p: Any) -> Any:
+        push = -(0.1 + 0.3 * x[0] ** 2) * x[1] - x[0] ** 3
+        return [x[1], push - (1 + 0.5 * np.cos(p["w"] * t)) * x[0]]
+
+    rest = cb.cycle(swings, {"x": 0.0, "v": 0.0}, {"w": 2.5}, period=lambda p: 2 * np.pi / p["w"])
+    first, second = cb.trace(rest, "w", within={"w": (1.5, 3)}).special[1:-1]
+    (arm,) = cb.switch(first, within={"w": (1.5, 4)})
+    assert arm[-1]["w"] == pytest.approx(second["w"], abs=1e-9)
+    assert "its own image" in arm.reason
+
+
 @pytest.mark.slow
 def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
     """Of Duffing's cascade the branch of four periods reaches from one PD of that of two to the
@@ -246,3 +261,27 @@ def test_what_has_doubled_ends_there_where_each_round_is_a_flow_of_its_own() -> 
         first, second = (point["a"] for point in branch.special if point.kind == "PD")
         assert (doubled[0]["a"], doubled[-1]["a"]) == pytest.approx((first, second), rel=1e-7)
         assert "its own image" in doubled.reason
+
+
+# --- bursts of Hindmarsh and Rose -----------------------------------------------------------------
+
+
+def bursting(current: float, settle: float) -> cb.Problem:
+    def neuron(t: Any, x: Any, p: Any) -> Any:
+        slow = 0.01 * (4 * (x[0] + 1.6) - x[2])
+        return [x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + p["I"], 1 - 5 * x[0] ** 2 - x[1], slow]
+
+    start = {"x": -1.0, "y": -5.0, "z": 2.0}
+    return cb.cycle(neuron, start, {"I": current}, settle=settle)
+
+
+def test_a_mesh_that_leads_to_no_orbit_is_fitted_to_the_motion_again() -> None:
+    """Halved it is that of the motion as 20 intervals have it."""
+    assert cb.flows.cycle_of(bursting(1.6, 300)).period == pytest.approx(105.7297933, abs=1e-6)
+
+
+def test_a_finer_mesh_begins_at_the_start_however_far_the_branch_has_come() -> None:
+    up = {"towards": "up", "within": {"I": (1.4, 1.85)}, "events": ()}
+    branch = cb.trace(bursting(1.4, 3000), "I", **up)
+    assert (branch[0]["I"], branch[-1]["I"]) == (1.4, 1.85)
+    assert branch["mesh"].shape[1] == 80

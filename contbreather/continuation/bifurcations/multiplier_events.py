@@ -40,8 +40,8 @@ def multipliers_at(point: Point) -> Multipliers:
     return base.curve.cached("multipliers", base.z, lambda _: Multipliers(*ask(base)))
 
 
-def _pair_followed(point: Point) -> complex | None:
-    return cmath.exp(1j * point["angle"]) if 0 < point["angle"] < math.pi else None
+def _pair_followed(point: Point) -> complex:
+    return cmath.exp(1j * abs(math.remainder(point["angle"], 2 * math.pi)))
 
 
 def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border:
@@ -62,11 +62,11 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
         locus=partial(_rotation_locus, circle), examine=partial(_examine_rotation, circle),
     )  # fmt: skip
     for on in ("BP", "LP", "PD"):  # where that multiplier is there all along
-        sign = int(circle.real[on])
+        sign = circle.real[on]
         circle.double[on] = CodimensionTwo(
             "R1" if sign == 1 else "R2",
             partial(circle.least_beside, on, sign),
-            examine=partial(_examine_double, on, sign),
+            examine=partial(_examine_double, sign),
             base=circle.events["NS"],
         )
     return circle
@@ -235,14 +235,14 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
         # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
         *(
             CodimensionTwo(
-                f"R{k}", partial(_from_angle, sign, angle), base=circle.events[base],
-                examine=partial(_examine_double, "NS", sign), ends="branch",
+                f"R{k}", partial(_from_angle, k), base=circle.events[base],
+                examine=partial(_examine_double, sign), ends="branch",
             )
-            for k, sign, angle, base in ((1, 1, 0.0, "LP"), (2, -1, math.pi, "PD"))
+            for k, sign, base in ((1, 1.0, "LP"), (2, -1.0, "PD"))
         ),
         *(
             Event(
-                f"R{k}", partial(_from_angle, 1, 2 * math.pi / k),
+                f"R{k}", partial(_from_angle, k),
                 examine=partial(circle.examine, ("NS",)),
             )
             for k in (3, 4)
@@ -269,23 +269,25 @@ def _angle(point: Point) -> float:
     return cmath.phase(upper[abs(abs(upper) - 1).argmin()])
 
 
-def _from_angle(sign: int, angle: float, point: Point) -> float:
-    # it is an unknown of the curve: no eigenvalue has to be asked for
-    return float(sign * (point["angle"] - angle))
+def _from_angle(k: int, point: Point) -> float:
+    """Vanish where the angle is 1/k of a turn to either side, whatever turns it has made beyond R2
+    of a symmetric orbit. It is an unknown of the curve: no eigenvalue has to be asked for."""
+    half, part = point["angle"] / 2, math.pi / k
+    return math.sin(half - part) * (math.sin(half + part) if k > 2 else 1.0)
 
 
 # --- resonances -------------------------------------------------------------------------------
 
 
-def _examine_double(on: str, sign: int, point: Point) -> Examined:
-    """Two multipliers there with one eigenvector, at +1 whether branches cross as well."""
+def _examine_double(sign: float, point: Point) -> Examined:
+    """Two multipliers there with one eigenvector, at +1 whether branches cross as well. With two,
+    as held by a symmetry, the curve goes on."""
     values = multipliers_at(point).values
     count = _count(values, sign)
     if count != 2:
-        return f"{count} multipliers are {sign}; two were expected"
+        return f"{count} multipliers are {sign:g}; two were expected"
     if _eigenvectors(sign, point) > 1:
-        why = f"two multipliers are {sign}, with two eigenvectors"
-        return {"degenerate": why} if on == "NS" else why
+        return f"two multipliers are {sign:g}, with two eigenvectors"
     return crossed(point.base_point) if sign == 1 else {}
 
 

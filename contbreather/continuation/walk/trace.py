@@ -477,7 +477,8 @@ class ContinuationIterator:
                 crosses, simpler = special.event and special.event.crosses, curve.problem.simpler
                 # where what has doubled is taken back, solutions are those of a simpler problem:
                 # what is beyond has been walked. Else all of the branch is of that problem
-                if crosses and not begins and simpler(special) and not simpler(point):
+                sides = point, last  # so near it one may look as simple
+                if crosses and not begins and simpler(special) and not all(map(simpler, sides)):
                     said = "beyond, the branch goes on as its own image under a symmetry"
                     special = replace(special, detail={**special.detail, "said": said})
                     stop = Stop.EVENT
