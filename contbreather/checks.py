@@ -73,7 +73,8 @@ def whole(name: str, value: object, least: int) -> int:
             return int(value)
         if value > MOST:
             raise BadInput(f"{name} is above {MOST}: no computer counts that far.")
-    raise BadInput(f"{name} = {brief(value)}: a whole number, at least {least}, was expected.")
+    bound = f", at least {least}," if least > -MOST else ""
+    raise BadInput(f"{name} = {brief(value)}: a whole number{bound} was expected.")
 
 
 def numbers(name: str, value: object) -> NDArray[np.float64]:

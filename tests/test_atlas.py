@@ -111,6 +111,23 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(3)  # type: ignore[arg-type]
 
 
+def test_an_interrupted_atlas_says_so_in_its_file(found: Any, monkeypatch: Any, tmp_path: Path):
+    """As its picture and its tables do: values that were not come to are in no column."""
+    assert "interrupted" not in found.attrs
+    first, *_ = cb.zones_many([0.8], within=FEW, executor=1)
+
+    def stopped(*given: Any, **more: Any) -> Any:
+        yield first
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("contbreather.orbits.atlas.zones_many", stopped)
+    with pytest.raises(cb.errors.Interrupted) as stop:
+        cb.atlas(k=[0.8, 0.7, 0.6], within=FEW)
+    path = save_atlas(tmp_path / "part.nc", stop.value.partial)
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        assert data.attrs["interrupted"] == "after 1 of 3 diagrams"
+
+
 def test_the_command_writes_data_and_a_picture(run: Run) -> None:
     line = "atlas --k 0.8:0.8:1,2 --gamma-window 0 0.01 --workers 1 --save atlas.nc"
     status, out, _ = run(f"{line} --json --csv atlas.csv -o atlas.png")

@@ -286,6 +286,7 @@ CASES += [
     (lambda: simulate_smooth(alone().state(4), **HERE, m=6, periods=1, tolerance=3), "^tolerance"),
     (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
     (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
+    (lambda: cb.zones(k=0.8, lattice=Ring(3), site="x"), "^site = 'x': a whole number was"),
     (
         lambda: cb.plot(cb.trace(problem(), "mu", steps=cb.Steps(most=2)), ax=3),
         "^matplotlib Axes to draw in were expected",

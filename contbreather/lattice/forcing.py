@@ -284,6 +284,11 @@ def with_even(share: float, forcing: Forcing) -> Forcing:
     if share == 1.0 or not even_harmonics(forcing):
         return forcing
     rows = [(m, A, B) if m % 2 else (m, share * A, share * B) for m, A, B in forcing.harmonics]
+    if not any(A or B for _, A, B in rows):
+        raise BadInput(
+            f"the forcing, {forcing.describe()}, has no odd harmonics, from whose breather an "
+            "orbit of all of them is found; shoot one by hand, shooting(..., sequence=...)."
+        )
     return Fourier.from_response({m: A for m, A, _ in rows if A}, {m: B for m, _, B in rows if B})
 
 

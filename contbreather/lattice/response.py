@@ -438,11 +438,13 @@ class ModalResponse(Response):
         return self._at_rest.profile[sites]
 
     def profile_slope(self, name: str, site: int) -> FloatArray:
-        # it depends on spring/gamma alone
-        if not self.gamma or name not in ("gamma", "spring"):
-            return np.zeros(len(self.hit))
-        change = 1.0 / self.gamma if name == "spring" else -self.spring / self.gamma**2
-        return np.asarray(change * self._at_rest.slope[site])
+        # it depends on spring/gamma alone, or next to no coupling on gamma/spring
+        gamma, spring, change = self.gamma, self.spring, dict[str, float]()
+        if gamma:
+            change = {"gamma": -spring / gamma**2, "spring": 1.0 / gamma}
+        elif spring:
+            change = {"gamma": 1.0 / spring}
+        return np.asarray(change.get(name, 0.0) * self._at_rest.slope[site])
 
     def links(self, by: str = "") -> FloatArray:
         # the energy at rest is least in all other sites: its slopes are direct ones
@@ -581,7 +583,8 @@ class AtRest(NamedTuple):
     """A lattice at rest if one of the sites that are hit is held at 1 and the others at 0."""
 
     profile: FloatArray  # of all sites, a column for each
-    slope: FloatArray  # its derivative in the ratio of springs to coupling
+    slope: FloatArray  # its derivative in the ratio of springs to coupling, or where that is
+    # infinite in the ratio of coupling to springs
     bonds: FloatArray  # stiffness between the sites that are hit by bonds alone, per mass
     springs: FloatArray  # and by springs
 
@@ -591,8 +594,11 @@ def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
     """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
     held = (lattice.masses * lattice.springs)[:, None]
     profile = np.eye(lattice.sites)[:, list(hit)]
-    slope = np.zeros_like(profile)
-    if ratio < math.inf:
+    if ratio == math.inf:
+        slope = np.zeros_like(profile)
+        np.divide(stiffness_of(lattice) @ -profile, held, out=slope, where=held > 0.0)
+        slope[list(hit)] = 0.0
+    else:
         matrix, solved = _at_other_sites(lattice, hit, 1.0, ratio)
         profile -= solved(matrix @ profile)
         slope = -solved(held * profile)

@@ -185,8 +185,8 @@ def atlas(
         breather; ``kind`` (LP, GR, PF, NS) and ``meeting`` (the kind of point where two limits
         meet, NS-GR for instance) as numbers with `flag_values` and `flag_meanings`; ``curve``
         and ``slice`` are numbers, from 0. Along ``failed``: values of which there is no diagram,
-        with the ``reason``. Attributes say what all of it is of. `contbreather.plotting.plot_atlas`
-        draws it.
+        with the ``reason``. Attributes say what all of it is of, and whether it was interrupted.
+        `contbreather.plotting.plot_atlas` draws it.
 
     Raises
     ------
@@ -250,9 +250,11 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     columns["meeting"] = _coded(meetings, ("", *sorted({*meetings} - {""})))
     for name, meaning in MEANINGS.items():
         columns[name][2]["long_name"] = meaning
-    return Dataset(
-        {**columns, **_failed(slices, diagrams, over)}, attrs=_about(slices[0], diagrams)
-    )
+    about = _about(slices[0], diagrams)
+    whole = sum(isinstance(diagram, Failed) or not diagram.interrupted for diagram in diagrams)
+    if whole < len(slices):
+        about["interrupted"] = f"after {whole} of {len(slices)} diagrams"
+    return Dataset({**columns, **_failed(slices, diagrams, over)}, attrs=about)
 
 
 def _coded(words: Sequence[str], vocabulary: Sequence[str]) -> Variable:

@@ -219,5 +219,10 @@ def _with_impacts(orbit: Orbit, impacts: Iterable[Impact]) -> Orbit:
     listed = sorted(impacts, key=lambda impact: (impact.time, impact.site))
     section = replace(orbit.section, impacts=tuple(impact[:2] for impact in listed))
     _, _, times, impulses = zip(*listed, strict=True)
-    offsets = [] if section.symmetric else orbit.motion.offset(section.hit).tolist()
-    return orbit_of(orbit.conditions, section, times, impulses, offsets)
+    if section.symmetric:
+        return orbit_of(orbit.conditions, section, times, impulses)
+    # offsets are those of sites that are held: a mean of the drive has moved those that were not,
+    # and without one there is a single 0 for all
+    motion, hit = orbit.motion, section.hit
+    lifted = motion.on.a * np.take(motion.response.still()[0], hit, mode="clip")
+    return orbit_of(orbit.conditions, section, times, impulses, motion.offset(hit) + lifted)

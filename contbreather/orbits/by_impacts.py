@@ -57,7 +57,7 @@ from contbreather.orbits.section import (
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import NAMES, NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.modal_map import ModalMap, section_map
+from contbreather.stability.modal_map import ModalMap, middle_of_longest, section_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import THRESHOLD
 
@@ -225,6 +225,13 @@ class ByImpacts:
         orbit = Orbit(self)
         return self.map_at(self.conditions, orbit.times, orbit.entries)
 
+    @cached_property
+    def _between(self) -> float:
+        """Where maps of a section begin: of its neighbours as of its own, whose longest flight may
+        be another one, or vectors of the one say nothing about the others."""
+        times, T = Orbit(self).times, self.section.length
+        return middle_of_longest(sorted((times[0] + (times - times[0]) % T).tolist()), T)
+
     def map_at(self, on: Conditions, times: FloatArray, entries: FloatArray) -> OrbitMap | ModalMap:
         """The map of other times and entries of its saltations."""
         first, T = float(times[0]), self.section.length
@@ -235,7 +242,7 @@ class ByImpacts:
         if on.lattice.sites is None:
             return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
         held, sign = (on.gamma, on.spring, on.damping), self.section.sign
-        return section_map(on.lattice, held, on.k, tuple(kicks), T, sign)
+        return section_map(on.lattice, held, on.k, tuple(kicks), T, sign, start=self._between)
 
     def entry_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
         """Derivatives of the entries b by names of unknowns and of parameters."""

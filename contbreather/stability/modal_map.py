@@ -9,7 +9,7 @@ every impacting site are left out: their multipliers are those of a free flight.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
@@ -259,6 +259,16 @@ def _smallest_singular(map: ModalMap, mu: complex) -> tuple[complex, Array, Arra
     return phase * sizes[-1], phase * left[:, -1].conj(), right[-1].conj()
 
 
+def middle_of_longest(times: Sequence[float], length: float) -> float:
+    """A time within a flight that is not short, of impacts in order: next to an impact, others at
+    the same time would move from one end of the section to the other.
+    """
+    free = np.diff([*times, times[0] + length])
+    # the longest flight; of several nearly as long the one that comes first
+    last = int(np.argmax(free > 0.7 * free.max()))  # before it
+    return times[last] + 0.5 * float(free[last])
+
+
 def section_map(
     lattice: Any,
     held: tuple[float, float, float],
@@ -267,10 +277,11 @@ def section_map(
     length: float = 2.0 * math.pi,
     sign: int = 1,
     of: type[ModalMap] = ModalMap,
+    start: float | None = None,
 ) -> ModalMap:
-    """The map of a finite lattice, held by gamma, spring and damping, over a section of an orbit,
-    from within a flight that is not short: next to an impact, others at the same time would move
-    from one end of the section to the other.
+    """The map of a finite lattice, held by gamma, spring and damping, over a section of an orbit
+    from a time between its impacts on, `middle_of_longest` unless given. Maps from the same time on
+    are alike to their vectors.
 
     Examples
     --------
@@ -283,15 +294,12 @@ def section_map(
     (18, 0.4096)
     """
     gamma, spring, damping = held
-    times = [kick.time for kick in kicks]
-    free = np.diff([*times, times[0] + length])
-    # the longest flight; of several nearly as long the one that comes first
-    last = int(np.argmax(free > 0.7 * free.max()))  # before it
+    if start is None:
+        start = middle_of_longest([kick.time for kick in kicks], length)
     kicks = (
-        *kicks[last + 1 :],
-        *(kick._replace(time=kick.time + length) for kick in kicks[: last + 1]),
+        *(kick for kick in kicks if kick.time > start),
+        *(kick._replace(time=kick.time + length) for kick in kicks if kick.time <= start),
     )
-    start = times[last] + 0.5 * float(free[last])
     times = [start, *(kick.time for kick in kicks), start + length]
     flights, sites = [later - time for time, later in pairwise(times)], [n for n, *_ in kicks]
     salted = [saltation(k * float(lattice.restitutions[n]), b) for n, _, b in kicks]

@@ -110,6 +110,24 @@ def test_grazing_and_the_impact_that_vanishes_are_one_place(name):
     assert less[0]["|mu| J"] == pytest.approx(arm[0]["|mu| J"], rel=1e-11)
 
 
+@pytest.mark.parametrize("spring", [0.0, 0.1])
+def test_a_site_that_a_mean_of_the_drive_has_moved_hits_beyond_its_grazing(spring):
+    """The offset with which it begins is where the mean has put it."""
+    on = {"lattice": cb.OpenChain(3, masses=[1, 1.2, 1]), "damping": 0.03, "spring": spring}
+    breather = cb.symmetric(0.5, 0.05, 0.8, site=1, **on)
+    drive = cb.Fourier(cos={0: 0.03, 1: -1})
+    shot = cb.shooting(breather, symmetric=False, forcing=drive)
+    end = cb.trace(shot, "a", towards="up").first("GR")
+    (arm,) = cb.switch(end, within=near(end), steps=FEW)
+    assert arm[1].solution.section.impacts == ((1, 1), (0, 1), (2, 1), (1, -1))
+    orbit = arm[2].solution
+    run = cb.simulate(orbit, periods=1)
+    assert sorted(run.impacts["site"]) == [0, 1, 1, 2]
+    np.testing.assert_allclose(run.final, orbit.state(), atol=1e-10)
+    back = cb.trace(arm[2], "a", within=near(end)).first("VI")
+    assert abs(back["a"] - end["a"]) < 1e-12
+
+
 def test_a_diagram_goes_on_beyond_grazing_when_asked():
     breather, within = cb.symmetric(0.85, **CHAINS["ring"]), {"a": (0.8, 1.0)}
     alone = cb.diagram(breather, "a", within=within)

@@ -43,6 +43,20 @@ def two_sites() -> cb.Branch:
     return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
 
 
+def three_impacts() -> cb.Branch:
+    """PD2 where one flight is 0.7 of the longest, within 3e-4: from there on, next to it, a section
+    of its map would be counted from another flight."""
+    problem = shooting(
+        {"t1": -2.73, "t2": -1.91, "t3": 0.34},
+        lattice=cb.Lattice([[0.6, -0.6], [-0.6, 0.6]], masses=[1.15, 0.85]),
+        sequence=[(1, 1), (0, 1), (1, -1)],
+        walls=[(None, 0.93), (-1.04, 0.93)],
+        forcing=cb.Fourier({0: 0.04, 1: -1.0, 2: 0.06, 3: -0.11}, {2: -0.08, 3: -0.05}),
+        **{"a": 0.23, "gamma": 0.0258, "k": 0.89, "spring": 0.29, "damping": 0.02081},
+    )
+    return branch(problem, "a", 0.21, 0.3)
+
+
 def branch(start: Any, free: str, low: float, high: float, **more: Any) -> cb.Branch:
     return cb.trace(start, free, within={free: (low, high)}, **more)
 
@@ -75,6 +89,7 @@ BRANCHES: dict[str, Callable[[], cb.Branch]] = {
         0.7,
         towards="up",
     ),
+    "three impacts": three_impacts,
     "arm of two": lambda: branch(
         asymmetric(0.82, 0.04, 0.8, forcing=LATER).problem, "a", 0.7, 0.95, towards="up"
     ),
@@ -113,6 +128,7 @@ PLACES: list[Place] = [
     ("held", "GR", ("spring", "a")),
     ("in resonance", "NS", ("gamma", "a")),
     ("in resonance", "NS", ("k", "damping")),
+    ("three impacts", "PD", ("damping", "a")),
     ("arm of two", "GR", ("c3", "a")),
     ("shot", "PF", ("gamma", "a")),
     ("shot", "LP", ("k", "a")),

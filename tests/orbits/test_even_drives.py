@@ -71,6 +71,13 @@ def test_a_search_for_breathers_finds_what_they_become_under_the_whole_drive(ome
     assert branch["asymmetry"][0] != branch["asymmetry"][-1]
 
 
+def test_a_drive_without_odd_harmonics_is_not_said_to_be_zero() -> None:
+    """No breather of odd harmonics is there to begin with."""
+    drive = cb.Symbolic("0.3 + cos(2*t)")
+    with pytest.raises(BadInput, match=r"0\.3 \+ cos\(2 \* t\).* has no odd harmonics.*shoot one"):
+        cb.orbits.find_symmetric("a", (0.1, 0.9), gamma=0.03, k=0.8, forcing=drive)
+
+
 def test_kinds_that_broken_symmetry_has_not_are_named() -> None:
     drive = cb.Symbolic("-cos(t) - 0.05*cos(2*t)")
     with pytest.raises(BadInput, match=r"kind under this drive must be .LP., .BP., .* got .PF."):

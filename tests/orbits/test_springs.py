@@ -202,3 +202,17 @@ def test_pitchforks_begin_like_the_root_of_the_spring() -> None:
     assert 1 - p * chain.chi(0.05) == pytest.approx(-2 * p * sigma, abs=1e-14)
     assert slope == pytest.approx(0.0162, abs=1e-4)
     assert (near["a"] - a) / near["edge"] == pytest.approx(slope, rel=1e-3)
+
+
+@pytest.mark.parametrize("other", ["a", "spring"])
+def test_a_curve_of_grazing_by_springs_goes_on_to_no_coupling(other: str) -> None:
+    """Where the idle site answers its drive alone, off centre no more."""
+    on = {"a": 0.5, "gamma": 0.03, "k": 0.8, "spring": 0.1, "damping": 0.02}
+    walls = {1: (-0.8, 1.2), 0: 0.9}
+    both = {"lattice": cb.OpenChain(3, masses=[1, 1.2, 0.8]), "sequence": [(1, 1), (1, -1)]}
+    shot = cb.shooting({"t1": -2.9, "t2": 0.2}, walls=walls, **both, **on)
+    grazing = cb.trace(shot, "a", towards="up").first("GR")
+    line = cb.boundary(grazing, ("gamma", other), within={"gamma": (0, 0.05)}, towards="down")
+    end = line.special[-1]
+    assert (end.kind, end["gamma"]) == ("EP", 0.0)
+    assert end["a"] == pytest.approx(0.9 * math.hypot(1 - end["spring"], 0.02), abs=1e-12)
