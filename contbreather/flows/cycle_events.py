@@ -20,7 +20,7 @@ from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import linked, unresolved
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, branch_point_test, crossing_event
 from ..continuation.systems.defining_systems import Singular
@@ -87,6 +87,26 @@ _SHRUNK = Event(
     "HB", partial(swing, _AT_REST), examine=partial(examine_swing, _AT_REST), ends="branch"
 )
 _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, ends="branch")
+
+
+# --- where the orbit of the start holds none any more -------------------------------------------
+
+
+def _hold(point: Point) -> float:
+    return equations_of(point).hold(point.x, point.params)
+
+
+def _examine_hold(point: Point) -> Examined:
+    if not examine_swing(_AT_REST, point):  # there the orbits are those of half a turn later
+        return NOTHING
+    return {
+        "said": "the orbit has nothing in common any more with the one its phase is measured by, "
+        "that of the start, and would turn back: a cycle of this one goes on, "
+        "cycle(f, (t, orbit.states(t)), params)"
+    }
+
+
+_LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 
 
 # --- where a multiplier is 1 --------------------------------------------------------------------
@@ -397,7 +417,7 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:
-        events.append(HOMOCLINIC)
+        events += [HOMOCLINIC] + [_LOST] * all(flow.until is None for flow in flows)
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
         events += [_event("VI", _rates), _event("GR", _clearances)]
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))

@@ -503,6 +503,15 @@ class FlowEquations:
         row = np.concatenate(rows)
         return np.asarray(row / (np.linalg.norm(row) or 1.0))
 
+    def hold(self, x: Array, p: Params) -> float:
+        """Measure by a cosine how much the phase condition moves while the orbit slides along
+        itself, with its mesh: 1 where all began."""
+        flights = self._solved(x, p).flights
+        if flights[0].velocities is None:
+            self.velocities(x, p)
+        slide = np.concatenate([(f.velocities * f.steps[:, None]).ravel() for f in flights])
+        return float(self._phase @ slide / math.sqrt(slide @ slide))
+
     # --- derivatives ------------------------------------------------------------------------------
 
     def velocities(self, x: Array, p: Params) -> list[Array]:

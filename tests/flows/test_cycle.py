@@ -677,3 +677,28 @@ def test_a_curve_of_rotations_closes_where_its_angle_has_turned_once_more() -> N
     assert folds[0] == folds[1]
     assert [kind for kind, _ in folds[0]] == ["LP", "LP"]
     assert [each.stop.name for each in branches] == ["CLOSED", "CLOSED"]
+
+
+def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
+    """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
+    velocities are against those of the start, and the branch would turn back."""
+
+    def led(t, x, p):
+        u, v, a, b = x
+        inside, turn = 1 - u**2 - v**2, 10 * np.cos(p["mu"])
+        return [u * inside - v, v * inside + u, 5 * (turn * u - a), 5 * (turn * v - b)]
+
+    start, window = {"u": 1.0, "v": 0.0, "a": 10.0, "b": 0.0}, {"mu": (0.0, 3.0)}
+    orbit = cb.cycle(led, start, {"mu": 0.1}, settle=20)
+    branch = cb.trace(orbit, "mu", within=window, towards="up")
+    end = branch[-1]
+    assert [at.kind for at in branch.special] == ["EP", "MX"]
+    # near where the product of what follows, 100 cos(mu) cos(0.1), is less than that of the circle
+    assert math.pi / 2 < end["mu"] < math.pi / 2 + 0.02
+    assert "nothing in common" in branch.reason
+    times = np.linspace(0.0, end["period"], 201)
+    anew = cb.cycle(led, (times, end.solution.states(times)), end.params)
+    on = cb.trace(anew, "mu", within=window, towards="up")
+    assert on[-1]["mu"] == 3.0
+    assert [at.kind for at in on.special] == ["EP", "EP"]
+    assert on["mu"] == pytest.approx(np.sort(on["mu"]))

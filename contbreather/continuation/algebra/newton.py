@@ -102,9 +102,11 @@ def chord(
     z: Array,
     row: Array,
     tolerance: float,
+    ahead: float,
 ) -> Solution | None:
-    """Solve as `newton` does by the factors of a derivative near by, as long as corrections shrink
-    fast; None where they do not. It counts as one iteration.
+    """Solve as `newton` does by the factors of a derivative near by, as long as corrections are
+    short beside the step, so long, and shrink fast; None where they do not. It counts as one
+    iteration.
 
     What corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
     Iterative Methods for Linear and Nonlinear Equations, section 7.3). Equations that are dear are
@@ -112,7 +114,7 @@ def chord(
     last one, which is too short to matter, is not made.
     """
     size = 1.0 + curve.length(z)
-    value, most = (roughly or curve.equations)(z), math.inf
+    value, most = (roughly or curve.equations)(z), _SHRINKS * ahead
     steps: list[Array] = []
     while True:
         step, singular = factors.correction(value, row)

@@ -193,9 +193,12 @@ class Curve:
     ) -> Solution:
         """The solution next to a guess: of more than a few unknowns by the derivative at a place
         near by, if that is known and serves; or by Newton's method."""
-        solution = None
+        solution: Solution | None = None
         if near is not None and guess.size > FEW:
-            solution = self._chord(near, guess, row, tolerance)
+            try:
+                solution = self._chord(near, guess, row, tolerance)
+            except Undefined:  # Newton's corrections may stay where there are values
+                solution = None
         return solution or newton(self, guess, row, tolerance=tolerance, **how)
 
     def _chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
@@ -213,7 +216,7 @@ class Curve:
                 break
         factors = factors or self.factors(near, row)
         roughly = self.problem.roughly and partial(self.equations, function=self.problem.roughly)
-        return chord(self, roughly, factors, guess, row, tolerance)
+        return chord(self, roughly, factors, guess, row, tolerance, ahead)
 
     def kernels(self) -> tuple[Walker, Any] | None:
         """Kernels of its problem and what they ask for; None where there is no machine code."""
