@@ -227,7 +227,7 @@ class ByImpacts:
 
     @cached_property
     def _between(self) -> float:
-        """Where maps of a section begin: of its neighbours as of its own, whose longest flight may
+        """Time where maps of a section begin: of neighbours as of its own, whose longest flight may
         be another one, or vectors of the one say nothing about the others."""
         times, T = Orbit(self).times, self.section.length
         return middle_of_longest(sorted((times[0] + (times - times[0]) % T).tolist()), T)
