@@ -192,9 +192,7 @@ def indices_of(mu: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def on_axis(indices: NDArray[Any]) -> NDArray[np.complex128]:
-    """Indices that are off the real axis by rounding, on it: what leaves it does so in two, each
-    nearer to the conjugate of the other than to its own."""
-    indices = np.asarray(indices, dtype=complex)
-    conjugate = abs(indices[:, None] - indices.conj())
-    left = conjugate.min(axis=1, initial=math.inf) < conjugate.diagonal()
-    return np.where(left & (abs(indices.imag) > _LEAVES), indices, indices.real)
+    """Put on the real axis what is off it alone: indices leave it two at once, as conjugates."""
+    apart = abs(indices[:, None] - indices.conj())
+    two = apart.min(axis=1, initial=math.inf) < apart.diagonal()
+    return np.where(two & (abs(indices.imag) > _LEAVES), indices, indices.real + 0j)
