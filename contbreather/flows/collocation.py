@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -344,7 +345,7 @@ class Slopes(NamedTuple):
 def as_one_flight(flights: Sequence[TrajectorySegment]) -> TrajectorySegment:
     """Flights of one flow as one: each interval is solved for by itself."""
     whole, many = object.__new__(TrajectorySegment), len(flights[0].states)
-    parts = ("states", "marks", "steps", "begins", "lengths", "inner")
+    parts = ("states", "slopes", "marks", "steps", "begins", "lengths", "inner")
     of = {name: np.concatenate([getattr(flight, name) for flight in flights]) for name in parts}
     durations = np.repeat([flight.duration for flight in flights], many)[:, None, None]
     vars(whole).update(vars(flights[0]), **of, duration=durations)
@@ -361,18 +362,20 @@ def flown(
 ) -> TrajectorySegment:
     """Solve for the slopes inside of a flight from its states on.
 
-    To an error relative to what moves, at least `unit`; one that is infinite takes what a single
-    correction leaves. From what `FlowEquations` says of places `near`, or from slopes as they are
-    where each interval begins. Raises `Undefined` where it does not converge.
+    To an error relative to what moves, at least `unit`. From what `FlowEquations` says of places
+    `near`, from slopes as they are where each interval begins, or from its own, those where all
+    began. Raises `Undefined` where it does not converge.
     """
     if near:
-        try:
+        try:  # asked most of all, it makes no context
             return flight.with_slopes(*_newton(flow, flight, p, *near, unit, error))
         except Undefined:
             pass
     f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
-    k = np.repeat(f[:, None], flight.scheme.points, axis=1)
-    return flight.with_slopes(*_newton(flow, flight, p, k, None, 0.0, unit, error))
+    level = np.repeat(f[:, None], flight.scheme.points, axis=1)
+    with suppress(Undefined):
+        return flight.with_slopes(*_newton(flow, flight, p, level, None, 0.0, unit, error))
+    return flight.with_slopes(*_newton(flow, flight, p, flight.slopes, None, 0.0, unit, error))
 
 
 @quiet

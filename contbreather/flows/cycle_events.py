@@ -417,7 +417,9 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:
-        events += [HOMOCLINIC] + [_LOST] * all(flow.until is None for flow in flows)
+        events.append(HOMOCLINIC)
+        if not any(flow.until for flow in flows):  # where no event does, a condition sets the phase
+            events.append(_LOST)
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
         events += [_event("VI", _rates), _event("GR", _clearances)]
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))

@@ -314,7 +314,7 @@ class CycleProblem(Problem):
 
     @cached_property
     def roughly(self) -> Callable[[Array, Params], Array]:  # type: ignore[override]
-        return partial(self.residual, error=1e-8)  # the next step is more exact
+        return partial(self.residual, error=1e-8)  # as predictions are; the next is exact
 
     def prepare(self, places: Any, names: tuple[str, ...]) -> None:
         if not isinstance(self.residual, SparseFlowEquations):  # of which nothing is solved for

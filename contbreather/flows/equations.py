@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -265,11 +265,7 @@ class FlowEquations:
             near = self._near(moving)
             for i, flow in enumerate(self.flows):
                 guess = self._guess(i, flights[i], p, moving, *near) if near else None
-                solve = partial(flown, flow, flights[i], p, self._units[i], error=error)
-                try:
-                    flights[i] = solve(guess)
-                except Undefined:  # what was solved for last may be far from where all began
-                    flights[i] = solve((self.start[i].slopes, None, 0.0))
+                flights[i] = flown(flow, flights[i], p, self._units[i], guess, error)
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
         self._latest.pop(key, None)
         while len(self._latest) >= 16:  # are kept, to begin from the nearest

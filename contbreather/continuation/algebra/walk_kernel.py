@@ -137,8 +137,8 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
     for i in range(z.size):
         curvature, change = (room.end_tangent[i] - t[i]) / length, 0.0
         if last > 0.0:
-            before = 2.0 * room.second[i] - 3.0 * last * room.third[i]
-            change = (curvature - before) / (last + length)
+            past = 2.0 * room.second[i] - 3.0 * last * room.third[i]
+            change = (curvature - past) / (last + length)
         room.second[i], room.third[i] = (curvature + length * change) / 2.0, change / 3.0
         z[i], t[i] = end[i], room.end_tangent[i]
     return ACCEPTED, off

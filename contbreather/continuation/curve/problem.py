@@ -39,7 +39,8 @@ class Structure:
     # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
     # `walk_kernel.walker` and what they ask for
     walker: ClassVar[Callable[..., Any] | None] = None
-    # ``(x, params) -> array``: the residual as exact as the first iteration of a step needs it
+    # ``(x, params) -> array``: of equations that are dear, the residual as exact as the first
+    # iteration of a step needs it
     roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
     # whether columns of a branch are made of solutions that the walk has come by anyway
     keeps_solutions: ClassVar[bool] = False
