@@ -223,7 +223,7 @@ class ByImpacts:
     def map(self) -> OrbitMap | ModalMap:
         """The map of small perturbations over one section, of a finite lattice by its modes."""
         orbit = Orbit(self)
-        return self.map_at(self.conditions, orbit.times, orbit.entries)
+        return self.map_at(self.conditions, orbit.times, orbit.gains, orbit.speeds)
 
     @cached_property
     def _between(self) -> float:
@@ -232,47 +232,52 @@ class ByImpacts:
         times, T = Orbit(self).times, self.section.length
         return middle_of_longest(sorted((times[0] + (times - times[0]) % T).tolist()), T)
 
-    def map_at(self, on: Conditions, times: FloatArray, entries: FloatArray) -> OrbitMap | ModalMap:
-        """The map of other times and entries of its saltations."""
-        first, T = float(times[0]), self.section.length
+    def map_at(self, on: Conditions, times: FloatArray, *b_and_speeds: FloatArray) -> Any:
+        """The map of other times and entries of its saltations, in units of speeds if given."""
         # all within one section from the first one on
-        named = zip(self.equations.sites, times.tolist(), entries.tolist(), strict=True)
-        kicks = [Saltation(site, first + (time - first) % T, b) for site, time, b in named]
-        kicks.sort(key=lambda kick: kick.time)
+        T = self.section.length
+        columns = times[0] + (times - times[0]) % T, *b_and_speeds
+        named = zip(self.equations.sites, *(x.tolist() for x in columns), strict=True)
+        kicks = tuple(Saltation(*kick) for kick in named)
         if on.lattice.sites is None:
-            return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
+            in_order = tuple(sorted(kicks, key=lambda kick: kick.time))
+            return OrbitMap(on.gamma, on.k, in_order, self.section.turns)
         held, sign = (on.gamma, on.spring, on.damping), self.section.sign
-        return section_map(on.lattice, held, on.k, tuple(kicks), T, sign, start=self._between)
+        return section_map(on.lattice, held, on.k, kicks, T, sign, start=self._between)
 
-    def entry_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
-        """Derivatives of the entries b by names of unknowns and of parameters."""
+    def kick_slopes(self, names: tuple[str, ...]) -> dict[str, FloatArray]:
+        """Derivatives of gains and speeds, one below the other, by names of unknowns and of
+        parameters."""
         at, on, share = self.terms, self.conditions, self.equations.shares
-        c = 1.0 + on.k * share
+        c, damping = 1.0 + on.k * share, Orbit(self).at_impacts("damping")
         i, J, w = np.arange(at.times.size), at.impulses, self.accelerations
+        walls = np.array([impact.wall for impact in self.impacts])
         jerk = at.h[3].copy()
         jerk[i, i] = 0.0
         for n, other in _at_once(Orbit(self)):  # of coupled sites it jumps: the mean
             sides = np.outer((-2.0, 2.0), np.full(i.size, AT_ONCE))
             jerk[n, other] = self.response.at(self.equations.sites[n], sides)[3, :, other].mean()
-        # of the accelerations, w = a f'' + sum of h'' J; b = -(1 + k)^2 w/J + (1 + k) damping
+        # of the accelerations, w = a f'' + sum of h'' J
         by_time = -jerk * J
         by_time[i, i] = at.f[3] + jerk @ J
-        by_impulse = at.h[2].copy()
-        by_impulse[i, i] -= w / J
         slopes = {f"t{j + 1}": column for j, column in enumerate(by_time.T)}
-        slopes |= {f"J{j + 1}": column for j, column in enumerate(by_impulse.T)}
+        slopes |= {f"J{j + 1}": column for j, column in enumerate(at.h[2].T)}
         if self.resonant:
             slopes["modes"] = self.response.swing(self.equations.sites, at.times)[2]
         for name in names:
             slopes[name] = self.equations.moved(at, {name: 1.0})[2]
-        slopes = {name: (-c * c / J * column.T).T for name, column in slopes.items()}
+        # towards the wall: speeds -J/(1 + k), gains (1 + k) w - damping J
+        gains = {name: ((walls * c) * column.T).T for name, column in slopes.items()}
+        speeds = {name: np.zeros_like(column) for name, column in gains.items()}
+        for j, own in enumerate(np.eye(J.size)):
+            gains[f"J{j + 1}"] -= walls * damping * own
+            speeds[f"J{j + 1}"] -= walls / c * own
         if "k" in names:
-            slopes["k"] = share * (Orbit(self).at_impacts("damping") - 2.0 * c * w / J)
+            gains["k"] += walls * share * w
+            speeds["k"] = walls * share * J / c**2
         if "damping" in names:
-            slopes["damping"] = (
-                slopes["damping"] + c * on.lattice.dampings[list(self.equations.sites)]
-            )
-        return slopes
+            gains["damping"] -= walls * on.lattice.dampings[list(self.equations.sites)] * J
+        return {name: np.concatenate([gains[name], speeds[name]]) for name in gains}
 
     # --------------------------------------------------------------------- as a representation
 
@@ -450,14 +455,15 @@ def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> Floa
 
 # --- a multiplier on a circle ---------------------------------------------------------------------
 
-STEP = 1e-4  # of times and entries of the order of one, and of parameters
+STEP = 1e-4  # of times, gains and speeds of the order of one, and of parameters
 OF_MAPS = "gamma", "k", "damping", "spring"
 
 
 @chained
 def _circle_slopes(of: OnCircle, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    """Along a curve, through times and entries b of the saltations, which are all that a map knows
-    of an orbit: in these, and in parameters of the map, by differences next to a place.
+    """Along a curve, through times, gains and speeds of impacts, which are all that a map knows of
+    an orbit. In gains and speeds the condition is linear, each by itself; in times, and in
+    parameters of the map, slopes are differences next to a place.
 
     To one side where a parameter is at the end of its domain: curves set out from gamma = 0. Times
     of impacts stay in their order: where sites that are coupled change it there is a kink. Of
@@ -465,7 +471,8 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: FloatArray, extra: FloatArray)
     """
     orbit = Point(curve, z).solution
     flight, on, m = orbit.representation, orbit.conditions, orbit.times.size
-    names, end = [name for name in curve.free if name in OF_MAPS], len(orbit.times) * 2
+    names = [name for name in curve.free if name in OF_MAPS]
+    end = m + len(names)
     value, step = orbit.map.beside(of.angle(extra), of.radius), STEP
     if extra.size and orbit.lattice.sites is None:  # keep off the edge of the band, a root
         map = orbit.map
@@ -473,24 +480,28 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: FloatArray, extra: FloatArray)
         room = 0.02 * abs(2.0 * map.edge - float(extra[0])) / (1.0 + steepness)
         step = min(STEP, max(room, 1e-8))
 
-    def near(y: FloatArray) -> FloatArray:
-        params = dict(zip(names, y[end:].tolist(), strict=False))
-        map = flight.map_at(on.at(params), y[:m], y[m:end])
-        return of.real_parts(value(map, of.angle(y[end + len(names) :])))
+    kicks = np.concatenate([orbit.gains, orbit.speeds])
 
-    here = np.concatenate([orbit.times, orbit.entries, [getattr(on, n) for n in names], extra])
+    def near(y: FloatArray, kicks: FloatArray = kicks) -> FloatArray:
+        params = dict(zip(names, y[m:end].tolist(), strict=True))
+        map = flight.map_at(on.at(params), y[:m], kicks[:m], kicks[m:])
+        return of.real_parts(value(map, of.angle(y[end:])))
+
+    here = np.concatenate([orbit.times, [getattr(on, name) for name in names], extra])
     scales = np.ones(here.size)
-    scales[end : end + len(names)] = [curve.scales[curve.slots[name]] for name in names]
+    scales[m:end] = [curve.scales[curve.slots[name]] for name in names]
     finer = np.full(here.size, RELATIVE / step)  # what `differences` divides its own step by
     finer[:m] = RELATIVE / min(step, _in_order(orbit))
     by = differences(
         near, here, scales=scales, finer=finer, one_sided=True, kinks=_at_once(orbit)[:, 0]
     )
+    by_kicks = np.stack([near(here, kicks + unit) for unit in np.eye(2 * m)], axis=1)
+    by_kicks -= near(here)[:, None]
     unknowns = (*curve.problem.start, *curve.free)
-    entries = in_unknowns(orbit, flight.entry_slopes(curve.free), unknowns)
-    out = np.hstack([by[:, m:end] @ entries, by[:, end + len(names) :]])
-    out[:, [curve.slots[f"t{j + 1}"] for j in range(m)]] += by[:, :m]
-    out[:, [curve.slots[name] for name in names]] += by[:, end : end + len(names)]
+    moved = in_unknowns(orbit, flight.kick_slopes(curve.free), unknowns)
+    out = np.hstack([by_kicks @ moved, by[:, end:]])
+    slots = [curve.slots[name] for name in (*(f"t{j + 1}" for j in range(m)), *names)]
+    out[:, slots] += by[:, :end]
     return out
 
 

@@ -240,10 +240,7 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
 
 def _others_last(j: int, point: Point) -> float:
     """Least velocity of another impact where one vanishes."""
-    orbit: Orbit = point.solution
-    walls = [wall for _, wall in orbit.section.impacts]
-    # positive towards the wall
-    return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
+    return float(np.delete(point.solution.speeds, j).min(initial=1.0))
 
 
 # --- two impacts that become one ----------------------------------------------------------------

@@ -96,11 +96,24 @@ class ImpactSequence:
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        c = 1.0 + self.at_impacts("k")  # b = (1 + k) u''/u' of (19), with losses
-        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * self.accelerations / self.incoming + c * self.at_impacts("damping")
+        b: FloatArray = self.gains / self.speeds
         b.setflags(write=False)
         return b
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Speed towards its wall just before each impact, negative where it comes from behind."""
+        return np.array([impact.wall for impact in self.impacts]) * self.incoming
+
+    @property
+    def gains(self) -> FloatArray:
+        """Entries b times these speeds, which stay finite where an impact vanishes: how much faster
+        a site leaves its wall per unit of time that it comes sooner."""
+        # b = (1 + k) u''/u' of (19), with losses; braked less after the impact than before, a site
+        # turns round faster by damping (1 + k) v
+        walls = np.array([impact.wall for impact in self.impacts])
+        braked = self.accelerations + self.at_impacts("damping") * self.incoming
+        return np.asarray((1.0 + self.at_impacts("k")) * walls * braked)
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:

@@ -47,7 +47,7 @@ from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstabl
 from contbreather.orbits.pair_events import is_blurred, pair_leaves
 from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.one_impact import RingHalfMap
+from contbreather.stability.one_impact import RealScalars, RingHalfMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
@@ -96,21 +96,24 @@ def real_multiplier(kind: str, mu: float) -> Event:
 
 
 def _crosses(mu: float, point: Point) -> float:
-    """Each impact brings a pole where its velocity vanishes, which is divided out."""
     orbit = point.solution
     if is_blurred(orbit):
         return math.nan
-    # J points away from the wall: each is positive as long as the site comes to it from inside
-    pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
-    return float(orbit.map.crosses(mu) * math.prod(pushes))
+    return float(orbit.map.crosses(mu) * _slowness(orbit))
+
+
+def _slowness(orbit: Orbit) -> float:
+    """The factor without which scalars in closed form have a pole where their impact loses its
+    speed; other maps have that in theirs."""
+    return float(orbit.speeds[0]) if isinstance(orbit.map, RealScalars) else 1.0
 
 
 def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
     along = breathers_along(points)
     if along is None:
         return None
-    # |J| = 2p, eq. (4)
-    return along.map.crosses(mu) * 2.0 * along.p, along.map.beyond(mu) if counted else None
+    speeds = 2.0 * along.p / (1.0 + along.first.k)  # eq. (4)
+    return along.map.crosses(mu) * speeds, along.map.beyond(mu) if counted else None
 
 
 def _beyond(mu: float, point: Point) -> float:
@@ -131,14 +134,15 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
 
 def _examine_real(mu: float, point: Point) -> Examined:
     orbit = point.solution
-    size = np.prod(1.0 + np.abs(orbit.entries))  # D is linear in each entry b of (19)
-    value = orbit.map.on_circle(0.5 * (1.0 - mu))  # D(mu) = det(1 + (S - 1) G(mu))
+    size = np.prod(abs(orbit.speeds) + abs(orbit.gains))  # D is linear in each entry b of (19)
+    slowness = _slowness(orbit)
+    value = orbit.map.on_circle(0.5 * (1.0 - mu)) * slowness  # D(mu) = det(1 + (S - 1) G(mu))
     if not abs(value) < _ZERO * size:
         return f"D({mu:g}) = {value.real:.2g} is not zero"
     if not orbit.section.symmetric:
         return ""
     # at the fold (14) the half map QS has the multiplier -1
-    if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
+    if abs(orbit.map.crosses(-1.0) * slowness) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
     if len(point.curve.varied) > 1:  # on a boundary it has no normal form
         return ""

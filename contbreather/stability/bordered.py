@@ -13,7 +13,8 @@ they border the rest,
 
     ``F = -det [[1 - X (S - 1), to], [of, 1/g]]``,   2 m + 3 rows for m impacts,
 
-which is bounded along the whole circle. Complex numbers in arrays are pairs.
+which is bounded along the whole circle. Columns of displacements are in units of the speeds, by
+which entries of S are multiplied. Complex numbers in arrays are pairs.
 """
 
 from __future__ import annotations
@@ -43,13 +44,15 @@ class PairSeries(NamedTuple):
 
 
 class Impacts(NamedTuple):
-    """Impacts of one period; times and entries b in units of n forcing periods."""
+    """Impacts of one period; times and entries b, those in units of their speeds as well, in units
+    of n forcing periods."""
 
     gamma: float
     floor: float  # lower edge of the band as a kappa, 0 where no spring holds the sites
     loss: float  # -(1 + k), on the diagonal of S - 1
     times: Vector
     entries: Vector
+    speeds: Vector
     sites: Counts  # from the first that impacts on
     moments: Matrix  # by distance: <w^2l cos(d theta)> of the chain over (4 gamma)^l
     tails: Cube  # by pairs of impacts: powers of kappa in turn, reach, pull of far aliases
@@ -194,8 +197,9 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
             else:
                 turn, reach, pull = mean_propagators(orbit, room, kappa, j, i)
             kicked(orbit, room.matrix, j, i, turn, reach, pull)
-    for i in range(2 * m):
-        room.matrix[i, i, 0] += 1.0
+    for i in range(m):
+        room.matrix[2 * i, 2 * i, 0] += orbit.speeds[i]
+        room.matrix[2 * i + 1, 2 * i + 1, 0] += 1.0
     for row in range(2 * BORDER + 1):
         border(orbit, room, kappa + (row - BORDER), row - BORDER, 2 * m + row)
     return -pivoted_determinant(room.matrix, 2 * m + 2 * BORDER + 1)
@@ -231,10 +235,10 @@ def kicked(
     """Enter ``-X_ij (S_j - 1)``."""
     if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
         turn = turn - math.pi  # not its own kick: what earlier periods left, G'(0) - 1/2
-    loss, b = -orbit.loss / TWO_PI, -orbit.entries[j] / TWO_PI
-    put(matrix, 2 * i, 2 * j, loss * turn + b * reach)
+    loss, b, v = -orbit.loss / TWO_PI, -orbit.entries[j] / TWO_PI, orbit.speeds[j]
+    put(matrix, 2 * i, 2 * j, v * loss * turn + b * reach)
     put(matrix, 2 * i, 2 * j + 1, loss * reach)
-    put(matrix, 2 * i + 1, 2 * j, loss * pull + b * turn)
+    put(matrix, 2 * i + 1, 2 * j, v * loss * pull + b * turn)
     put(matrix, 2 * i + 1, 2 * j + 1, loss * turn)
 
 
@@ -254,7 +258,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
         angle = alias * orbit.times[i]
         wave = complex(math.cos(angle), math.sin(angle))
         back = wave.conjugate() * (1.0 / TWO_PI)
-        row = back * (speed * orbit.loss + orbit.entries[i])
+        row = back * (speed * orbit.loss * orbit.speeds[i] + orbit.entries[i])
         reached = power(-4.0 * orbit.gamma * square, orbit.sites[i])
         put(matrix, 2 * i, last, wave * reached)
         put(matrix, 2 * i + 1, last, wave * speed * reached)
@@ -283,7 +287,8 @@ def answer_held(
     angle = alias * (orbit.times[i] - orbit.times[j])
     wave = complex(math.cos(angle), math.sin(angle))
     total = wave * (-4.0 / TWO_PI) * (total * square)
-    first, second = total * (speed * orbit.loss + orbit.entries[j]), total * orbit.loss
+    first = total * (speed * orbit.loss * orbit.speeds[j] + orbit.entries[j])
+    second = total * orbit.loss
     for row in range(2):
         value = entry(matrix, 2 * i + row, 2 * j) - first
         put(matrix, 2 * i + row, 2 * j, value)

@@ -96,11 +96,12 @@ class OrbitMap:
     sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        kicks = tuple(Saltation(int(site), float(time), float(b)) for site, time, b in self.kicks)
+        given = (Saltation(*kick) for kick in self.kicks)
+        kicks = tuple(Saltation(int(site), *map(float, rest)) for site, *rest in given)
         object.__setattr__(self, "kicks", kicks)
         if not kicks:
             raise BadInput("an orbit without impacts is neutral: give at least one impact.")
-        if not all(math.isfinite(kick.time + kick.b) for kick in kicks):
+        if not all(math.isfinite(sum(kick)) for kick in kicks):
             raise BadInput("the times of impact and the entries b must be finite numbers.")
         parameter("k", self.k)
         times = [kick.time for kick in kicks]
@@ -154,6 +155,7 @@ class OrbitMap:
             -(1.0 + self.k),
             np.array([kick.time / n for kick in self.kicks]),
             np.array([n * kick.b for kick in self.kicks]),
+            np.array([kick.speed for kick in self.kicks]),
             sites,
             moments(self.scaled, int(sites.max()), self.floor**2),
             np.empty((m * m, 3 * POWERS, 2)),
@@ -163,8 +165,8 @@ class OrbitMap:
         return impacts
 
     def F(self, kappa: Array) -> Array:
-        """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]. For
-        Im kappa <= 0; on the band the limit from |mu| > 1."""
+        """D times all speeds over the resolvents of three aliases, one negative: bounded for kappa
+        in [0, 1/2]. For Im kappa <= 0; on the band the limit from |mu| > 1."""
         places = np.ascontiguousarray(kappa, dtype=complex)
         values = np.empty(places.shape, dtype=complex)
         pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
@@ -342,16 +344,21 @@ def _around(map: OrbitMap) -> CircleSamples:
     F has square roots at the edges of the band: it is cut there, and a square root at either end of
     a piece is smooth in the samples' place x.
     """
-    terms = float(np.prod([1.0 + abs(map.periods * kick.b) for kick in map.kicks]))
+    terms = float(np.prod([abs(kick.speed) + abs(map.periods * kick.b) for kick in map.kicks]))
+    side = math.prod(math.copysign(1.0, kick.speed) for kick in map.kicks)
     cuts = [0.0, 0.5, *(max(min(edge, 1.0 - edge), 0.0) for edge in (map.floor, map.edge))]
     pieces, turning, resolved, ends = [], 0.0, True, []
+
+    def values(kappa: Array) -> Array:
+        return np.asarray(side * map.F(kappa))
+
     for low, high in pairwise(sorted({*cuts})):
 
         def place(x: Array, low: float = low, high: float = high) -> Array:
             return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x)
 
         # few between two singular places of the circle: refinement does the rest
-        x, F, enough = refined_samples(np.arange(25) / 24.0, place, map.F, FLAT * terms)
+        x, F, enough = refined_samples(np.arange(25) / 24.0, place, values, FLAT * terms)
         pieces.append((place(x), F))
         resolved = resolved and enough
         # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1;

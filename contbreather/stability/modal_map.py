@@ -97,7 +97,15 @@ class ModalSaltation(NamedTuple):
 
     shape: FloatArray  # the modes at its site
     kick: FloatArray  # what a change of that site does to them
-    saltation: FloatArray  # 2x2, eq. (19)
+    k: float
+    b: float  # of a `Saltation`, with its speed
+    speed: float = 1.0
+    number: int = 0  # among the impacts as they were given
+
+    @property
+    def saltation(self) -> FloatArray:
+        """The 2x2 block of (19)."""
+        return saltation(self.k, self.b / self.speed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,23 +127,45 @@ class ModalMap:
         return self.length if self.sign > 0 else 2.0 * self.length
 
     def applied(self, x: Array) -> Array:
-        """`matrix` times a perturbation of the modes, or columns of them, without the matrix."""
-        y, v = x[: self.z.size], x[self.z.size :]
+        """`matrix` times a perturbation of the modes, or columns of them, without the matrix.
+
+        What is perturbed by u comes sooner to its wall, by u over its speed. Below the modes there
+        may be these times, one for each impact; then by how much they make up for more than u is
+        below the result, and nothing is divided by speeds, which may vanish.
+        """
+        n = self.z.size
+        y, v, sooner = x[:n], x[n : 2 * n], x[2 * n :]
+        left = np.empty_like(sooner)
         for fly, blow in zip(self.turns, (*self.blows, None), strict=True):
             y, v = fly(y, v)
             if blow is not None:
-                (loss, _), (b, _) = blow.saltation - np.eye(2)
-                # S - 1 = [[-(1 + k), 0], [b, -(1 + k)]] at one site
-                u, w = blow.shape @ y, blow.shape @ v
-                y = y + np.multiply.outer(blow.kick, loss * u)
-                v = v + np.multiply.outer(blow.kick, b * u + loss * w)
-        return np.concatenate([y, v])
+                c, u, w = 1.0 + blow.k, blow.shape @ y, blow.shape @ v
+                early = sooner[blow.number] if sooner.size else u / blow.speed
+                if sooner.size:
+                    left[blow.number] = blow.speed * early - u
+                # S - 1 = [[-(1 + k), 0], [b/speed, -(1 + k)]] at one site
+                y = y - np.multiply.outer(blow.kick, c * blow.speed * early)
+                v = v + np.multiply.outer(blow.kick, blow.b * early - c * w)
+        return np.concatenate([y, v, left])
+
+    def less(self, mu: complex, x: Array) -> Array:
+        """``M - mu`` times a perturbation, bordered by the times of impacts as in `applied`."""
+        n = 2 * self.z.size
+        out = self.applied(x).astype(complex if isinstance(mu, complex) else float)
+        out[:n] -= mu * x[:n]
+        return out
 
     @cached_property
     def matrix(self) -> FloatArray:
         """The map of the modes that impacts see, (2K, 2K)."""
         check_modes(self.lattice, self.z.size)
         return np.asarray(self.applied(np.eye(2 * self.z.size)))
+
+    @property
+    def _few(self) -> bool:
+        """Whether nothing is shorter than all multipliers: they are few, or known, or of sites."""
+        known = "coupled" in self.__dict__ or not self.lattice.even
+        return known or 2 * self.z.size <= LARGE
 
     @cached_property
     @one_thread
@@ -163,9 +193,10 @@ class ModalMap:
         return np.concatenate([self.coupled, self._others])
 
     def crosses(self, mu: float) -> float:
-        """``det(M - mu)`` in units of what it is without impacts."""
+        """``det(M - mu)`` times all speeds, in units of what it is without impacts."""
         base = self._tied if mu > 0.0 else self
-        return base.in_units_of_flight(base.matrix - mu * np.eye(2 * self.z.size), mu)
+        bordered = base.less(mu, np.eye(2 * self.z.size + len(self.blows)))
+        return base.in_units_of_flight(bordered, mu)
 
     @cached_property
     def _tied(self) -> ModalMap:
@@ -192,7 +223,7 @@ class ModalMap:
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, -1 where there is none."""
         margin = None
-        if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
+        if not self._few and radius > 1.0:
             margin = self.reduced.outermost(radius)
         return outermost(self.coupled, radius) if margin is None else margin
 
@@ -212,7 +243,7 @@ class ModalMap:
     def beyond(self, place: float) -> int:
         """Count the real multipliers farther out than 1 or -1, on its side."""
         farther = place * (1.0 + 1e-6)  # off the poles of free modes on the circle
-        if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
+        if self._few:
             return beyond(self.coupled, farther)
         return self.reduced.beyond(farther)
 
@@ -220,7 +251,7 @@ class ModalMap:
         """Count the multipliers beyond a threshold; NaN where free modes are on it."""
         if threshold == 1.0 and self.idle == 1.0:
             return math.nan
-        if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and threshold > 1.0:
+        if not self._few and threshold > 1.0:
             nearest = self.reduced.around(threshold if self.sign > 0 else math.sqrt(threshold))
             if nearest is not None:
                 return nearest.outside
@@ -231,13 +262,14 @@ class ModalMap:
         return ReducedDeterminant(self)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """The least singular value of ``M - mu``, smooth by the phase of the determinant."""
+        """The least singular value of ``M - mu``, bordered by the times of impacts and smooth by
+        the phase of the determinant."""
         return _smallest_singular(self, _multiplier(angle, radius))[0]
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
         """One perturbation flown, with no matrix, between the singular vectors."""
         _, left, right = _smallest_singular(self, _multiplier(angle, radius))
-        return lambda map, angle: left @ (map.applied(right) - _multiplier(angle, radius) * right)
+        return lambda map, angle: left @ map.less(_multiplier(angle, radius), right)
 
 
 def _by_sites(flight: FloatArray, q: Array, r: Array) -> tuple[Array, Array]:
@@ -254,7 +286,8 @@ def _multiplier(angle: float, radius: float) -> complex:
 @lru_cache(maxsize=16)
 def _smallest_singular(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
     """`on_circle`, and the vectors it is between, with its phase in the left one."""
-    left, sizes, right = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)))
+    rows = 2 * map.z.size + len(map.blows)
+    left, sizes, right = np.linalg.svd(map.less(mu, np.eye(rows)))
     phase = np.linalg.det(left) * np.linalg.det(right)
     return phase * sizes[-1], phase * left[:, -1].conj(), right[-1].conj()
 
@@ -281,7 +314,7 @@ def section_map(
 ) -> ModalMap:
     """The map of a finite lattice, held by gamma, spring and damping, over a section of an orbit
     from a time between its impacts on, `middle_of_longest` unless given. Maps from the same time on
-    are alike to their vectors.
+    are alike to their vectors, times of impacts in the order in which these are given.
 
     Examples
     --------
@@ -295,27 +328,25 @@ def section_map(
     """
     gamma, spring, damping = held
     if start is None:
-        start = middle_of_longest([kick.time for kick in kicks], length)
-    kicks = (
-        *(kick for kick in kicks if kick.time > start),
-        *(kick._replace(time=kick.time + length) for kick in kicks if kick.time <= start),
-    )
-    times = [start, *(kick.time for kick in kicks), start + length]
-    flights, sites = [later - time for time, later in pairwise(times)], [n for n, *_ in kicks]
-    salted = [saltation(k * float(lattice.restitutions[n]), b) for n, _, b in kicks]
+        start = middle_of_longest(sorted(kick.time for kick in kicks), length)
+    late = [kick.time + length * (kick.time <= start) for kick in kicks]
+    numbers = np.argsort(late, kind="stable").tolist()
+    times = [start, *(late[i] for i in numbers), start + length]
+    flights = [later - time for time, later in pairwise(times)]
+    sites, _, b, speeds = (list(of) for of in zip(*(kicks[i] for i in numbers), strict=True))
+    kept = [k * float(lattice.restitutions[n]) for n in sites]
     if not lattice.even:
         medium, own = Medium(lattice, gamma, spring, damping), np.eye(lattice.sites)[sites]
         z = np.maximum(medium.pull.diagonal(), DRIFTS)  # of the sites alone: units of determinants
         moved = tuple(partial(_by_sites, medium.flight(time)) for time in flights)
-        struck = tuple(map(ModalSaltation, own, own, salted))
-        made = of(lattice, gamma, damping, z, z[:0], moved, struck, length, sign)
-        _ = made.coupled  # with no modes there is nothing shorter than all multipliers
-        return made
+        struck = tuple(map(ModalSaltation, own, own, kept, b, speeds, numbers))
+        return of(lattice, gamma, damping, z, z[:0], moved, struck, length, sign)
     basis = lattice.basis(tuple(sorted({*sites})))
     z, unseen = gamma * basis.lam + spring, gamma * basis.unseen + spring
     turns = tuple(propagator(z, time, damping) for time in flights)
     shapes = basis.at(np.array(sites))
-    blows = tuple(map(ModalSaltation, shapes, lattice.masses[sites][:, None] * shapes, salted))
+    masses = lattice.masses[sites][:, None]
+    blows = tuple(map(ModalSaltation, shapes, masses * shapes, kept, b, speeds, numbers))
     return of(lattice, gamma, damping, z, unseen, turns, blows, length, sign)
 
 

@@ -382,11 +382,11 @@ class RingHalfMap(RealScalars, ModalMap):
 
     @cached_property
     def k(self) -> float:
-        return -float(self.blows[0].saltation[0, 0])
+        return float(self.blows[0].k)
 
     @cached_property
     def b(self) -> float:
-        return float(self.blows[0].saltation[1, 0])
+        return float(self.blows[0].b)
 
     @property
     def rounding(self) -> float:

@@ -13,11 +13,14 @@ from contbreather.errors import BadInput
 
 
 class Saltation(NamedTuple):
-    """One impact as a perturbation feels it: where, when, and the entry b of (19)."""
+    """One impact as a perturbation feels it: where, when, and the entry b of (19), in units of a
+    speed: with that at which the site comes to its wall nothing has a pole where an impact
+    vanishes."""
 
     site: int
     time: float
     b: float
+    speed: float = 1.0  # the entry times this is b
 
 
 def check_finite(k: float, b: float, what: str = "b") -> None:

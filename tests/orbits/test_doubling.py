@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbreather.continuation import trace
+from contbreather.continuation import boundary, trace
 from contbreather.continuation.branches.switching import switch
 from contbreather.lattice import Ring
 from contbreather.orbits.constructors import asymmetric, shooting
@@ -54,3 +54,20 @@ def test_a_doubling_just_before_an_impact_vanishes_is_not_lost_in_its_pole():
     point = branch.first("PD")
     assert branch.first("VI")["spring"] - point["spring"] < 1e-3
     assert np.abs(point.solution.multipliers() + 1.0).min() < 1e-9
+
+
+def test_curves_of_doublings_end_where_an_impact_vanishes_in_resonance():
+    """What a shallow impact sets off, which grows as one over its speed, has died away when the
+    next one comes if half of the oscillator's own periods fit into that of the drive."""
+    loss, wall = 0.02, 0.1
+    given = {"a": 1.0, "gamma": 0.0, "k": 0.8, "damping": 2 * loss, "spring": 1.0, "omega": 2.3}
+    alone = {"lattice": Ring(1), "sequence": [(0, 1)], "walls": (None, wall)}
+    hit = shooting({"t1": 0.0}, **alone, **given)
+    doubling = trace(hit, "omega", within={"omega": (2.3, 2.6)}).first("PD")
+    line = boundary(doubling, ("omega", "a"), within={"omega": (1.2, 2.6), "a": (0.1, 1.5)})
+    omega, end = 2 * np.sqrt(1 - loss**2), line.first("PD-VI")
+    assert line.stop.name == "BOUND"
+    assert end["omega"] == pytest.approx(omega, abs=1e-12)
+    # there the oscillation without impacts touches the wall
+    touching = wall * np.hypot(1 - omega**2, 2 * loss * omega)
+    assert end["a"] == pytest.approx(touching, abs=1e-12)

@@ -57,13 +57,19 @@ def test_reduced_determinant_is_that_of_the_whole_matrix():
     map = OrbitMap(gamma, k, kicks, 2)
     M = dense(sites, gamma, k, kicks, 2)
     free = flight(sites, gamma, 4 * np.pi)
+    # the same in units of speeds, which take the pole of each out of it and turn no count
+    speeds = [-0.3, *np.linspace(0.2, 1.4, len(kicks) - 1)]
+    slow = [(n, t, v * b, v) for (n, t, b), v in zip(kicks, speeds, strict=True)]
+    in_speeds = OrbitMap(gamma, k, slow, 2)
     for mu in (2.3, -2.1 + 0.4j, 6.0j):
         whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
             free - mu * np.eye(2 * sites)
         )
-        assert determinant(map, np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(
-            whole, rel=1e-10
-        )
+        kappa = np.log(complex(mu)) / (2j * np.pi)
+        assert determinant(map, kappa) == pytest.approx(whole, rel=1e-10)
+        assert determinant(in_speeds, kappa) == pytest.approx(whole * np.prod(speeds), rel=1e-10)
+    counts = in_speeds.count(), map.count()
+    assert len({(count.count, count.pairs) for count in counts}) == 1
 
 
 @pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])

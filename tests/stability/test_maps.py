@@ -12,7 +12,6 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.modal_flow import propagator
 from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.one_impact import HalfMap, half_map
-from contbreather.stability.saltation import saltation
 from contbreather.stability.verdict import verdict
 from contbreather.stability.zeros import outermost
 
@@ -22,7 +21,7 @@ def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float =
     basis = Ring(sites).basis((0,))
     z, (shape,) = gamma * basis.lam, basis.at(np.array([0]))
     turns = (propagator(z, 0.0, damping), propagator(z, math.pi, damping))
-    blow = ModalSaltation(shape, shape, saltation(k, b))
+    blow = ModalSaltation(shape, shape, k, b)
     return ModalMap(
         Ring(sites), gamma, damping, z, gamma * basis.unseen, turns, (blow,), math.pi, sign=-1
     )
@@ -71,15 +70,22 @@ def test_scalars_of_modes_have_the_phase_of_determinants_and_vanish_with_them(da
     x = rng.normal(size=(n, 3))
     assert modes.applied(x) == pytest.approx(modes.matrix @ x)
     assert modes.on_circle(0.37) == modes.on_circle(0.37, 1.0)  # the unit circle, unless asked
+    slow = replace(modes, blows=(modes.blows[0]._replace(b=0.7e-3, speed=1e-3),))  # the same entry
+    assert slow.applied(x) == pytest.approx(modes.applied(x))
     for angle, radius in rng.uniform((-1.0, 0.7), (1.0, 1.5), size=(20, 2)):
         mu = radius * np.exp(1j * math.pi * angle)
-        off = modes.matrix - mu * np.eye(n)
-        value, whole = modes.on_circle(angle, radius), np.linalg.det(off)
+        value, whole = modes.on_circle(angle, radius), np.linalg.det(modes.matrix - mu * np.eye(n))
         assert value / abs(value) == pytest.approx(whole / abs(whole))
-        assert abs(value) == pytest.approx(1.0 / np.linalg.norm(np.linalg.inv(off), 2))
+        # without the pole of an impact that vanishes the matrix is bordered by its time
+        for map in (modes, slow):
+            off = map.less(mu, np.eye(n + 1))
+            assert np.linalg.det(off) == pytest.approx(whole * map.blows[0].speed)
+            size = np.linalg.norm(np.linalg.inv(off), 2)
+            assert abs(map.on_circle(angle, radius)) == pytest.approx(1.0 / size)
     for mu in (1.0, -1.0):
         signed = np.linalg.det(modes.matrix - mu * np.eye(n))
         assert np.sign(modes.crosses(mu)) == np.sign(signed)
+        assert slow.crosses(mu) == pytest.approx(1e-3 * modes.crosses(mu))
         assert modes.beyond(mu) == np.count_nonzero(
             (modes.coupled.imag == 0.0) & (modes.coupled.real * mu > 1.0)
         )

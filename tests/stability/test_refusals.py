@@ -40,7 +40,9 @@ REFUSED = [
         for x in (1.0, 0.5, math.inf, math.nan)
     ),
     (
-        lambda: verdict(ring_map(Ring(5), 0.1, 0.8, tuple(map(Saltation._make, ORBIT))), 1.0),
+        lambda: verdict(
+            ring_map(Ring(5), 0.1, 0.8, tuple(Saltation(*kick) for kick in ORBIT)), 1.0
+        ),
         "threshold",
     ),
     (lambda: Ring(10**9), "sites = 1000000000: a ring has at most 10000000"),
