@@ -227,8 +227,7 @@ def shallow_impact(orbit: Orbit) -> DefiningSystem:
         raise Undefined("an impact itself loses its velocity: no grazing to follow")
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
-    # of multipliers there are none at velocity 0
-    meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "PF", "PD", "NS"), ())
+    meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "NS"), ())
     other = Event("VI-VI", partial(_others_last, j), ends="domain")
     return DefiningSystem({}, partial(_velocity, j), slope, events=(other,), meets=meets)
 

@@ -163,7 +163,7 @@ class ModalMap:
 
     @property
     def _few(self) -> bool:
-        """Whether nothing is shorter than all multipliers: they are few, or known, or of sites."""
+        """Say if nothing is shorter than all multipliers: they are few, or known, or of sites."""
         known = "coupled" in self.__dict__ or not self.lattice.even
         return known or 2 * self.z.size <= LARGE
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from contbreather.continuation import boundary, trace
 from contbreather.continuation.branches.switching import switch
 from contbreather.lattice import Ring
+from contbreather.lattice.finite import OpenChain
 from contbreather.orbits.constructors import asymmetric, shooting
 
 from .by_hand import repeats
@@ -71,3 +73,29 @@ def test_curves_of_doublings_end_where_an_impact_vanishes_in_resonance():
     # there the oscillation without impacts touches the wall
     touching = wall * np.hypot(1 - omega**2, 2 * loss * omega)
     assert end["a"] == pytest.approx(touching, abs=1e-12)
+
+
+def test_where_an_impact_vanishes_doublings_are_met_from_both_curves():
+    """The multipliers that stay finite are those of the free flight in which the site that hits is
+    at its wall when it begins and ends."""
+    given = {"gamma": 0.2, "k": 0.74, "damping": 0.06, "spring": 0.5, "walls": (None, 0.4)}
+    chain = {"lattice": OpenChain(2), "sequence": [(0, 1)], "a": 1.0, "omega": 1.7}
+    branch = trace(shooting({"t1": 0.6}, **chain, **given), "omega", within={"omega": (1.4, 1.8)})
+    window = {"omega": (1.4, 1.74), "a": (0.1, 5)}
+    doubling, vanishing = (
+        boundary(branch.first(kind), ("omega", "a"), within=window) for kind in ("PD", "VI")
+    )
+    ends = [point for point in doubling.special if point.kind == "PD-VI"]
+    met = [point for point in vanishing.special if point.kind == "VI-PD"]
+    assert len(ends) == len(met) == 2
+    for one, other in zip(ends, met, strict=True):
+        assert [one["omega"], one["a"]] == pytest.approx([other["omega"], other["a"]], abs=1e-10)
+        # in time of the drive: u'' + damping u' + K u = 0 with K of two sites
+        w = other["omega"]
+        pull = (0.5 * np.eye(2) + 0.2 * np.array([[1, -1], [-1, 1]])) / w**2
+        free = np.block([[np.zeros((2, 2)), np.eye(2)], [-pull, -0.06 / w * np.eye(2)]])
+        flown, others = expm(2 * np.pi * free), [1, 3]
+        # the velocity of the site that hits is what brings it back to its wall
+        back = np.outer(flown[others, 2], flown[0, others]) / flown[0, 2]
+        finite = np.linalg.eigvals(flown[np.ix_(others, others)] - back)
+        assert abs(finite + 1).min() < 1e-8
