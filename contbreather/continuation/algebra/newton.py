@@ -118,19 +118,21 @@ def chord(
     steps: list[Array] = []
     while True:
         step, singular = factors.correction(value, row)
-        left = curve.length(step)
-        solved = steps and left <= _EXACT * tolerance * size and not singular
-        if solved and (size < LARGE or _each_is_short(curve, z, step, tolerance)):
-            if not roughly:
-                z = z - step
-                value = curve.equations(z)
-            return Solution(z, True, 1, float(abs(value).max()), left)
         for i, past in enumerate(steps):
             dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
             # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
             step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
-        moved = curve.length(step) if steps else left
+        moved = curve.length(step)
+        solved = (steps or not moved) and moved <= _EXACT * tolerance * size and not singular
+        if solved and not roughly:
+            # it leaves the share of itself by which it is shorter than the one before
+            solved = moved > most or moved * moved <= _EXACT**2 * tolerance * size * most
+        if solved and (size < LARGE or _each_is_short(curve, z, step, tolerance)):
+            if not roughly:
+                z = z - step
+                value = curve.equations(z)
+            return Solution(z, True, 1, float(abs(value).max()), moved)
         if singular or not moved <= most:
             return None
         steps.append(step)

@@ -191,10 +191,10 @@ class Curve:
     def solved_near(
         self, near: Array | None, guess: Array, row: Array, tolerance: float, **how: int
     ) -> Solution:
-        """The solution next to a guess: of more than a few unknowns by the derivative at a place
-        near by, if that is known and serves; or by Newton's method."""
+        """The solution next to a guess: by the derivative at a place near by, if that is known and
+        serves; or by Newton's method."""
         solution: Solution | None = None
-        if near is not None and guess.size > FEW:
+        if near is not None:
             try:
                 solution = self._chord(near, guess, row, tolerance)
             except Undefined:  # Newton's corrections may stay where there are values
