@@ -30,6 +30,7 @@ from contbreather.orbits.clearance import (
     of_idle,
     smallest_margins,
 )
+from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.margins import CONTACT, MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
@@ -219,16 +220,17 @@ def other_contacts(
 
 def shallow_impact(orbit: Orbit) -> DefiningSystem:
     """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0;
-    `Undefined` where they do not, or with k = 0.
+    `Undefined` where they do not, or with k = 0. Others that do so there are its images under a
+    symmetry of the orbit, and go with it.
     """
-    j = int(abs(orbit.incoming).argmin())
+    j, gone = int(abs(orbit.speeds).argmin()), np.flatnonzero(abs(orbit.speeds) < VANISHED)
     slope = orbit.representation.speed_slope(j)
     if slope is None:
         raise Undefined("an impact itself loses its velocity: no grazing to follow")
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
     meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "NS"), ())
-    other = Event("VI-VI", partial(_others_last, j), ends="domain")
+    other = Event("VI-VI", partial(_others_last, gone), ends="domain")
     return DefiningSystem({}, partial(_velocity, j), slope, events=(other,), meets=meets)
 
 
@@ -237,9 +239,9 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
     return velocity
 
 
-def _others_last(j: int, point: Point) -> float:
-    """Least velocity of another impact where one vanishes."""
-    return float(np.delete(point.solution.speeds, j).min(initial=1.0))
+def _others_last(gone: NDArray[np.intp], point: Point) -> float:
+    """Least speed of all other impacts where some have vanished."""
+    return float(np.delete(point.solution.speeds, gone).min(initial=1.0))
 
 
 # --- two impacts that become one ----------------------------------------------------------------

@@ -160,6 +160,8 @@ def _in_users_units(asked: Callable[..., Any], *given: Any) -> Any:
         low, high = (math.sqrt(max(0.0, edge)) for edge in (spring, spring + 4.0 * gamma))
         if not high >= 0.999 * omega:
             raise
+        if omega < low:
+            raise type(error)(f"in the unit of time in which omega is 1, {error}") from error
         held = f", spring = {spring:.6g}" if spring else ""
         raise type(error)(
             f"harmonic 1 of the drive, omega = {omega:.6g}, comes to the band of the lattice, "

@@ -328,6 +328,12 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     assert ended["gamma"].max() == pytest.approx((1.44 - 0.1) / 4, rel=1e-3)
     assert "omega = 1.2, comes to the band of the lattice, 0.316228 to 1.199" in ended.reason
     assert "at gamma = 0.33" in ended.reason
+    # and not where the drive is below the band, though a ring has no such coupling
+    held = cb.symmetric(0.5, 0.08, 0.7, omega=0.6, spring=0.5, damping=0.1, lattice=cb.Ring(2))
+    below = cb.trace(held, "omega", within={"omega": (0.2, 1)}, **free | {"towards": "down"})
+    assert below.reason == (
+        "in the unit of time in which omega is 1, gamma = 0.2499 leaves its domain, 0 to 0.2499"
+    )
 
 
 TWO = cb.Fourier(cos={1: 1.0, 3: 0.3}, sin={3: 0.2})

@@ -83,3 +83,16 @@ def test_a_fold_on_a_curve_of_vanishing_impacts_is_named_by_both() -> None:
     line = cb.boundary(branch.first("VI"), ("spring", "a"), within={"spring": (0.7, 0.9)})
     assert [point.kind for point in line.special] == ["EP", "VI-LP", "EP"]
     np.testing.assert_allclose(line["a"], np.hypot(1 - line["spring"], 0.03), atol=1e-9)
+
+
+def test_impacts_that_vanish_together_by_symmetry_do_so_all_along():
+    """A symmetric orbit by its whole period: both of its impacts vanish where the forced
+    oscillation touches both walls."""
+    given = {"lattice": cb.Ring(1), "damping": 0.1, "spring": 0.3, "omega": 1.2}
+    whole = cb.shooting(cb.symmetric(1.5, 0.0, 0.6, **given), symmetric=False)
+    branch = cb.trace(whole, "a", towards="down")
+    line = cb.boundary(branch.first("VI"), ("omega", "a"), within={"omega": (0.8, 2.0)})
+    assert line.stop.name == "BOUND"
+    assert not line.doubtful
+    touching = np.hypot(0.3 - line["omega"] ** 2, 0.1 * line["omega"])
+    assert line["a"] == pytest.approx(touching, abs=1e-10)
