@@ -156,12 +156,6 @@ def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
     assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-12)
 
 
-def test_nothing_happens_where_nothing_happens() -> None:
-    branch = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "a", within={"a": (0.1, 0.6)}, towards="up")
-    assert kinds(branch) == ["EP", "EP"]
-    assert (branch["unstable"] == 0).all()
-
-
 def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
     """Up from a coupling, with the event of the paper's rule on a ring alone."""
     how = {"events": [cb.neimark_sacker(threshold=1.005)], "towards": "up"}
@@ -403,9 +397,3 @@ def test_another_threshold_has_its_own_point_and_column(arm: bool, shot: bool) -
     assert np.abs(size - 1.0048).min() < 1e-9
     last = branch[-1]
     assert last["unstable"] == last.solution.stability(threshold=1.0048).unstable
-
-
-def test_a_map_is_asked_for_its_own_doubling() -> None:
-    logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    branch = cb.trace(logistic, "r", events=[cb.period_doubling()], within={"r": (2.0, 3.4)})
-    assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-10)
