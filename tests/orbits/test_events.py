@@ -17,8 +17,7 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
 from contbreather.stability import ns_points
-from tests.stability.by_hand import det_by_modes
-from tests.stability.half import dense_half_map
+from tests.stability.by_hand import det_by_modes, paper_matrix
 
 CHAIN = cb.InfiniteChain()
 
@@ -100,7 +99,7 @@ def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_an
     a: float, gamma: float, kind: str, multiplier: int, beside: float
 ) -> None:
     def distance(breather: cb.Orbit) -> float:
-        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        half = paper_matrix(40, breather.gamma, breather.k, breather.b)
         return float(abs(np.linalg.eigvals(half) - multiplier).min())
 
     point = cb.trace(cb.symmetric(a, gamma, 0.8), "a").first(kind)
