@@ -13,7 +13,7 @@ import contbreather as cb
 
 CELLS = 14
 A, B, D = 2.0, 5.45, {"D1": 0.008, "D2": 0.004}
-MESH = cb.Collocation(20, 4)
+MESH = cb.Collocation(14, 4)
 
 
 def beside(x: Any) -> Any:
