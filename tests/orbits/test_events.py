@@ -217,18 +217,6 @@ def test_a_threshold_on_a_ring_must_exceed_one() -> None:
         cb.trace(start, "a", events=[cb.neimark_sacker(threshold=1.0)])
 
 
-@pytest.mark.parametrize("name", ["c1", "c3"])
-def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> None:
-    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
-    start = cb.symmetric(0.3, 0.05, 0.8, forcing=forcing)
-    value = start.problem.params[name]
-    branch = cb.trace(start, name, within={name: (value - 0.2, value + 0.2)}, towards="up")
-    last = branch[-1].solution
-    assert last.residual < 1e-14
-    again = cb.symmetric(0.3, 0.05, 0.8, forcing=last.forcing)
-    assert again.p == pytest.approx(last.p, rel=1e-12)
-
-
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
 def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None:
     """At k = 1 a pitchfork has f' = 0 there: q = 0 in (11), phi = -pi; the line ends nowhere else

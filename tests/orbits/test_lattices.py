@@ -52,31 +52,6 @@ def test_any_site_of_a_torus_is_like_any_other() -> None:
 # --- parameters of their own ------------------------------------------------------------------
 
 
-def test_damping_and_spring_are_continued_like_any_parameter() -> None:
-    start = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2)
-    for name in ("damping", "spring"):
-        branch = cb.trace(start, name, within={name: (0.0, 0.1)}, events=())
-        end = branch[-1]
-        assert end[name] == pytest.approx(0.1)
-        wanted = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, **{name: 0.1})
-        assert end.solution.p == pytest.approx(wanted.p, abs=1e-11)
-
-
-def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
-    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
-    branch = cb.trace(start, "a", within={"a": (0.6, 0.9)})
-    line = cb.boundary(
-        branch.first("PF"), ("damping", "a"), within={"damping": (0.0, 0.05)}, towards="both"
-    )
-    assert line[0]["damping"] == 0.0
-    assert line[-1]["damping"] == 0.05
-    for point in line:
-        half = point.solution.multipliers(half=True)
-        assert abs(half - 1.0).min() < 1e-8
-    plain = cb.trace(cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8), "a", towards="up")
-    assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
-
-
 RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(10))
 MODES = orbit_at(cb.shooting(RING))
 WITHIN = {"a": (0.5, 1.0)}

@@ -212,17 +212,6 @@ def test_no_root_of_a_general_forcing_is_missed_or_invented(gamma, k, a, c):
     assert all(b.residual < 1e-14 * (1.0 + abs(reduced).max()) for b in found)
 
 
-@pytest.mark.parametrize("k", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("lattice", [CHAIN, Ring(4)])
-def test_general_solver_gives_the_closed_form_for_a_cosine(k, lattice):
-    for a in (0.7, 1.0, 1.4):
-        closed = symmetric_roots(a, 0.1, k, lattice=lattice)
-        found = symmetric_roots(a, 0.1, k, lattice=lattice, forcing=Fourier(cos={1: -1.0}))
-        assert [b.p for b in found] == pytest.approx([b.p for b in closed], abs=1e-15)
-        for x, y in zip(found, closed, strict=True):
-            assert math.remainder(x.phi - y.phi, 2 * math.pi) == pytest.approx(0.0, abs=4e-15)
-
-
 @pytest.mark.parametrize("gamma", [0.0, 0.2])
 @pytest.mark.parametrize("a", [0.9, 1.0 - 1e-6, 1.0 - 1e-12])
 def test_the_lower_branch_is_right_down_to_where_its_impacts_die(paper, gamma, a):

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from contbreather.stability import ns_points
 from contbreather.stability.one_impact import window
-from tests.stability.by_hand import b_of
+from tests.stability.by_hand import b_of, slope
 from tests.stability.half import D, on_arc, unstable_count
 
 
@@ -21,6 +21,16 @@ def test_the_two_equations_are_D_without_its_poles():
         value = D(gamma, nu, k, b) * nu * np.sqrt(4 * gamma - nu**2)
         found = [on_arc(gamma, float(one), k, b).value for one in nu]
         np.testing.assert_allclose(found, value, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "at", [(0.1, 0.4, 0.8, 0.1), (0.22, 0.9, 0.3, -1.4), (0.02, 0.05, 1.0, 0.3)]
+)
+def test_the_jacobian_on_the_arc_is_that_of_finite_differences(at):
+    exact = on_arc(*at)
+    for name, direction in zip(("d_gamma", "d_nu", "d_k", "d_b"), np.eye(4), strict=True):
+        wanted = slope(lambda e, along=direction: on_arc(*(np.array(at) + e * along)).value, 1e-4)
+        np.testing.assert_allclose(getattr(exact, name), wanted, rtol=1e-8, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize(
