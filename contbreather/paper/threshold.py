@@ -123,9 +123,9 @@ def neimark_sacker_line(
 
     Examples
     --------
-    >>> line = neimark_sacker_line(0.8, points=9)
+    >>> line = neimark_sacker_line(0.8, sites=100, points=9)
     >>> round(float(line.gamma.min()), 3)
-    0.082
+    0.048
     """
     from scipy.optimize import brentq  # dear to import
 
