@@ -251,19 +251,6 @@ def test_the_compiler_removes_what_is_of_an_older_text_and_leaves_what_others_ma
     assert sorted(beside.iterdir()) == sorted([made, elsewhere])
 
 
-def test_a_kernel_is_compiled_from_what_its_annotations_say(own, tmp_path, monkeypatch):
-    pytest.importorskip("numba")
-    kernel = Kernel(doubled)
-    code = compiler.object_of(kernel)
-    given = np.arange(3.0), np.array([1, 0, 1]), np.eye(3), 2.0, 2, True
-    monkeypatch.setattr(machine_code, "OBJECTS", tmp_path)
-    tmp_path.joinpath(kernel.file).write_bytes(code)
-    compiled, plain = given[0].copy(), given[0].copy()
-    kernel(compiled, *given[1:])
-    doubled(plain, *given[1:])
-    assert compiled.tolist() == plain.tolist() == [0.0, 2.0, 2.0]
-
-
 def test_a_kernel_that_asks_for_memory_is_refused(own: None) -> None:
     pytest.importorskip("numba")
     with pytest.raises(NotCompiled, match=r"No implementation of function .*empty|NRT"):

@@ -108,10 +108,6 @@ def test_names_do_not_depend_on_the_coordinates(line, shuffle):
     lines.at(curve.first("BT"), b1=0, b2=0)
 
 
-def test_the_first_lyapunov_coefficient_of_bautin() -> None:
-    assert lines.BAUTIN.first.detail["l1"] == pytest.approx(-0.6, rel=1e-9)
-
-
 # --- Hopf curves that end where branches cross ------------------------------------------------
 
 
@@ -163,13 +159,6 @@ def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None
     assert (curve.began, curve.stop) == (Stop.EVENT, Stop.EVENT)
     assert curve["angle"].min() >= -1e-9
     assert curve["angle"].max() <= math.pi + 1e-9
-
-
-def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> None:
-    flip, pair = lines.FLIPS.first.detail, lines.CHENCINER.first.detail
-    assert flip["c"] == pytest.approx(0.09 - 1, rel=1e-9)
-    assert flip["criticality"] == "subcritical"
-    assert pair["d"] == pytest.approx(2 * -0.5, abs=1e-9)
 
 
 @pytest.mark.parametrize(("p2", "largest"), [(0.1, 0.02), (0.2, 0.1), (0.1, 1.0)])

@@ -23,7 +23,6 @@ from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.systems import normal_forms as forms
 
-from .lines import at, kinds
 from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
 
 # --- the other road ---------------------------------------------------------------------------
@@ -141,25 +140,6 @@ def test_first_lyapunov_coefficient_of_lorenz_says_subcritical_in_three_dimensio
     assert point.detail["l1"] == pytest.approx(wanted, rel=1e-8)
     assert point.detail["omega"] == pytest.approx(float(omega), abs=1e-10)
     assert point.detail["criticality"] == "subcritical"
-
-
-def delayed_logistic(u: Sequence[Any], r: Any = 2) -> list[Any]:
-    return [r * u[0] * (1 - u[1]), u[0]]
-
-
-def test_coefficient_of_neimark_sacker_in_the_delayed_logistic_map() -> None:
-    mine = FixedPoint(lambda u, p: np.array(delayed_logistic(u, p["r"])), {"x": 0.4, "y": 0.4},
-                      {"r": 1.7})  # fmt: skip
-    branch = trace(mine, "r", within={"r": (1.2, 2.5)})
-    assert kinds(branch) == ["NS"]
-    point = branch.first("NS")
-    half = sympy.Rational(1, 2)
-    wanted = rotation_by_series(delayed_logistic, [half, half], mpmath.pi / 3)
-    assert point.detail["d"] == pytest.approx(wanted, rel=1e-9)
-    assert point.detail["d"].real == pytest.approx(-1.0, rel=1e-9)
-    assert point.detail["criticality"] == "supercritical"
-    assert point.detail["angle"] == pytest.approx(math.pi / 3, abs=1e-12)
-    at(point, r=2.0, x=0.5)
 
 
 def coupled(u: Sequence[Any], a: Any) -> list[Any]:

@@ -42,17 +42,6 @@ def watched(calls: Counter[str], event: cb.Event) -> cb.Event:
     return replace(event, test=test)
 
 
-@pytest.mark.parametrize("jacobian", [False, True])
-def test_each_test_is_asked_at_the_ends_and_in_the_middle_of_a_step(jacobian: bool) -> None:
-    calls: Counter[str] = Counter()
-    events = [watched(calls, one) for one in (cb.fold(), cb.branch_point(), cb.hopf())]
-    branch = cb.trace(counted(calls, jacobian=jacobian), "m", within=WITHIN, events=events)
-    assert [point.kind for point in branch.special] == ["EP", "EP"]
-    steps = len(branch) - 1
-    for kind in ("LP", "BP", "HB"):
-        assert calls[kind] <= 2 * steps + 4, kind
-
-
 @pytest.mark.parametrize(
     ("level", "towards", "each", "more", "found"),
     [

@@ -60,19 +60,21 @@ def impulses(c: float, k: float, w: float, s: float) -> np.ndarray:
     return np.roots([square, 2 * s * g, s**2 - amplitude(c, w) ** 2])
 
 
-def misses(orbit: cb.flows.Cycle, walls: Any = (right,)) -> float:
-    """How far off each flow arrives, by Dormand and Prince and the first wall that is met."""
+def misses(orbit: cb.flows.Cycle, walls: Any = None) -> float:
+    """How far off each flow arrives, by Dormand and Prince and the first of the walls that is met,
+    unless said that of the flow alone."""
     p, worst = orbit.params, 0.0
-    for i, flight in enumerate(orbit.flights):
-        watched = [lambda t, x, w=w: w(t, x, p) for w in walls]
+    for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
+        watched = [lambda t, x, w=w: w(t, x, p) for w in walls or (flow.until,)]
         for wall in watched:
             wall.terminal, wall.direction = True, -1.0  # type: ignore[attr-defined]
         run = solve_ivp(
-            lambda t, x: field(t, x, p), (flight.start, flight.last + 1), flight.states[0],
-            "DOP853", events=watched, rtol=1e-12, atol=1e-13, max_step=0.01,
+            lambda t, x, f=flow.f: f(t, x, p), (flight.start, flight.last + 1), flight.states[0],
+            "DOP853", events=watched, rtol=1e-13, atol=1e-13, max_step=0.02,
         )  # fmt: skip
+        end = run.y[:, -1]
         after = orbit.flights[i - len(orbit.flights) + 1].states[0]
-        off = [*(rebound(0, run.y[:, -1], p) - after), run.t[-1] - flight.last]
+        off = [*((flow.reset(0, end, p) if flow.reset else end) - after), run.t[-1] - flight.last]
         worst = max(worst, *map(abs, off))
     return worst
 

@@ -16,6 +16,7 @@ from .zoo import STICK_SLIP
 TAU = 2 * np.pi
 ONSET = np.sqrt(1 + np.pi**2 / 4)  # where a pushed mass begins to stick: Den Hartog
 BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
+MESH = cb.Collocation(intervals=12)  # flows are sines
 
 
 def names(orbit: cb.flows.Cycle, system: cb.Filippov) -> list[str]:
@@ -82,7 +83,7 @@ def check(branch: cb.Branch, system: cb.Filippov, flows: list[str], V: float = 0
 def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
     within = {"A": (1.75, 2.0)}
     moving = cb.trace(pushed(2.0), "A", within=within, towards="down", events=())
-    (sticking,) = cb.switch(moving.first("SL"), within=within)
+    (sticking,) = cb.switch(moving.first("SL"), within=within, events=())
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["A"] == pytest.approx(ONSET, abs=1e-12)
     assert sticking[-1]["A"] == 1.75
@@ -90,7 +91,7 @@ def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
     # and from the other side
     again = cb.trace(pushed(1.8), "A", within=within, towards="up", events=()).first("SL")
     assert again["A"] == pytest.approx(ONSET, abs=1e-12)
-    (back,) = cb.switch(again, within=within)
+    (back,) = cb.switch(again, within=within, events=())
     assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.0)
     check(back, MASS, ["below", "above"])
 
@@ -105,12 +106,12 @@ def test_without_symmetry_one_side_sticks_first() -> None:
     mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
     within, roads = {"A": (1.7, 2.0)}, []
     for start, way in ((1.95, "down"), (1.75, "up")):
-        orbit = cb.cycle(mass, {"v": 0.3}, {"A": start}, period=TAU, settle=25)
+        orbit = cb.cycle(mass, {"v": 0.3}, {"A": start}, period=TAU, settle=25, collocation=MESH)
         branch = cb.trace(orbit, "A", within=within, towards=way, events=())
         places = []
         for _ in range(2):
             places.append(branch.first("SL"))
-            (branch,) = cb.switch(places[-1], within=within)
+            (branch,) = cb.switch(places[-1], within=within, events=())
             check(branch, mass, names(branch[0].solution, mass))
         roads.append([place["A"] for place in places])
         assert len(branch[-1].solution.flights) == (4 if way == "down" else 2)
@@ -120,18 +121,21 @@ def test_without_symmetry_one_side_sticks_first() -> None:
 @pytest.mark.slow
 def test_a_mass_that_is_too_fast_to_stick_passes_the_belt_first_and_then_does_not_stick() -> None:
     within = {"d": (0.25, 0.55)}
-    orbit = cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {**BELT, "d": 0.26}, settle=60)
+    orbit = cb.cycle(
+        STICK_SLIP, {"x": 0.0, "v": 0.5}, {**BELT, "d": 0.26}, settle=60, collocation=MESH
+    )
     branch = cb.trace(orbit, "d", within=within, towards="up", events=())
-    (passing,) = cb.switch(branch.first("SL"), within=within)
+    (passing,) = cb.switch(branch.first("SL"), within=within, events=())
     assert passing[0]["beyond"] == "persists"
     check(passing, STICK_SLIP, ["below", "above", "sticks down"], V=1.0)
     # where the flow above the belt counts as none is that far beyond
     assert passing[0]["d"] == pytest.approx(branch.first("SL")["d"], abs=1e-5)
-    (moving,) = cb.switch(passing.first("SL"), within={"d": (0.46, 0.6)}, steps=cb.Steps(most=9))
+    short = {"events": (), "steps": cb.Steps(most=9)}
+    (moving,) = cb.switch(passing.first("SL"), within={"d": (0.46, 0.6)}, **short)
     check(moving, STICK_SLIP, ["below", "above"], V=1.0)
     # and back
-    lost = cb.trace(passing[4].problem, "d", within=within, towards="down").first("SL")
-    (back,) = cb.switch(lost, within=within)
+    lost = cb.trace(passing[4].problem, "d", within=within, towards="down", events=()).first("SL")
+    (back,) = cb.switch(lost, within=within, **short)
     assert back[0]["d"] == pytest.approx(branch.first("SL")["d"], abs=1e-9)
     check(back, STICK_SLIP, ["below", "sticks down"], V=1.0)
 
@@ -145,17 +149,19 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
 
     belt = cb.Filippov(field(1), field(-1), lambda t, x, p: x[1] - 1.0)
     slips = cb.Flow(belt.f_minus, walls=([belt.minus, belt.to_minus],))
-    start = cb.cycle(slips, {"x": 0.3, "v": 0.0}, {"a": 0.3}, period=TAU / 0.7, settle=200)
-    within = {"a": (0.3, 0.8)}
+    rest, turn = {"x": 0.3, "v": 0.0}, TAU / 0.7
+    start = cb.cycle(slips, rest, {"a": 0.3}, period=turn, settle=200, collocation=MESH)
+    within = {"a": (0.3, 0.78)}
     grazing = cb.trace(start, "a", within=within, events=()).first("GR")
     known = abs(1 - 0.49 + 0.14j) / 0.7  # the velocity of the linear motion is that of the belt
     assert grazing["a"] == pytest.approx(known, rel=1e-9)
-    (sticking,) = cb.switch(grazing, within=within)
+    (sticking,) = cb.switch(grazing, within=within, events=())
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["a"] == pytest.approx(known, rel=1e-9)
     check(sticking, belt, ["below", "sticks down"], V=1.0)
-    lost = cb.trace(sticking[3].problem, "a", within=within, events=()).special[0]
-    (back,) = cb.switch(lost, within=within)
+    back_there = {"towards": "down", "within": within, "events": ()}
+    lost = cb.trace(sticking[3].problem, "a", **back_there).special[-1]
+    (back,) = cb.switch(lost, within=within, events=())
     assert (lost.kind, back[0]["a"]) == ("SL", pytest.approx(known, rel=1e-9))
     assert back[-1].solution.equations.flows == start.residual.flows
 

@@ -249,13 +249,13 @@ def test_what_has_doubled_ends_there_where_each_round_is_a_flow_of_its_own() -> 
         wraps={"angle": 2 * np.pi},
     )  # fmt: skip
     mirrored = cb.Flow(
-        lambda t, x, p: [x[1], p["a"] * np.cos(1.2 * t) - 0.15 * x[1] - x[0] - x[0] ** 3],
+        lambda t, x, p: [x[1], p["a"] * np.cos(1.2 * t) - 0.45 * x[1] - x[0] - x[0] ** 3],
         reset=lambda t, x, p: [-x[0], -x[1]],
     )
     half = cb.cycle(
         mirrored, {"x": 0.0, "v": 1.0}, {"a": 4.0}, period=lambda p: np.pi / 1.2, settle=100
     )
-    for single, near in ((turning, (0.9, 1.3)), (half, (3.0, 29.0))):
+    for single, near in ((turning, (0.9, 1.3)), (half, (3.0, 17.0))):
         branch = cb.trace(single, "a", within={"a": near})
         doubled = cb.switch(branch.first("PD"), within={"a": (0.2, 40.0)})[0]
         first, second = (point["a"] for point in branch.special if point.kind == "PD")

@@ -504,93 +504,6 @@ enter(
     along_threshold,
 )  # fmt: skip
 
-# A buck converter (R = 22, C = 47e-6, L = 0.02, reference 11.3, gain 8.4, ramp 3.8 to 8.2, 400e-6),
-# in volts, tenths of amperes and clock periods, its clock a state. It is off from the clock to
-# where the control meets the ramp at d, then on: periodic by one linear equation, the condition at
-# d one more; the doubling is where the linearised map has -1. Published: 24.516.
-CLOCK = 400e-6
-BUCK = np.array([[-CLOCK / (22 * 47e-6), 0.1 * CLOCK / 47e-6], [-10 * CLOCK / 0.02, 0.0]])
-
-
-def buck_map(z: Any, vin: float) -> tuple[Any, Any]:
-    """The equations of the orbit in (V, i, d), and the matrix of the map."""
-    start, d = np.array(z[:2]), z[2]
-    drive = np.array([0.0, 10 * CLOCK / 0.02 * vin])
-    shift = np.linalg.solve(BUCK, drive)
-    off, on = expm(BUCK * d), expm(BUCK * (1 - d))
-    middle = off @ start
-    end = on @ (middle + shift) - shift
-    control = 8.4 * (middle[0] - 11.3) - (3.8 + 4.4 * d)
-    rate = 8.4 * (BUCK @ middle)[0] - 4.4
-    saltation = np.eye(2) + np.outer(drive, [8.4, 0.0]) / rate
-    return [*(end - start), control], on @ saltation @ off
-
-
-def buck_doubling() -> float:
-    """Where that matrix has the eigenvalue -1."""
-
-    def doubled(z: Any) -> Any:
-        closing, matrix = buck_map(z[:3], z[3])
-        return [*closing, np.linalg.det(matrix + np.eye(2))]
-
-    return float(fsolve(doubled, [12.0, 5.0, 0.5, 24.5], xtol=1e-12)[3])
-
-
-def buck_start(vin: float) -> list[float]:
-    orbit = fsolve(lambda z: buck_map(z, vin)[0], [12.0, 5.0, 0.5], xtol=1e-12)
-    return [float(orbit[0]), float(orbit[1]), 0.0]
-
-
-def buck(on: float) -> Any:
-    def f(t: Any, x: Any, p: Any) -> Any:
-        V, i, _ = x
-        return [BUCK[0, 0] * V + BUCK[0, 1] * i, BUCK[1, 0] * (V - on * p["Vin"]), 1.0]
-
-    return f
-
-
-enter(
-    "buck converter",
-    cycle(
-        [cb.Flow(buck(0), until=lambda t, x, p: 8.4 * (x[0] - 11.3) - (3.8 + 4.4 * x[2])),
-         cb.Flow(buck(1), until=lambda t, x, p: 1 - x[2],
-                 reset=lambda t, x, p: [x[0], x[1], 0.0])],
-        dict(zip("Vis", buck_start(22.0), strict=True)), {"Vin": 22.0},
-    ),
-    "Vin", (22.0, 26.0), (("PD", buck_doubling()),),
-)  # fmt: skip
-
-
-# A relay with hysteresis b behind three lags; half of the orbit, mirrored.
-LAGS = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
-
-
-def mirrored(matrix: Any, push: list[float], T: float) -> Any:
-    """Where v' = A v + push is the negative of its start after a time: v = -(1 + E)^-1 (E - 1) A^-1
-    push, E = exp(A T)."""
-    E, one = expm(matrix * T), np.eye(len(matrix))
-    return -np.linalg.solve(one + E, (E - one) @ np.linalg.solve(matrix, push))
-
-
-def relay_start(T: float) -> Any:
-    return mirrored(LAGS, [0.0, 0.0, -2.0], T)
-
-
-def relay_half_period(b: float) -> float:
-    """From x = b down to -b."""
-    return brentq(lambda T: float(relay_start(T)[0]) - b, 1.0, 12.0, xtol=1e-14)
-
-
-enter(
-    "relay",
-    cycle(
-        cb.Flow(lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - 2],
-                until=lambda t, x, p: x[0] + p["b"], reset=lambda t, x, p: [-x[0], -x[1], -x[2]]),
-        {"x": 0.2, "y": 1.0, "z": 1.5}, {"b": 0.1}, settle=60,
-    ),
-    "b", (0.05, 0.6), (), lambda at: [(at["period"], relay_half_period(at["b"]))],
-)  # fmt: skip
-
 
 # Dry friction on a belt that moves with V: stuck until the spring pulls with F, then slipping with
 # z = x - F + d V, z'' - d z' + z = 0, z = d V and z' = V, until z' = V again.
@@ -853,24 +766,6 @@ enter(
     ),
     "g", (0.004, 0.018), (("PD", 0.015088437941),),
     lambda at: [(at["period"], 3.91240921248)] if at.kind == "PD" else [],
-)  # fmt: skip
-
-# A hopper whose leg is a spring, 20, stiffer on the way up, 30, which leaves e of its speed: it
-# bends by b = 2 (1 - e^2)/(20 - 30 e^2), with the speed v^2 = 20 b^2 - 2 b.
-enter(
-    "hopper",
-    cycle(
-        [cb.Flow(lambda t, x, p: [x[1], -1 + 0 * x[0]], until=lambda t, x, p: x[0] - 1),
-         cb.Flow(lambda t, x, p: [x[1], -1 - 20 * (x[0] - 1)], until=lambda t, x, p: -x[1]),
-         cb.Flow(lambda t, x, p: [x[1], -1 - 30 * (x[0] - 1)], until=lambda t, x, p: 1 - x[0],
-                 reset=lambda t, x, p: [x[0], p["e"] * x[1]])],
-        {"y": 1.2, "v": 0.0}, {"e": 0.7}, settle=60,
-    ),
-    "e", (0.3, 0.75), (),
-    lambda at: (lambda e, b: [
-        (at["max(y)"], 1 + 10 * b**2 - b),
-        (max(at.solution.others.real), e**2 * (60 * b - 2) / (40 * b - 2)),
-    ])(at["e"], 2 * (1 - at["e"] ** 2) / (20 - 30 * at["e"] ** 2)),
 )  # fmt: skip
 
 

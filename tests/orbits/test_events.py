@@ -17,8 +17,7 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
 from contbreather.stability import ns_points
-from tests.stability.by_hand import det_by_modes
-from tests.stability.half import dense_half_map
+from tests.stability.by_hand import det_by_modes, paper_matrix
 
 CHAIN = cb.InfiniteChain()
 
@@ -100,7 +99,7 @@ def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_an
     a: float, gamma: float, kind: str, multiplier: int, beside: float
 ) -> None:
     def distance(breather: cb.Orbit) -> float:
-        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        half = paper_matrix(40, breather.gamma, breather.k, breather.b)
         return float(abs(np.linalg.eigvals(half) - multiplier).min())
 
     point = cb.trace(cb.symmetric(a, gamma, 0.8), "a").first(kind)
@@ -154,12 +153,6 @@ def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
     assert (unstable[between] == 2).all()
     assert branch.special[-1]["a"] == pytest.approx(0.806417833236, abs=1e-12)
     assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-12)
-
-
-def test_nothing_happens_where_nothing_happens() -> None:
-    branch = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "a", within={"a": (0.1, 0.6)}, towards="up")
-    assert kinds(branch) == ["EP", "EP"]
-    assert (branch["unstable"] == 0).all()
 
 
 def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
@@ -222,18 +215,6 @@ def test_a_threshold_on_a_ring_must_exceed_one() -> None:
     start = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(10))
     with pytest.raises(cb.BadInput, match="above 1"):
         cb.trace(start, "a", events=[cb.neimark_sacker(threshold=1.0)])
-
-
-@pytest.mark.parametrize("name", ["c1", "c3"])
-def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> None:
-    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
-    start = cb.symmetric(0.3, 0.05, 0.8, forcing=forcing)
-    value = start.problem.params[name]
-    branch = cb.trace(start, name, within={name: (value - 0.2, value + 0.2)}, towards="up")
-    last = branch[-1].solution
-    assert last.residual < 1e-14
-    again = cb.symmetric(0.3, 0.05, 0.8, forcing=last.forcing)
-    assert again.p == pytest.approx(last.p, rel=1e-12)
 
 
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
@@ -403,9 +384,3 @@ def test_another_threshold_has_its_own_point_and_column(arm: bool, shot: bool) -
     assert np.abs(size - 1.0048).min() < 1e-9
     last = branch[-1]
     assert last["unstable"] == last.solution.stability(threshold=1.0048).unstable
-
-
-def test_a_map_is_asked_for_its_own_doubling() -> None:
-    logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    branch = cb.trace(logistic, "r", events=[cb.period_doubling()], within={"r": (2.0, 3.4)})
-    assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-10)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
@@ -20,59 +19,6 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
 from contbreather.orbits.symmetries import images_of
 from tests.orbits.field import Field, FieldOf
-
-# --- random lattices against an integrator ---------------------------------------------------
-
-
-def random_lattice(seed: int) -> cb.Lattice:
-    rng = np.random.default_rng(seed)
-    graph = nx.random_labeled_tree(int(rng.integers(3, 8)), seed=seed)
-    graph.add_edges_from(nx.gnp_random_graph(len(graph), 0.3, seed=seed).edges)
-    for edge in graph.edges:
-        graph.edges[edge]["weight"] = rng.uniform(0.5, 1.5)
-    sites = len(graph)
-    return cb.Lattice.from_graph(
-        graph, masses=rng.uniform(0.6, 1.6, sites), drive=rng.uniform(0.7, 1.2, sites)
-    )
-
-
-@functools.cache
-def random_orbit(seed: int):
-    """A symmetric orbit of one to three sites of a random lattice, shot from their own phases."""
-    rng = np.random.default_rng(seed)
-    lattice = random_lattice(seed)
-    on = {"gamma": 0.03, "k": 0.8, "damping": 0.02 * (seed % 3), "spring": 0.1 * (seed % 2)}
-    sites = sorted(rng.choice(lattice.sites, 1 + seed % 3, replace=False).tolist())
-    # the drive is not the same everywhere: an amplitude at which all of them hit
-    a = 0.6 / float(lattice.drive[sites].min())
-    single = [cb.symmetric(a, lattice=lattice, site=n, **on).phi for n in sites]
-    times = {f"t{j + 1}": phi for j, phi in enumerate(single)}
-    return orbit_at(
-        cb.shooting(
-            times, lattice=lattice, sequence=[(n, 1) for n in sites], symmetric=True,
-            a=a, inadmissible=True, **on,
-        )
-    )  # fmt: skip
-
-
-SEEDS = range(6)  # of all dampings and springs, one site to three
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_orbit_returns_under_an_independent_integrator(seed: int) -> None:
-    orbit = random_orbit(seed)
-    field = FieldOf(orbit)
-    if orbit.admissibility().ok:
-        field.comes_back()
-    else:  # then it has an impact that the orbit does not name
-        _, hits, _ = field.after(field.state, field.start + 2 * math.pi)
-        assert len(hits) > len(orbit.hits)
-
-
-def test_most_random_orbits_are_admissible() -> None:
-    """The test above says little of the others."""
-    assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 4
-
 
 # --- closed forms -----------------------------------------------------------------------------
 
@@ -104,31 +50,6 @@ def test_any_site_of_a_torus_is_like_any_other() -> None:
 
 
 # --- parameters of their own ------------------------------------------------------------------
-
-
-def test_damping_and_spring_are_continued_like_any_parameter() -> None:
-    start = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2)
-    for name in ("damping", "spring"):
-        branch = cb.trace(start, name, within={name: (0.0, 0.1)}, events=())
-        end = branch[-1]
-        assert end[name] == pytest.approx(0.1)
-        wanted = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, **{name: 0.1})
-        assert end.solution.p == pytest.approx(wanted.p, abs=1e-11)
-
-
-def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
-    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
-    branch = cb.trace(start, "a", within={"a": (0.6, 0.9)})
-    line = cb.boundary(
-        branch.first("PF"), ("damping", "a"), within={"damping": (0.0, 0.05)}, towards="both"
-    )
-    assert line[0]["damping"] == 0.0
-    assert line[-1]["damping"] == 0.05
-    for point in line:
-        half = point.solution.multipliers(half=True)
-        assert abs(half - 1.0).min() < 1e-8
-    plain = cb.trace(cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8), "a", towards="up")
-    assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
 
 
 RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(10))

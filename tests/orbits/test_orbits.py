@@ -23,7 +23,7 @@ from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, shifted, simpler_than
 
-from .by_hand import derivatives, in_phase, orbit_from, repeats, two_impacts
+from .by_hand import derivatives, in_phase, orbit_from, two_impacts
 
 TWO = Section(((0, 1), (0, -1)))
 RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
@@ -87,20 +87,6 @@ def test_derivatives_are_those_of_the_residual(sequence, periods, forcing, gamma
     for name, found, wanted in derivatives(equations, x, params, 4e-5):
         assert np.abs(found - wanted).max() < (1e-8 if name else 1e-9) * np.abs(wanted).max()
     assert len(equations.named(x)) == equations.size == x.size
-
-
-@pytest.mark.parametrize("sites", [6, 21])
-@pytest.mark.parametrize(("bonds", "wall"), [(1, -1), (3, 1)])
-def test_breathers_on_two_sites_are_repeated_by_the_simulated_ring(sites, bonds, wall):
-    b = symmetric(0.5, 0.08, 0.8)
-    orbit = orbit_of(
-        b.conditions,
-        Section(((0, 1), (bonds, wall), (0, -1), (bonds, -wall))),
-        [b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3],
-        [-2 * b.p, -2 * b.p * wall, 2 * b.p, 2 * b.p * wall],
-    ).solved()
-    assert orbit.admissibility().ok
-    assert repeats(orbit, sites)[0] < 1e-13
 
 
 def test_mean_impulses_tilt_the_chain_between_two_sites():

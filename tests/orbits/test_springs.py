@@ -48,20 +48,6 @@ def test_the_pitchfork_depends_on_the_loss_where_springs_hold_the_chain(spring, 
     assert abs(near - 1).min() < 1e-6
 
 
-def test_a_long_ring_has_the_same_events_and_multipliers() -> None:
-    branch = branch_in_a(0.02, 0.02)
-    start = cb.symmetric(0.7, 0.02, 0.8, spring=0.02).on(cb.Ring(40))
-    assert start.on(cb.InfiniteChain()).p == pytest.approx(
-        cb.symmetric(0.7, 0.02, 0.8, spring=0.02).p
-    )
-    shot = cb.trace(start, "a", within={"a": (0.01, 1.5)}, towards="both")
-    for kind in ("LP", "PF", "GR", "VI"):
-        assert shot.first(kind)["a"] == pytest.approx(branch.first(kind)["a"], abs=1e-10)
-    beyond = cb.symmetric(0.9, 0.02, 0.8, spring=0.02)
-    (mu,) = beyond.stability().multipliers
-    assert beyond.stability(sites=60).largest == pytest.approx(abs(mu) ** 2, rel=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_any_forcing_spring_and_loss_agree_with_the_modes_of_a_ring(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -54,14 +54,6 @@ def test_close_to_the_fold_only_its_conditioning_is_lost(paper, gamma, k, above)
         assert abs(b.phi - phi) < 4 * allowed
 
 
-def test_spot_values():
-    b = symmetric(a=0.5, gamma=0.12, k=0.4)
-    assert b.chi == pytest.approx(2.06787397039377, abs=1e-14)
-    assert b.p == pytest.approx(0.680056001966491, abs=1e-15)
-    assert b.phi == pytest.approx(-2.51929314335911, abs=1e-14)
-    assert smallest_amplitude(0.1, 0.8) == pytest.approx(0.057029037182, abs=5e-13)
-
-
 def test_the_phase_printed_in_13_is_a_solution_only_for_weak_forcing():
     gamma, k = 0.1, 0.8
     chi, q = CHAIN.chi(gamma), (1 - k) / (1 + k)
@@ -220,17 +212,6 @@ def test_no_root_of_a_general_forcing_is_missed_or_invented(gamma, k, a, c):
     assert all(b.residual < 1e-14 * (1.0 + abs(reduced).max()) for b in found)
 
 
-@pytest.mark.parametrize("k", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("lattice", [CHAIN, Ring(4)])
-def test_general_solver_gives_the_closed_form_for_a_cosine(k, lattice):
-    for a in (0.7, 1.0, 1.4):
-        closed = symmetric_roots(a, 0.1, k, lattice=lattice)
-        found = symmetric_roots(a, 0.1, k, lattice=lattice, forcing=Fourier(cos={1: -1.0}))
-        assert [b.p for b in found] == pytest.approx([b.p for b in closed], abs=1e-15)
-        for x, y in zip(found, closed, strict=True):
-            assert math.remainder(x.phi - y.phi, 2 * math.pi) == pytest.approx(0.0, abs=4e-15)
-
-
 @pytest.mark.parametrize("gamma", [0.0, 0.2])
 @pytest.mark.parametrize("a", [0.9, 1.0 - 1e-6, 1.0 - 1e-12])
 def test_the_lower_branch_is_right_down_to_where_its_impacts_die(paper, gamma, a):
@@ -387,20 +368,6 @@ def test_no_lower_breather_is_stable_and_families_alternate(forcing):
 
 
 GOOD = {"a": 0.5, "gamma": 0.12, "k": 0.4}
-
-
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
-        ({"gamma": 0.25}, "0 <= gamma < 1/4"),
-        ({"k": 1.2}, "0 <= k <= 1"),
-        ({"a": 0.0}, "finite number > 0"),
-        ({"a": 0.05, "k": 0.1}, "below the fold.*smallest a is 0.3"),
-    ],
-)
-def test_bad_input_is_refused_with_what_was_given_and_what_is_wanted(given, says):
-    with pytest.raises(BadInput, match=says):
-        symmetric(**{**GOOD, **given})
 
 
 def test_a_breather_put_together_by_hand_says_how_wrong_it_is():

@@ -9,13 +9,13 @@ import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.paper.threshold import neimark_sacker_line, neimark_sacker_point, pitchfork_line
-from tests.stability.half import dense_half_map
+from tests.stability.by_hand import paper_matrix
 
 SITES, THRESHOLD = 40, 1.02  # a short ring: its dense matrix is quick
 
 
 def monodromy_eigenvalues(breather: Orbit, sites: int) -> np.ndarray:
-    half = dense_half_map(sites, breather.gamma, breather.k, breather.b)
+    half = paper_matrix(sites, breather.gamma, breather.k, breather.b)
     return np.linalg.eigvals(half @ half)
 
 

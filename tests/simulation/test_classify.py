@@ -46,14 +46,6 @@ def torus():
     return sim.simulate(state, **TORUS, periods=16000)
 
 
-def test_torus_has_the_rotation_number_known_of_it(torus):
-    """Two stretches of the run that share no state give the same eight digits, and 0.39160."""
-    u, v = torus.strobe
-    early, late = sim.rotation(u[8000:12000], v[8000:12000]), sim.rotation(u[12000:], v[12000:])
-    assert early.number == pytest.approx(0.39160, abs=5e-6)
-    assert early.number == pytest.approx(late.number, abs=1e-9)
-
-
 def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
     """A second road: the peak of the windowed Fourier transform of one coordinate, refined."""
     x = torus.strobe.u[-4096:, 0]

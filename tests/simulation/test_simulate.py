@@ -29,14 +29,6 @@ from tests.orbits.field import dense
 
 PI = math.pi
 
-PARAMETERS = [  # a, gamma, k
-    (0.1, 0.08, 0.8),
-    (0.5, 0.12, 0.4),
-    (0.9, 0.02, 0.6),
-    (0.35, 0.2, 0.8),
-    (0.6, 0.0, 1.0),
-]
-
 
 def generator(sites, gamma, damping):
     return np.block(
@@ -48,16 +40,6 @@ def generator(sites, gamma, damping):
 
 
 # --- the exact breather ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("sites", [10, 20, 400])
-@pytest.mark.parametrize(("a", "gamma", "k"), PARAMETERS)
-def test_exact_breather_comes_back_after_one_period(a, gamma, k, sites):
-    u, v = symmetric(a, gamma, k).state(sites)
-    run = simulate((u, v), a=a, gamma=gamma, k=k, periods=1)
-    assert np.abs(run.final.u - u).max() < 1e-12
-    assert np.abs(run.final.v - v).max() < 1e-12
-    assert len(run.impacts) == 2
 
 
 def test_an_orbit_brings_its_state_and_its_parameters_but_for_those_that_are_given():

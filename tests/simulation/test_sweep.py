@@ -12,9 +12,8 @@ import pytest
 import contbreather.simulation as sim
 from contbreather.continuation import trace
 from contbreather.errors import NotConverged
-from contbreather.lattice import Fourier, Ring
+from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
-from contbreather.orbits.closure import smallest_amplitude
 from tests.simulation.zoo import breather
 
 DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
@@ -24,14 +23,6 @@ DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
 def orbit():
     state = symmetric(0.2, 0.05, 0.8).state(20)
     return sim.periodic(state, a=0.2, **DAMPED, symmetric=True)
-
-
-def test_fold_of_the_undamped_orbit_is_that_of_the_closure():
-    ring = Ring(6)
-    start = breather(6, a=0.1, gamma=0.05, k=0.8)
-    branch = trace(start, "a", towards="down", within={"a": (0.06, 0.2)})
-    exact = smallest_amplitude(0.05, 0.8, lattice=ring)
-    assert branch.first("LP")["a"] == pytest.approx(exact, abs=1e-11)
 
 
 # --- sweeps ---------------------------------------------------------------------------------------

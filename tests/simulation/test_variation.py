@@ -13,7 +13,7 @@ from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import lyapunov, periodic, simulate, variation
 from tests.simulation.zoo import breather
-from tests.stability.half import dense_half_map
+from tests.stability.by_hand import paper_matrix
 
 
 @pytest.mark.parametrize("sites", [1, 2, 3, 20])
@@ -25,7 +25,7 @@ def test_variation_over_half_a_period_is_the_half_map(a, gamma, k, sites):
     eye, zero = np.eye(sites), np.zeros((sites, sites))
     stiff = gamma * (2 * eye - np.roll(eye, 1, 0) - np.roll(eye, -1, 0))
     forward = expm(early * np.block([[zero, eye], [-stiff, zero]]))
-    half = np.linalg.solve(forward, dense_half_map(sites, gamma, k, own.b)) @ forward
+    half = np.linalg.solve(forward, paper_matrix(sites, gamma, k, own.b)) @ forward
     assert np.abs(variation(run) - half).max() < 1e-13
 
 

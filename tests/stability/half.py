@@ -10,7 +10,7 @@ import numpy as np
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.one_impact import Gradient, HalfMap, half_map
-from contbreather.stability.saltation import Saltation, saltation
+from contbreather.stability.saltation import Saltation
 from contbreather.stability.scattering import OverReflection, waves
 from contbreather.stability.scattering import over_reflection as reflection_of
 from contbreather.stability.scattering import over_reflects as reflects
@@ -79,16 +79,3 @@ def amplified(gamma: float, nu: Any, k: float, b: float, spring: float = 0.0) ->
     map = HalfMap(gamma, k, b, CHAIN.with_spring(spring))
     square = (np.atleast_1d(nu) ** 2 - spring) / (4.0 * gamma)
     return np.exp(waves(map, np.arcsin(np.sqrt(square))).gain)
-
-
-def dense_half_map(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
-    """QS as a matrix, (18)-(20) without the square, from the ring's modes."""
-    w = Ring(sites).frequencies(gamma)
-    rows = np.stack([np.cos(np.pi * w), np.pi * np.sinc(w), -w * np.sin(np.pi * w)])
-    first = np.fft.ifft(rows, axis=1).real  # circulants: the entry of sites n apart
-    apart = (np.arange(sites)[:, None] - np.arange(sites)) % sites
-    cosine, sine_over_w, w_sine = first[:, apart]
-    half = np.block([[cosine, sine_over_w], [w_sine, cosine]])
-    impact = [0, sites]
-    half[:, impact] = half[:, impact] @ saltation(k, b)
-    return half

@@ -11,8 +11,8 @@ import pytest
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import saltation
 from contbreather.stability.one_impact import half_map
-from tests.stability.by_hand import b_of, det_by_modes, exact_G, slope
-from tests.stability.half import D, dense_half_map
+from tests.stability.by_hand import b_of, det_by_modes, exact_G, paper_matrix, slope
+from tests.stability.half import D
 
 GAMMAS = (0.0, 1e-6, 0.05, 0.2499)
 LATTICES = (InfiniteChain(), Ring(1), Ring(2), Ring(7), Ring(40))
@@ -90,7 +90,7 @@ def test_D_is_real_on_the_real_axis_conjugate_across_it_and_one_far_away():
 @pytest.mark.parametrize(("a", "gamma"), [(0.2, 0.11), (0.8, 0.045), (0.5, 0.08)])
 def test_every_even_eigenvalue_of_the_dense_matrix_is_a_zero_of_D(sites, a, gamma):
     b = b_of(a, gamma, 0.8)
-    half = dense_half_map(sites, gamma, 0.8, b)
+    half = paper_matrix(sites, gamma, 0.8, b)
     mirror = np.concatenate([(-np.arange(sites)) % sites, sites + (-np.arange(sites)) % sites])
     even = half + half[:, mirror]  # twice QS on even states, zero on odd ones
     mu = np.linalg.eigvals(even / 2)

@@ -12,10 +12,9 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import ns_points
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.one_impact import HalfMap, half_map
-from tests.stability.by_hand import fold_b, pitchfork_b
+from tests.stability.by_hand import fold_b, paper_matrix, pitchfork_b
 from tests.stability.half import (
     D,
-    dense_half_map,
     half_multipliers,
     over_reflection,
     unstable_count,
@@ -27,7 +26,7 @@ def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
     rng = np.random.default_rng(0)
     for i in range(200):
         k, b = rng.choice([rng.uniform(), 0.0, 1.0], p=[0.8, 0.1, 0.1]), rng.normal() * 2
-        single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b))
+        single = np.linalg.eigvals(paper_matrix(1, 0.0, k, b))
         outside = np.sort(np.abs(single[np.abs(single) > 1 + 1e-9]))
         if abs(np.abs(single).max() - 1) > 1e-9:
             count = unstable_count(0.0, k, b)
@@ -81,7 +80,7 @@ def test_a_ring_is_counted_outside_its_band_like_its_dense_matrix():
     for sites in (1, 2, 3, 8, 41):
         for _ in range(12):
             gamma, k, b = rng.uniform(0, 0.25), rng.uniform(), rng.normal() * 2
-            dense = np.abs(np.linalg.eigvals(dense_half_map(sites, gamma, k, b)))
+            dense = np.abs(np.linalg.eigvals(paper_matrix(sites, gamma, k, b)))
             for radius in (math.sqrt(1.005), 1.05, 1.5):
                 if np.abs(dense - radius).min() > 1e-9:
                     map = half_map(gamma, k, b, Ring(sites))
@@ -162,7 +161,7 @@ def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_cl
         band = over_reflection(gamma, k, b).growth / 60
         if np.any(np.abs(mu) < 1.15) or band > 0.04:
             continue
-        dense = np.linalg.eigvals(dense_half_map(60, gamma, k, b))
+        dense = np.linalg.eigvals(paper_matrix(60, gamma, k, b))
         counts.append(unstable_count(gamma, k, b).count)
         assert np.sum(np.abs(dense) > 1.1) == counts[-1]
         for one in mu[np.abs(mu) > 1.6]:  # 1.6^-60 < 1e-12
