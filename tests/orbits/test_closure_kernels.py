@@ -97,7 +97,8 @@ def test_boundaries_and_places_filled_in_are_those_of_single_steps(
     monkeypatch, start, free, kind, pair
 ) -> None:
     at = special(start, free, kind)
-    window = {"a": (0.0, 1.0), "c3": (-1.0, 1.0)}
-    # nearer to k = 1 tangents of NS turn by 1e5 times what rounding leaves in a place
+    # nearer to gamma = 1/4 and k = 1 tangents of NS turn by 1e3 and 1e5 times what rounding leaves
+    # in a place
+    window = {"a": (0.0, 1.0), "c3": (-1.0, 1.0)} | ({"gamma": (0.0, 0.249)} if "a" in pair else {})
     window |= {"omega": (0.7, 1.4), "k": (0.0, 0.999)} if "omega" in pair else {}
     _alike(lambda: refined(cb.boundary(at, pair, within=window), 100), monkeypatch)
