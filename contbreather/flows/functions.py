@@ -25,6 +25,7 @@ _LOG = logging.getLogger(__name__)
 quiet = np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 _CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
 ROUNDING = 1e-14  # of the largest state or rate: what is less is rounding of the others
+_UNSEEN = 1e-5  # of the largest: what differs by less may be rounding
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 
@@ -81,6 +82,7 @@ class _Calling:
     at_once: bool
     schemes: dict[Any, Array | None] = field(default_factory=dict)
     joined: set[tuple[str, ...]] = field(default_factory=set)  # parameters it takes as arrays
+    noise: dict[Any, float] = field(default_factory=dict)  # relative, more than of rounding
 
     @property
     def name(self) -> str:
@@ -229,10 +231,12 @@ def slopes_along(
     how, doubtful = calling(function, t, x, p), np.arange(count)
     if how.schemes.get(names, how) is None:
         try:
-            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, names in how.joined)
+            value, slope, off = _complex_steps(how, t, x, p, names, ways, names in how.joined)
         except Exception:  # noqa: BLE001 - it may raise at one of the states alone
             how.joined.discard(names)
-            value, slope, doubtful = _complex_steps(how, t, x, p, names, ways, False)
+            value, slope, off = _complex_steps(how, t, x, p, names, ways, False)
+        # beside a domain there is nothing to compare with
+        doubtful = (off > how.noise.get(names, 0.0)).nonzero()[0][:_PROBED]
         if not doubtful.size:
             return value, slope
 
@@ -259,7 +263,11 @@ def slopes_along(
         by = "complex steps" if how.schemes[names] is None else "differences"
         _LOG.debug("%s is differentiated by %s", how.name, by)
     if (finer := how.schemes[names]) is None:
-        value, slope, _ = _complex_steps(how, t, x, p, names, ways, False)
+        value, slope, off = _complex_steps(how, t, x, p, names, ways, False)
+        # what is off by so little and borne out all the same is off by its own rounding, as along a
+        # surface, where rates cancel
+        noise = np.fmax.reduce(off, initial=0.0)
+        how.noise[names] = 2 * noise if noise < _UNSEEN**2 else 0.0
         # what was written for numbers may raise anything for arrays of a parameter
         with suppress(Exception):
             again = _complex_steps(how, t, x, p, names, ways, how.at_once)[1]
@@ -273,10 +281,10 @@ def slopes_along(
 @quiet
 def _complex_steps(
     how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], ways: Array, joined: bool
-) -> tuple[Array, Array, NDArray[np.intp]]:
+) -> tuple[Array, Array, Array]:
     """Differentiate by one call for all ways, for the time, and for parameters that are `joined` to
-    it; and find states at which slopes, along one way, are not what a central difference of the
-    same call gives."""
+    it; and measure, relative to all rates, by how much slopes along one way are at each state not
+    what a central difference of the same call gives."""
     (n, count), width = x.shape, ways.shape[1]
     low, high, later = x.min(axis=1), x.max(axis=1), _CENTRAL * (t[-1] - t[0])
     step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
@@ -304,13 +312,10 @@ def _complex_steps(
     along = 2 * (parts @ slope[:, :width] + later * slope[:, width])
     off = abs(value[:, -2].real - value[:, -1].real - along)
     value = np.ascontiguousarray(value[:, 0].real)
-    unseen = 1e-5  # of the largest: what differs by less may be rounding
     rates = abs(value).max(axis=1)
-    size = unseen * (abs(along).max(axis=1) + _CENTRAL * unseen * rates)
-    size += ROUNDING * rates.max(initial=0.0)
-    # beside a domain there is nothing to compare with
-    doubtful = (off > size[:, None]).any(axis=0)
-    return value, slope, doubtful.nonzero()[0][:_PROBED]
+    size = _UNSEEN * (abs(along).max(axis=1) + _CENTRAL * _UNSEEN * rates)
+    size += ROUNDING * (fastest := rates.max(initial=0.0))
+    return value, slope, np.fmax.reduce(off - size[:, None], axis=0) / (fastest or 1.0)
 
 
 def _parts(ways: Array, vectors: Array) -> Array:
