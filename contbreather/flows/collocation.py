@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -363,19 +362,16 @@ def flown(
     """Solve for the slopes inside of a flight from its states on.
 
     To an error relative to what moves, at least `unit`. From what `FlowEquations` says of places
-    `near`, from slopes as they are where each interval begins, or from its own, those where all
-    began. Raises `Undefined` where it does not converge.
+    `near`, without any from slopes as they are where each interval begins; or from its own, those
+    where all began. Raises `Undefined` where it does not converge.
     """
-    if near:
-        try:  # asked most of all, it makes no context
-            return flight.with_slopes(*_newton(flow, flight, p, *near, unit, error))
-        except Undefined:
-            pass
-    f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
-    level = np.repeat(f[:, None], flight.scheme.points, axis=1)
-    with suppress(Undefined):
-        return flight.with_slopes(*_newton(flow, flight, p, level, None, 0.0, unit, error))
-    return flight.with_slopes(*_newton(flow, flight, p, flight.slopes, None, 0.0, unit, error))
+    if not near:
+        f = values(flow.f, flight.begins, flight.states.T, p).T * flight.lengths[:, None]
+        near = np.repeat(f[:, None], flight.scheme.points, axis=1), None, 0.0
+    try:  # asked most of all, it makes no context
+        return flight.with_slopes(*_newton(flow, flight, p, *near, unit, error))
+    except Undefined:
+        return flight.with_slopes(*_newton(flow, flight, p, flight.slopes, None, 0.0, unit, error))
 
 
 @quiet

@@ -59,7 +59,7 @@ class Unfolded:
     @classmethod
     def near(cls, f: Function, quantities: Quantities, states: Array) -> Unfolded:
         sizes = abs(states).max(axis=1)
-        return cls(f, quantities, _ASIDE * np.where(sizes, sizes, sizes.max()))
+        return cls(f, quantities, _ASIDE * np.maximum(sizes, _ASIDE * sizes.max()))
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         field, n = rows_of(self.f(t, x, p), x), len(x)

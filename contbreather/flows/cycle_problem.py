@@ -263,6 +263,7 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 class CycleProblem(Problem):
     residual: FlowEquations
     tested = True
+    retreat = property(attrgetter("residual.retreat"))
 
     @property
     def internals(self) -> frozenset[str]:

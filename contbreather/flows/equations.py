@@ -140,9 +140,6 @@ class SolvedPlace:
     linear: tuple[Linear, ...] = ()
 
 
-_UNKNOWNS = attrgetter("x")
-
-
 @dataclass(frozen=True, eq=False)
 class FlowEquations:
     """A cycle of flows, discretised."""
@@ -273,6 +270,12 @@ class FlowEquations:
         self._latest[key] = place
         return place
 
+    def retreat(self, x: Array, p: Params) -> None:
+        """Begin from this place alone: slopes inside may have other roots, as beyond a pole."""
+        self._solved(x, p)
+        for other in [*self._latest][:-1]:
+            del self._latest[other]
+
     def _begun(self, x: Array, p: Params) -> tuple[Array, list[TrajectorySegment]]:
         """Tell a place by its unknowns, and its flights without slopes inside."""
         flights, t = list[TrajectorySegment](), float(x[-1] if self.phased else self.start[0].start)
@@ -321,7 +324,7 @@ class FlowEquations:
         """The place next to which slopes are estimated, of those near; the nearest that is
         linearised, which is the same unless one is at half its distance; and one beyond that."""
         places = [*self._latest.values()] or [self._begin]
-        apart = np.array([*map(_UNKNOWNS, places)]) - x
+        apart = np.array([*map(attrgetter("x"), places)]) - x
         off, most = np.vecdot(apart, apart), 0.01 * x.dot(x)  # squares: a tenth of its size
         near: list[SolvedPlace] = []
         for j in off.argsort().tolist():

@@ -98,6 +98,7 @@ def takes_complex_steps(problem: Problem) -> bool:
         (lambda x, p: float(x) - p["mu"], False),
         (lambda x, p: max(x, 0.0) - p["mu"], True),  # on either side
         (lambda x, p: np.where(x > 0, x, -x) - p["mu"], True),
+        (lambda x, p: 1 / (x - 0.7 - 1e-7) - p["mu"], True),  # beside a pole differences are none
     ],
 )
 def test_complex_steps_where_they_hold_and_differences_elsewhere(equation, analytic) -> None:

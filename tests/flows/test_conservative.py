@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -424,3 +427,25 @@ def test_an_orbit_of_a_family_that_goes_around_twice_is_also_one_of_half_the_per
     assert double.params["period"] == pytest.approx(2 * problem.params["period"])
     assert single.params["period"] == pytest.approx(problem.params["period"])
     assert single.start["energy"] == pytest.approx(0.75)
+
+
+def test_a_mode_with_a_node_is_followed() -> None:
+    """Three masses between walls, the middle one at rest but for rounding, by which no step can be
+    measured: each other one is a Duffing oscillator u'' = -2 u - 2 u^3."""
+
+    def chain(t: Any, x: Any, p: Any) -> Any:
+        a, b, c, u, v, w = x
+        force = [r + p["hard"] * r**3 for r in (a, b - a, c - b, -c)]
+        return [u, v, w, *(behind - before for before, behind in itertools.pairwise(force))]
+
+    def energy(x: Any, p: Any) -> Any:
+        bonds = (x[0], x[1] - x[0], x[2] - x[1], x[2])
+        return (x[3:] ** 2).sum(0) / 2 + sum(r**2 / 2 + p["hard"] * r**4 / 4 for r in bonds)
+
+    start = {"a": 0.3, "b": 3e-17, "c": -0.3, "u": 0.0, "v": 0.0, "w": 0.0}
+    mode = cb.cycle(chain, start, {"hard": 1.0}, conserves=energy)
+    end = cb.trace(mode, "energy", within={"energy": (0.1, 0.3)}, towards="up", events=())[-1]
+    square = np.sqrt(1.3) - 1  # of the amplitude: the energy is 2 A^2 + A^4
+    k = square / (2 * (1 + square))
+    assert end["energy"] == pytest.approx(0.3, abs=1e-12)
+    assert end["period"] == pytest.approx(4 * ellipk(k) / np.sqrt(2 * (1 + square)), rel=1e-10)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.flows import Collocation
@@ -285,3 +288,31 @@ def test_a_finer_mesh_begins_at_the_start_however_far_the_branch_has_come() -> N
     branch = cb.trace(bursting(1.4, 3000), "I", **up)
     assert (branch[0]["I"], branch[-1]["I"]) == (1.4, 1.85)
     assert branch["mesh"].shape[1] == 80
+
+
+def test_a_step_that_failed_leaves_no_other_roots_to_begin_from() -> None:
+    """Beyond the pole of x / (K + x) the equations inside of an interval have roots that are no
+    motion. A step that was too long ended on them, and so did all that were tried after it."""
+
+    def enzyme(t: Any, x: Any, p: Any) -> Any:
+        return [p["a"] * (1 + np.cos(t)) - x[0] / (0.005 + x[0])]
+
+    orbit = cb.cycle(
+        enzyme, {"x": 0.1}, {"a": 0.9}, period=2 * math.pi, settle=60,
+        collocation=cb.Collocation(15, 12),
+    )  # fmt: skip
+    branch = cb.trace(orbit, "a", towards="down", within={"a": (0.7, 0.99)})
+    assert branch.stop.name == "BOUND"
+    states = branch[-1].solution.states
+    run = solve_ivp(
+        partial(enzyme, p={"a": 0.7}), (0.0, 3.0), states(0.0), "Radau", rtol=1e-11, atol=1e-14
+    )
+    assert run.y[:, -1] == pytest.approx(states(3.0), rel=1e-8)
+
+
+def test_solutions_outlive_derivatives_that_are_chosen_anew(ring) -> None:
+    """As where a step fails: solved for again, an orbit may come out at other roots."""
+    point = cb.trace(ring, "mu", steps=cb.Steps(most=1))[0]
+    solution = point.solution
+    point.curve.forget()
+    assert point.solution is solution

@@ -176,7 +176,7 @@ def estimate(
 ) -> tuple[Array, Array, Array]:
     """Differences, how far each can be trusted, and the `finer` that suits each column.
 
-    A column is NaN where the function has no values to either side.
+    A column is NaN where the function has no values to either side, or nothing can be told.
     """
     best: Array = np.full((1, z.size), np.nan)
     doubt = np.full((1, z.size), np.inf)
@@ -204,7 +204,10 @@ def estimate(
     terms = np.nan_to_num(abs(best) * sizes).max(axis=1)  # what each row adds up, and rounds
     # rounding of the terms of a row, divided by the relative step
     terms = 1e-11 * terms + rounding / RELATIVE
-    return best, doubt + terms[:, None] * finer / sizes, finer
+    rounded = terms[:, None] * finer / sizes
+    # beside a pole two steps have no digit in common
+    best[:, 10 * doubt.max(axis=0) > np.maximum(abs(best), rounded).max(axis=0)] = np.nan
+    return best, doubt + rounded, finer
 
 
 def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:

@@ -374,5 +374,8 @@ class Curve:
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:
+        """Forget what was made of derivatives; solutions, which columns ask for later, stay."""
         self._scheme = None
+        solutions = self._known.pop("solution", {})
         self._known.clear()
+        self._known["solution"] = solutions

@@ -34,6 +34,8 @@ class Structure:
     # ``(places, names) -> None``: solve at several ``(x, params)`` at once, whose derivatives are
     # asked for next
     prepare: ClassVar[Callable[..., None] | None] = None
+    # ``(x, params) -> None``: forget what was tried beyond this place, from which a step failed
+    retreat: ClassVar[Callable[..., None] | None] = None
     # whether tests of the class hold its derivatives to differences: they are not compared here
     tested: ClassVar[bool] = False
     # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of

@@ -195,6 +195,8 @@ class Stepper:
         size = min(self.size, longest)
         while size >= self.steps.smallest:
             try:
+                if failed and (retreat := point.base_point.curve.problem.retreat):
+                    retreat(point.base_point.x, point.base_point.params)
                 return self._attempt(point, size, EXACT * (1 + far))
             except Undefined as error:
                 failed = StepFailed(str(error), Stop.DOMAIN)
