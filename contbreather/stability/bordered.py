@@ -250,7 +250,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
     less the image ``g r^(n + m)``, plus what the motion of that one brings.
     """
     m, matrix, (low, high) = orbit.times.size, room.matrix, band_roots(orbit, kappa)
-    speed, share = complex(-kappa.imag, kappa.real), complex(0.0, 0.0)
+    rate, share = complex(-kappa.imag, kappa.real), complex(0.0, 0.0)
     if orbit.moments.shape[0] > 1:
         share = over(low + high)
     square = share * share  # r = -4 gamma of it: what a site passes on to the next
@@ -258,16 +258,16 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
         angle = alias * orbit.times[i]
         wave = complex(math.cos(angle), math.sin(angle))
         back = wave.conjugate() * (1.0 / TWO_PI)
-        row = back * (speed * orbit.loss * orbit.speeds[i] + orbit.entries[i])
+        row = back * (rate * orbit.loss * orbit.speeds[i] + orbit.entries[i])
         reached = power(-4.0 * orbit.gamma * square, orbit.sites[i])
         put(matrix, 2 * i, last, wave * reached)
-        put(matrix, 2 * i + 1, last, wave * speed * reached)
+        put(matrix, 2 * i + 1, last, wave * rate * reached)
         put(matrix, last, 2 * i, row * reached)
         put(matrix, last, 2 * i + 1, back * orbit.loss * reached)
     for i in range(m):
         for j in range(m):
             if orbit.sites[i] > 0 and orbit.sites[j] > 0:
-                answer_held(orbit, matrix, speed, square, alias, i, j)
+                answer_held(orbit, matrix, rate, square, alias, i, j)
     for i in range(2 * BORDER + 1):
         if 2 * m + i != last:
             put(matrix, last, 2 * m + i, complex(0.0, 0.0))
@@ -275,7 +275,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
 
 
 def answer_held(
-    orbit: Impacts, matrix: Cube, speed: complex, square: complex, alias: int, i: int, j: int
+    orbit: Impacts, matrix: Cube, rate: complex, square: complex, alias: int, i: int, j: int
 ) -> None:
     """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
     1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
@@ -287,14 +287,14 @@ def answer_held(
     angle = alias * (orbit.times[i] - orbit.times[j])
     wave = complex(math.cos(angle), math.sin(angle))
     total = wave * (-4.0 / TWO_PI) * (total * square)
-    first = total * (speed * orbit.loss * orbit.speeds[j] + orbit.entries[j])
+    first = total * (rate * orbit.loss * orbit.speeds[j] + orbit.entries[j])
     second = total * orbit.loss
     for row in range(2):
         value = entry(matrix, 2 * i + row, 2 * j) - first
         put(matrix, 2 * i + row, 2 * j, value)
         value = entry(matrix, 2 * i + row, 2 * j + 1) - second
         put(matrix, 2 * i + row, 2 * j + 1, value)
-        first, second = first * speed, second * speed
+        first, second = first * rate, second * rate
 
 
 def pivoted_determinant(matrix: Cube, rows: int) -> complex:

@@ -197,14 +197,15 @@ def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:
 
 @pytest.mark.slow
 def test_a_walk_that_gets_nowhere_ends() -> None:
-    branch, _ = ending(lambda x, p: x - abs(p["mu"]), steps=Steps(most=9999))
-    assert branch.stop is Stop.NO_CONVERGENCE
-    assert branch.reason == "200 steps in a row had to be tiny"
-    branch, calls = ending(
-        lambda x, p: x - np.sin(1 / p["mu"]), math.sin(1.0), steps=Steps(most=9999)
-    )
-    assert branch.stop is Stop.NO_CONVERGENCE
-    assert calls < 20 * len(branch)
+    kink, _ = ending(lambda x, p: x - abs(p["mu"]), steps=Steps(most=9999))
+    assert kink.reason == "the curve is not smooth at the smallest step"
+    for power, wanted in ((2, "200 steps in a row had to be tiny"), (0, kink.reason)):
+        branch, calls = ending(
+            lambda x, p, power=power: x - p["mu"] ** power * np.sin(1 / p["mu"]),
+            math.sin(1.0), steps=Steps(most=9999),
+        )  # fmt: skip
+        assert (branch.stop, branch.reason) == (Stop.NO_CONVERGENCE, wanted)
+        assert calls < 20 * len(branch)
 
 
 def test_overflow_ends_a_branch_without_a_warning() -> None:

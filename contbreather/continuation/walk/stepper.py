@@ -192,7 +192,7 @@ class Stepper:
         failed: StepFailed | None = None
         far = self.curve.length(point.z)
         longest = self.steps.largest or max(0.1, 0.01 * far)
-        size = min(self.size, longest)
+        size = max(min(self.size, longest), self.steps.smallest)
         while size >= self.steps.smallest:
             try:
                 if failed and (retreat := point.base_point.curve.problem.retreat):
