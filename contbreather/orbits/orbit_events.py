@@ -97,9 +97,9 @@ def real_multiplier(kind: str, mu: float) -> Event:
 
 def _crosses(mu: float, point: Point) -> float:
     orbit = point.solution
-    if not isinstance(orbit.map, RealScalars):
-        return float(orbit.map.crosses(mu))
-    return math.nan if is_blurred(orbit) else float(orbit.map.crosses(mu) * _slowness(orbit))
+    if isinstance(orbit.map, RealScalars) and is_blurred(orbit):
+        return math.nan
+    return float(orbit.map.crosses(mu) * _slowness(orbit))
 
 
 def _slowness(orbit: Orbit) -> float:
