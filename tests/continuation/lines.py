@@ -227,7 +227,6 @@ FLOWS = (
         flow(lambda u, p: [p["h"] - u[0] ** 2, (1 + p["m"]) * u[1], (2 * p["m"] - 1) * u[2]],
              {"x": 0.5, "y": 0.0, "z": 0.0}, h=0.25, m=-0.3),
         "h", "LP", ("m", "h"), (), {"x": (-1.0, 1.0)}, {"m": (-0.4, 0.4)},
-        doubtful="neutral saddle",
     ),
     Line(
         "two pairs", flow(_two_pairs, dict.fromkeys("abcd", 0.0), m=-0.25, k=0.2),

@@ -113,9 +113,10 @@ class Border:
         found += ["a pair"] * upper.size
         wanted = [_word(self.real[kind]) if kind in self.real else "a pair" for kind in kinds]
         if sorted(found) != sorted(wanted):
+            if _has_saddle(every):
+                return NOTHING
             shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
-            saddle = ": a neutral saddle" if wanted.count("a pair") > found.count("a pair") else ""
-            return f"on the {self.name} are {shown}, where only {these} should be{saddle}"
+            return f"on the {self.name} are {shown}, where only {these} should be"
         name, measure = self.frequency
         return {name: float(measure(upper[0]))} if upper.size == 1 else ""
 
@@ -160,6 +161,14 @@ class Border:
         if abs(known.value.real) > 1e-6 * (known.size + normal_forms.Forms(point).cubic):
             return f"{name} {known.value.real:.2g} is not zero"
         return "" if on in self.real else self.examine((on,), point)
+
+
+def _has_saddle(every: Eigenvalues | Multipliers) -> bool:
+    """Whether two real values off the border pass for a pair: a neutral saddle."""
+    others = replace(every, values=np.setdiff1d(every.values, every.critical))
+    if others.values.size < 2 or others.nearest_pair().imag.any():
+        return False
+    return bool(abs(others.factors()[0]).min(initial=math.inf) < every.beside)
 
 
 def _word(place: float) -> str:
