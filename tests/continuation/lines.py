@@ -302,14 +302,23 @@ HENON = {
 }  # fmt: skip
 
 
-def _polar(u: Array, p: Params) -> list[Any]:
-    """``w -> exp(i) w (1 + m + s |w|^2 - |w|^4)``."""
+def _polar(u: Array, p: Params, angle: float = 1.0) -> list[Any]:
+    """``w -> exp(i angle) w (1 + m + s |w|^2 - |w|^4)``."""
     square = u[0] ** 2 + u[1] ** 2
     factor = 1 + p["m"] + p["s"] * square - square**2
-    c, s = math.cos(1.0), math.sin(1.0)
+    c, s = math.cos(angle), math.sin(angle)
     return [factor * (c * u[0] - s * u[1]), factor * (s * u[0] + c * u[1])]
 
 
+def _two_rotations(u: Array, p: Params) -> list[Any]:
+    first, second = ({"m": p[name], "s": -1.0} for name in "mk")
+    return _polar(u[:2], first) + _polar(u[2:], second, angle=1.7)
+
+
+TWO_ROTATIONS = Line(
+    "two rotations", of_map(_two_rotations, dict.fromkeys("abcd", 0.0), m=-0.25, k=0.2),
+    "m", "NS", ("k", "m"), (("NSNS", {"m": 0, "k": 0}),), {"m": (-0.5, 0.5)}, {"k": (-0.5, 0.5)},
+)  # fmt: skip
 CHENCINER = Line(
     "NS of a normal form", of_map(_polar, XY, m=-0.3, s=-0.5), "m", "NS", ("s", "m"),
     (("CH", {"s": 0, "m": 0}),), {"m": (-0.9, 0.5)}, {"s": (-2.0, 2.0)},
@@ -402,6 +411,7 @@ COEXISTING = Line(
 MAPS = (
     *HENON.values(),
     CHENCINER,
+    TWO_ROTATIONS,
     FLIPS,
     Line(
         "cusp of a map",

@@ -305,6 +305,6 @@ _ON_HOPF = (
         "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
     ),
     _AXIS.degenerate("GH", "HB", (0.0,), "the first Lyapunov coefficient", _lyapunov),
-    Event("HH", partial(_AXIS.least_of_pairs, "HB"), examine=partial(_AXIS.examine, ("HB", "HB"))),
+    _AXIS.two_pairs("HH"),
 )
 _BRANCH_POINT = branch_points.crossing_event(_AXIS.meetings("BP"))

@@ -76,7 +76,7 @@ def FixedPoint(
         and both their ``detail["criticality"]``: supercritical where what is born is stable on the
         centre manifold. Two real multipliers with product 1, a neutral saddle, are distinguished.
         Boundaries meet, under the names of the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS,
-        PDNS, GPD and CH.
+        PDNS, NSNS, GPD and CH.
 
     Raises
     ------

@@ -249,6 +249,7 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
         ),
         # no value at R1, R2 and R3, where the normal form is another
         circle.degenerate("CH", "NS", (1.0,), "Re d =", _rotation),
+        circle.two_pairs("NSNS"),
     )  # fmt: skip
     start = {"angle": _angle(point)}
     return DefiningSystem(

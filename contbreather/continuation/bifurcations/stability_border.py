@@ -8,7 +8,7 @@ a pair               HB                     NS
 one real and a pair  ZH, BP-HB              LPNS, PDNS, BP-NS
 two different reals                         LPPD, BP-PD
 one real twice       BT                     R1, R2
-two pairs            HH
+two pairs            HH                     NSNS
 no cubic term        GH                     GPD, CH
 ===================  =====================  ========================
 """
@@ -132,6 +132,11 @@ class Border:
         if not pair.imag.any():  # nor is a double one near: a neutral saddle
             return NOTHING
         return complex(pair[0] if pair[0].imag > 0 else pair[1])
+
+    def two_pairs(self, kind: str) -> Event:
+        """The event of a second pair on the border, on the curve of one."""
+        test = partial(self.least_of_pairs, self.pair)
+        return Event(kind, test, examine=partial(self.examine, (self.pair, self.pair)))
 
     def degenerate(
         self, kind: str, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic
