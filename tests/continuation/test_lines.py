@@ -203,6 +203,24 @@ def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() 
         cb.boundary(point, ("h", "l"))
 
 
+def test_curves_of_branch_points_go_on_where_null_vectors_turn_by_more_than_a_right_angle() -> None:
+    def turned(x, angle):
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([c * x[0] - s * x[1], s * x[0] + c * x[1]])
+
+    def pitchfork(x, p):  # at m = 0, the left null vector at the angle a and the right one at -2 a
+        u, v = turned(x, 2 * p["a"])
+        return turned([p["m"] * u - u**3, -v], p["a"])
+
+    mine = cb.Problem(pitchfork, {"x": 0.0, "y": 0.0}, {"m": -0.5, "a": 0.1}, events=ALL)
+    point = cb.trace(mine, "m", within={"m": (-1, 1)}).first("BP")
+    line = cb.boundary(point, ("a", "m"), within={"a": (-4, 4)})
+    assert [line["a"].min(), line["a"].max()] == [-4.0, 4.0]
+    assert abs(line["m"]).max() < 1e-12
+    assert line.doubtful == ()
+    assert len(line) < 120  # 255 where the steps are short beside poles
+
+
 def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_path: Path) -> None:
     problem = lines.DOUBLED_PREY.problem
     cb.save(tmp_path / "pd.nc", lines.walked(lines.DOUBLED_PREY))

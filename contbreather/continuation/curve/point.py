@@ -235,9 +235,9 @@ class DefiningSystem:
         ``{kind: events}`` to look for on the boundary in place of the meeting with an event of that
         kind, where that has names of its own: on a fold curve BT and ZH are those with HB.
     unfolding : callable, optional
-        ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
-        problem's own equations, and its derivative. Needed where these alone are singular along
-        the curve, as they are at branch points; it vanishes where the event happens.
+        ``unfolding(curve, z, extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to
+        the problem's own equations, and its derivative in ``extra``. Needed where these alone are
+        singular along the curve, as they are at branch points; it vanishes where the event happens.
     walker : callable, optional
         ``walker(problem, names, params) -> (Walker, data) or None``: the kernels for the problem's
         equations with these conditions (`walk_kernel.walker`), in z the unknowns of the problem,
@@ -250,7 +250,7 @@ class DefiningSystem:
     events: tuple[Event, ...] = ()
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
-    unfolding: Callable[[Array], tuple[Array, Array]] | None = None
+    unfolding: Callable[[Curve, Array, Array], tuple[Array, Array]] | None = None
     walker: Callable[..., Any] | None = None
 
 

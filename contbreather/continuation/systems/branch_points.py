@@ -19,7 +19,6 @@ from ..algebra.linear_algebra import (
     by_inverses,
     least_singular,
     sense,
-    solved,
 )
 from ..algebra.newton import FEW, Array, Solution, Undefined, rounding
 from ..algebra.sparse import (
@@ -236,34 +235,41 @@ class _LostRank:
     null: Array
     direction: Array
 
-    def _solved(self, curve: Curve, z: Array) -> tuple[Array, Array]:
-        """The last two columns of the inverse of A with borders, and its last row but for two."""
-        # | A       b |  A is n x (n + 1) and of rank n - 1: with the borders b, next to its left
-        # | null^T  0 |  null vector, and the two right ones below it is regular
-        A, n = _columns(curve.jacobian(z), self.direction), curve.size
-        below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
-        wider = beside(A, self.b[:, None])
-        if is_sparse(A):
-            factors = Factors(wider)
-            columns = np.stack([factors.solve(right, below) for right in unit.T], axis=1)
-            return columns, factors.transposed(unit[:, 1], below)[:n]
-        matrix, why = above(wider, below), "more than one rank is lost at a branch point"
-        return solved(matrix, unit, why), solved(matrix.T, unit[:, 1], why)[:n]
+    def _vectors(self, curve: Curve, z: Array) -> tuple[Array, Array, Array]:
+        """Two orthonormal vectors v to the right and one w to the left, in the units of rows, and
+        ``w^T A v``: where that vanishes they are null vectors."""
 
-    def unfolding(self, extra: Array) -> tuple[Array, Array]:
-        return extra[0] * self.b, self.b[:, None]
+        def make(z: Array) -> tuple[Array, Array, Array]:
+            # | A       b |  A is n x (n + 1), of rank n - 1: with the borders b, next to its left
+            # | null^T  0 |  null vector, and the two right ones below it is regular
+            A, n = _columns(curve.jacobian(z), self.direction), curve.size
+            below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
+            wider, rows = beside(A, self.b[:, None]), [below] if is_sparse(A) else []
+            factors: Any = Factors(wider) if rows else Dense(above(wider, below))
+            if not (sign := factors.sign(*rows)):
+                raise Undefined("more than one rank is lost at a branch point")
+            v = np.stack([factors.solve(right, *rows)[:-1] for right in unit.T], axis=1)
+            w = factors.transposed(unit[:, 1], *rows)[:n]
+            # far from where the borders are from they may be at right angles to the null vectors:
+            # there the inverse has a pole, which directions do not, and w with this sign
+            left, _, right = np.linalg.svd(v, full_matrices=False)
+            v, w = left @ right, w * (sign / np.linalg.norm(w * curve.row_scales))
+            return v, w, w @ A @ v
+
+        return curve.cached(f"lost rank {id(self)}", z, make)
+
+    def unfolding(self, curve: Curve, z: Array, extra: Array) -> tuple[Array, Array]:
+        b = self._vectors(curve, z)[1] * curve.row_scales**2
+        return extra[0] * b, b[:, None]
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.asarray(self._solved(curve, z)[0][-1])
+        return self._vectors(curve, z)[2]
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        n = curve.size
-        columns, w = self._solved(curve, z)
-        vectors = columns[:-1].T
-        # the derivative of an inverse, -M^-1 M' M^-1, in its last row and its last two columns:
-        # - w^T A'(u) v for all u at once: second derivatives are symmetric
-        rows = [w @ curve.along(z, np.append(v[:n], v[n] * self.direction)) for v in vectors]
-        return -np.hstack([rows, np.zeros((2, 1))])
+        v, w, _ = self._vectors(curve, z)
+        # w^T A'(u) v for all u at once: second derivatives are symmetric
+        rows = [w @ curve.along(z, np.append(u[:-1], u[-1] * self.direction)) for u in v.T]
+        return np.hstack([rows, np.zeros((2, 1))])
 
 
 def _columns(rows: Matrix, direction: Array) -> Matrix:

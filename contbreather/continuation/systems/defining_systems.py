@@ -269,7 +269,7 @@ class Extended:
         (curve, z), extra = self.beneath(x, params, self.free), x[self.n : -1]
         values = curve.equations(z)
         if self.locus.unfolding is not None:
-            values = values + self.locus.unfolding(extra)[0]
+            values = values + self.locus.unfolding(curve, z, extra)[0]
         conditions = np.asarray(self.locus.conditions(curve, z, extra))
         if conditions.shape != (extra.size + 1,):
             raise BadInput(
@@ -293,7 +293,7 @@ class Extended:
                 rows = np.hstack([rows, in_extra])
         middle = np.zeros((n, extra.size))
         if locus.unfolding is not None:
-            middle = locus.unfolding(extra)[1]
+            middle = locus.unfolding(curve, z, extra)[1]
         # y the extra unknowns, r the released parameter, u the unfolding
         # | F_x  u_y  F_r  F_p |
         # | g_x  g_y  g_r  g_p |
