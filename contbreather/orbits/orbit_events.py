@@ -28,6 +28,7 @@ import numpy as np
 from contbreather.checks import brief, flag
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.point import (
+    NOTHING,
     DefiningSystem,
     Detail,
     Event,
@@ -126,14 +127,19 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
     orbit = point.solution
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
-    # idle sites held by their neighbours alone have this multiplier without coupling, wherever
+    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if _drifts(mu, orbit) else locus
+
+
+def _drifts(mu: float, orbit: Orbit) -> bool:
+    """Idle sites held by their neighbours alone have this multiplier without coupling, wherever."""
     modal = mu > 0.0 and type(orbit.map) is ModalMap
-    drifts = modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
-    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if drifts else locus
+    return modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
 
 
 def _examine_real(mu: float, point: Point) -> Examined:
     orbit = point.solution
+    if orbit.gamma < WEAK and _drifts(mu, orbit):
+        return NOTHING
     size = np.prod(abs(orbit.speeds) + abs(orbit.gains))  # D is linear in each entry b of (19)
     slowness = _slowness(orbit)
     value = orbit.map.on_circle(0.5 * (1.0 - mu)) * slowness  # D(mu) = det(1 + (S - 1) G(mu))

@@ -390,11 +390,13 @@ def test_an_arm_is_not_taken_where_there_is_none_yet() -> None:
 
 def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
     """At gamma = 0 every idle site has the multiplier 1, and nothing happens to the breather."""
-    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(9))
-    branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
-    assert branch[0]["gamma"] == 0.0
-    assert branch[0].kind == "EP"
-    assert branch.doubtful == ()
+    uneven = cb.Lattice(cb.OpenChain(3).stiffness, springs=[1.0, 0.9, 1.1])
+    for lattice in (cb.OpenChain(9), uneven):
+        start = cb.symmetric(0.5, 0.03, 0.8, lattice=lattice)
+        branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
+        assert branch[0]["gamma"] == 0.0
+        assert branch[0].kind == "EP"
+        assert branch.doubtful == ()
 
 
 def test_lattices_of_the_same_numbers_keep_their_names() -> None:
