@@ -130,6 +130,18 @@ def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(thresh
         assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
 
 
+def test_a_curve_of_pairs_ends_where_coupling_ceases_to_hold_the_sites() -> None:
+    """Damping and coupling vanish together there, the damping sooner, to rounding."""
+    start = cb.symmetric(0.6, 0.03, 0.7, lattice=cb.OpenChain(3), damping=0.05)
+    ns = [cb.neimark_sacker(threshold=1)]
+    branch = cb.trace(start, "damping", within={"damping": (0.0, 0.05)}, events=ns)
+    within = {"damping": (0.0, 0.1), "gamma": (0.0, 0.05)}
+    line = cb.boundary(branch.first("NS"), ("damping", "gamma"), within=within)
+    end = min(line[0], line[-1], key=lambda point: point["gamma"])
+    assert (end.kind, end["gamma"]) == ("EP", 1e-6)
+    assert abs(end["damping"]) < 1e-10
+
+
 @pytest.mark.parametrize(
     "more", [{}, {"lattice": cb.Ring(12), "damping": 0.02}], ids=["chain", "ring"]
 )
