@@ -161,12 +161,6 @@ class Ring(UniformLattice):
     def beside(self, n: int) -> tuple[int, ...]:
         return tuple(sorted({(n + d) % self.sites for d in (-1, 1)} - {n}))
 
-    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
-        """Sites that are not in `hit`; around one site alone, one of each pair of mirror images."""
-        if len(hit) == 1:
-            return np.asarray((hit[0] + np.arange(1, self.sites // 2 + 1)) % self.sites)
-        return np.setdiff1d(np.arange(self.sites), hit)
-
     def describe(self) -> str:
         return f"ring of {self.sites}"
 

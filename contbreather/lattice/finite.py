@@ -75,9 +75,6 @@ class Finite(Protocol):
     def beside(self, n: int) -> tuple[int, ...]:
         """The sites coupled to site n."""
 
-    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
-        """Sites that are not in `hit`, up to reflections that leave `hit` as it is."""
-
     def describe(self) -> str: ...
 
 
@@ -280,9 +277,6 @@ class Lattice:
             if not rest and rows > 1 and every and (next_to | closing).all():
                 return rows, columns
         return None
-
-    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
-        return np.setdiff1d(np.arange(self.sites), hit)
 
     def basis(self, hit: tuple[int, ...]) -> NormalModes:
         """The modes that impacts at the sites `hit` can excite.

@@ -9,7 +9,7 @@ at first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
-from contbreather.orbits.section import AT_ONCE
+from contbreather.orbits.section import AT_ONCE, Impact
 
 FloatArray = NDArray[np.float64]
 
@@ -155,3 +155,37 @@ def _orbit_at(point: Point) -> Orbit:
             "symmetry first to double its period; other orbits have period doublings."
         )
     return orbit
+
+
+# --- impacts that catch up with those of the next section -----------------------------------------
+
+
+@dataclass(frozen=True)
+class Relisted(SwitchingProblem):
+    """An orbit at CC by the same impacts with the last one first: `along` its branch goes on."""
+
+    along: FloatArray = field(kw_only=True)
+
+    def seeds(self) -> tuple[Seed, ...]:
+        return (Seed(self.problem, Curve(self.problem, (self.free,)).start, self.along),)
+
+
+def relisted(point: Point) -> Relisted:
+    """List the impacts of an orbit at CC from that on which comes at once with the first of the
+    next section: beyond, these are in order."""
+    threshold, free = point.curve.problem.threshold, point.curve.free[-1]
+
+    def from_the_last(orbit: Orbit) -> Problem:
+        section, late = orbit.section, int(orbit.times.argmax())
+        site, wall, t, J = orbit.impacts[late]
+        first = Impact(site, section.sign * wall, t - section.length, section.sign * J)
+        impacts = first, *orbit.impacts[:late], *orbit.impacts[late + 1 :]
+        section = replace(section, impacts=tuple(impact[:2] for impact in impacts))
+        _, _, times, impulses = zip(*impacts, strict=True)
+        on, motion = orbit.representation.conditions, type(orbit.representation)
+        listed = motion.through(on, section, times, impulses, orbit.offsets)
+        return replace(orbit, representation=listed).problem_beyond(threshold)
+
+    problem = from_the_last(point.solution).having(free)
+    along = tangent_in(Curve(problem, (free,)), point, from_the_last)
+    return Relisted(problem, free, along=along)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.algebra.derivatives import RELATIVE, differences
-from contbreather.continuation.bifurcations.equilibria import branch_point, fold
+from contbreather.continuation.bifurcations.equilibria import FOLD_OF_ALIKE, branch_point, fold
 from contbreather.continuation.branches.boundary import codim_two
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import DefiningSystem, Point
@@ -382,7 +382,11 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         equations,
         start=equations.named(motion.x),
         params=params if endless else on.params,
-        events=(fold(), from_arms(branch_point()), *events_of(section, on, threshold)),
+        events=(
+            fold() if section.local else FOLD_OF_ALIKE,
+            from_arms(branch_point()),
+            *events_of(section, on, threshold),
+        ),
         record=_columns(on, section, threshold),
         domain=_domain(equations, on),
         label="orbit with impacts"

@@ -340,5 +340,5 @@ def _reach(orbit: SiteMotion, worst: Clearance) -> str:
         return f"after its impact with k = 0 site {site} is pushed {way}"
     speed = -hits[0].wall * hits[0].impulse / (1.0 + k) * (k if at_start else 1.0)
     if abs(margin) < LIMIT:
-        return f"the impact of site {site} itself vanishes, at velocity {speed:.2g}"
+        return f"the impact of site {site} itself vanishes, at velocity {speed + 0.0:.2g}"
     return f"the impact of site {site} itself, at velocity {speed:.6g}"

@@ -44,7 +44,12 @@ from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
 from contbreather.orbits.normal_form import NAMES, detail_of_pitchfork
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
-from contbreather.orbits.pair_events import is_blurred, pair_leaves
+from contbreather.orbits.pair_events import (
+    COUPLED,
+    held_by_neighbours,
+    is_blurred,
+    pair_leaves,
+)
 from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.one_impact import RealScalars, RingHalfMap
@@ -125,11 +130,8 @@ def _beyond(mu: float, point: Point) -> float:
 def _real_locus(mu: float, point: Point) -> DefiningSystem:
     orbit = point.solution
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
-    locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
-    # idle sites held by their neighbours alone have this multiplier without coupling, wherever
-    modal = mu > 0.0 and type(orbit.map) is ModalMap
-    drifts = modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
-    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if drifts else locus
+    domain = COUPLED if mu > 0.0 and held_by_neighbours(orbit) else {}
+    return orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point, domain=domain)
 
 
 def _examine_real(mu: float, point: Point) -> Examined:
@@ -137,6 +139,8 @@ def _examine_real(mu: float, point: Point) -> Examined:
     size = np.prod(abs(orbit.speeds) + abs(orbit.gains))  # D is linear in each entry b of (19)
     slowness = _slowness(orbit)
     value = orbit.map.on_circle(0.5 * (1.0 - mu)) * slowness  # D(mu) = det(1 + (S - 1) G(mu))
+    if mu > 0.0 and orbit.gamma < WEAK and held_by_neighbours(orbit):  # idle sites have it anyway
+        value = orbit.map.crosses(mu)
     if not abs(value) < _ZERO * size:
         return f"D({mu:g}) = {value.real:.2g} is not zero"
     if not orbit.section.symmetric:

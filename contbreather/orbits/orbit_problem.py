@@ -25,7 +25,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.forcing import peak_of
 from contbreather.lattice.periodic_green import half_period_tables
 from contbreather.orbits.beyond_grazing import past_grazing
-from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.branch_switching import lift, relisted
 from contbreather.orbits.clearance import measured_margins, single
 from contbreather.orbits.closure import ClosureTerms, saltation_of
 from contbreather.orbits.impact_sequence import VANISHED
@@ -105,8 +105,9 @@ class OrbitProblem(Problem):
         return smaller if len(smaller.start) < len(self.start) else None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        if kind in ("GR", "VI"):
-            return past_grazing
+        beyond = {"GR": past_grazing, "VI": past_grazing, "CC": relisted}
+        if kind in beyond:
+            return beyond[kind]
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 

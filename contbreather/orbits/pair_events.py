@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
+from contbreather.orbits.section import WEAK
 from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.one_impact import RingHalfMap
 from contbreather.stability.verdict import check_threshold
@@ -27,6 +29,12 @@ DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it 
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, on an
 # arm to its pitchfork like sqrt(1 - k): within rounding of that the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
+COUPLED = {"gamma": (WEAK, math.inf)}  # domain of curves of multipliers where coupling alone holds
+
+
+def held_by_neighbours(orbit: Orbit) -> bool:
+    """Tell whether idle sites have the multiplier 1 without coupling, wherever they rest."""
+    return type(orbit.map) is ModalMap and orbit.lattice.sites > 1 and orbit.spring < WEAK
 
 
 def is_blurred(orbit: Any) -> bool:
@@ -125,7 +133,8 @@ class _Pair:
             others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + 1e-8)
             outside = passing(others, beyond)[1] + _real_pairs(others, beyond)
             ends = (_Next(self, circle.radius, outside).event(),)
-        return representation.locus(circle, point, angle, events=ends)
+        domain = COUPLED if held_by_neighbours(point.solution) else {}
+        return representation.locus(circle, point, angle, events=ends, domain=domain)
 
 
 def _is_elastic(map: Any) -> bool:

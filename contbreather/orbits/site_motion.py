@@ -135,9 +135,10 @@ class SiteMotion:
     @cached_property
     def idle(self) -> Sequence[int]:
         """Sites that never hit a wall, all that may come closest to one."""
-        if isinstance(self.response, UniformResponse):
+        # between walls of their own sites are no mirror images, and far ones may come closest
+        if isinstance(self.response, UniformResponse) and not self.on.walls.own:
             return _around(self.lattice, self.hit)
-        sites = self.lattice.idle(self.hit).tolist()
+        sites = np.setdiff1d(np.arange(self.lattice.sites), self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
     @property

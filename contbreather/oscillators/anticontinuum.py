@@ -50,7 +50,7 @@ Uncoupled = tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...], float]
 
 
 class SingleOscillator:
-    """One site without coupling, by its potential over its mass."""
+    """One site without coupling, by its potential over its mass; of each `kind` one is enough."""
 
     def __init__(self, chain: Oscillators, site: int, p: Params) -> None:
         self.site, self.params, self.mass = site, {**p, SHARE: 0.0}, chain.masses[site]
@@ -59,8 +59,8 @@ class SingleOscillator:
         for (ends, _), weights in chain.parts(self.params):  # the bonds that hold it even so
             column = ends[:, [site]].toarray().ravel()
             self.terms += [(chain.W, sign, weights[column == sign].sum()) for sign in (1, -1)]
-        own = np.transpose([chain.lattice.dampings, chain.lattice.drive])[site]
-        self.kind = (self.mass, *self.terms, *own)  # of each one is enough
+        lost, drive = chain.lattice.dampings[site], chain.lattice.drive[site]
+        self.kind = (self.mass, *self.terms, lost, drive)
 
     def __call__(self, u: Any) -> NDArray[Any]:
         p, total = self.params, 0.0 * u
@@ -292,14 +292,14 @@ def between_walls_without_coupling(
         orbits[one.site] = known[one.kind] = known.get(one.kind) or _impacting(chain, one)
     first = orbits[next(iter(code))].flights[0]
     begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
-    if not chain.bare:  # the others beside rest, whether that attracts or not
+    free = chain.V.given == "0"  # so that without any coupling nothing holds the sites
+    if not free:  # the others beside rest, whether that attracts or not
         period = forcing_period(0.0, None, p)
         samples = np.linspace(0, period, 9), np.zeros((x.size, 9))
         x = cycle_of(cycle(chain, samples, p, period=period, events=())).states(begin)
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
-    # without any, sites that no potential holds would be free
-    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), _LEAST if chain.bare else 0.0
+    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), _LEAST if free else 0.0
 
 
 def in_another_order(

@@ -73,7 +73,7 @@ class SmoothFunction:
     def __call__(self, u: Any, p: Params, order: int = 0) -> NDArray[Any]:
         if callable(self.given):
             return self.given(u, p)
-        names, derivatives = _compiled(self.given, self.variable)
+        names, derivatives, _ = _compiled(self.given, self.variable)
         value: NDArray[Any] = derivatives[order](u, *(p[name] for name in names))
         return value + 0.0 * u  # as many, if constant
 
@@ -94,8 +94,8 @@ class SmoothFunction:
 
 
 @lru_cache(maxsize=64)
-def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Callable[..., Any], ...]]:
-    """The parameters of a formula, and functions of arrays of it and of its derivative."""
+def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], list[Callable[..., Any]], bool]:
+    """The parameters of a formula, functions of it and of its slope, and if that is linear."""
     import sympy  # dear to import
 
     letters = read_formula(text).letters
@@ -108,8 +108,10 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], tuple[Callable
         raise BadInput(f"{brief(text)} depends on {on}: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
     modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
-    both = formula, sympy.simplify(sympy.diff(formula, symbols[variable]))
-    return tuple(names), tuple(sympy.lambdify(arguments, f, modules, cse=True) for f in both)
+    # as it stands: what SymPy makes simpler divides by what may be 0, as forces of contact
+    slope = sympy.diff(formula, symbols[variable])
+    functions = [sympy.lambdify(arguments, f, modules, cse=True) for f in (formula, slope)]
+    return tuple(names), functions, not slope.diff(symbols[variable]).has(symbols[variable])
 
 
 # --- lattices -----------------------------------------------------------------------------------
@@ -198,8 +200,7 @@ class Oscillators:
                 )
             if name in _NUMBERS and np.isfinite(real(given)):
                 given = repr(real(given)) if real(given) or name == "k" else None
-            if given is None and name in ("V", "W"):
-                given = "0"
+            given = "0" if given is None and name in ("V", "W") else given
             value = None if given is None else SmoothFunction(given, variable)
             object.__setattr__(self, name, value)
 
@@ -227,13 +228,12 @@ class Oscillators:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters of its formulas."""
-        every = (name for function in self.functions.values() for name in function.names)
-        return tuple(dict.fromkeys(every))
+        return tuple(dict.fromkeys(name for of in self.functions.values() for name in of.names))
 
     @cached_property
     def bare(self) -> bool:
-        """Tell whether it has no potential at the sites: bonds alone hold them."""
-        return not callable(self.V.given) and self.V.given == "0"
+        """Tell whether V is harmonic, or nothing: frequencies change by the bonds alone."""
+        return not callable(self.V.given) and _compiled(self.V.given, "u")[2]
 
     # --- forces -------------------------------------------------------------------------------
 
@@ -263,8 +263,8 @@ class Oscillators:
         return Coloured(Pattern(sparse.block_array(blocks)))
 
     def parts(self, p: Params) -> list[tuple[tuple[Any, Any], Any]]:
-        """Bonds and their weights. Of a share s of the coupling s of each; where there is no V to
-        be left at 0, the rest holds each of both ends as if the other one were at rest."""
+        """Bonds and their weights. Of a share s of the coupling s of each; where V leaves nothing
+        nonlinear at 0, the rest holds each of both ends as if the other one were at rest."""
         share, (whole, *halves) = p.get(SHARE, 1.0), self._ends
         if SHARE not in p or not self.bare or self.walls:
             return [(whole, share * self.couplings)]

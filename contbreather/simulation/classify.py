@@ -173,7 +173,9 @@ def judge(run: SimulationRun | SmoothRun) -> Classification:
         return Classification(kind, reason, evidence, run, kind)
     closed, repelling = _closed(run, evidence)
     motion, why = closed or _open(run, evidence, repelling, lost=kind is not None)
-    if kind is None:
+    # where it comes back those that hit, or have the energy, are breathers of several sites
+    several = evidence.get("impacting", evidence["participation"]) <= run.sites // 2
+    if kind is None or (closed and several):
         return Classification(motion, why, evidence, run, motion)
     return Classification(kind, f"{reason}; {motion.name.lower()}, {why}", evidence, run, motion)
 

@@ -94,18 +94,21 @@ class Sweep(Columns, HtmlRepr):
     def final(self) -> State:
         return State(self.u[-1].copy(), self.v[-1].copy())
 
-    def lost(self, site: int = 0) -> float:
-        """The first value at which there is no breather at the site any more.
+    def lost(self, site: int | None = None) -> float:
+        """The first value at which there is no breather at the site any more, the centre at the
+        first value unless given.
 
         Between rigid walls a breather hits as often in a period as at the first value, once where
-        there is one wall, and nobody else does; on smooth ones most of the energy is at the site.
-        NaN if it was never lost.
+        there is one wall, and nobody else does, or so do the others that hit there as well; on
+        smooth ones most of the energy is at the site. NaN if it was never lost.
         """
+        site = int(self.centre[0]) if site is None else whole("site", site, -MOST)
+        several = self.others[0] > 0.0  # of which any may have most of the energy
         with np.errstate(invalid="ignore"):
-            steady = (self.impacts > 0.0) & (np.abs(self.impacts - self.impacts[0]) < 0.3)
-            hard = steady & (self.others == 0.0)
+            hard = (self.impacts > 0.0) & (np.abs(self.impacts - self.impacts[0]) < 0.3)
+            hard &= np.abs(self.others - self.others[0]) <= 0.3 * several
         alive = np.where(np.isnan(self.impacts), self.participation < 3.0, hard)
-        alive &= self.centre == whole("site", site, -MOST) % self.u.shape[1]
+        alive &= several | (self.centre == site % self.u.shape[1])
         gone = np.flatnonzero(~alive)
         return float(self.value[gone[0]]) if gone.size else math.nan
 

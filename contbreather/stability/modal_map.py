@@ -193,7 +193,10 @@ class ModalMap:
         return np.concatenate([self.coupled, self._others])
 
     def crosses(self, mu: float) -> float:
-        """``det(M - mu)`` times all speeds, in units of what it is without impacts."""
+        """``det(M - mu)`` times all speeds, in units of what it is without impacts; NaN where sites
+        whose springs differ rest wherever they are, as with no coupling: there it is 0/0."""
+        if mu > 0.0 and not (self.lattice.even or self.gamma) and self.z.min() <= DRIFTS:
+            return math.nan
         base = self._tied if mu > 0.0 else self
         bordered = base.less(mu, np.eye(2 * self.z.size + len(self.blows)))
         return base.in_units_of_flight(bordered, mu)

@@ -205,6 +205,20 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
     assert len(looks) <= most  # 36 to find out where it is least to six digits
 
 
+def test_a_determinant_whose_sign_jumps_is_no_branch_point_that_is_looked_for() -> None:
+    calls: Counter[str] = Counter()
+
+    def field(x: Array, p: Mapping[str, float]) -> Any:
+        calls["residual"] += 1
+        side = np.where(np.real(p["m"]) < 0.3, 1.0, -1.0)
+        return [side * (x[0] - 0.1 * p["m"] ** 2), x[1] - p["m"] * x[0]]
+
+    jumps = cb.Problem(field, {"x": 0.0, "y": 0.0}, {"m": 0.0})
+    branch = cb.trace(jumps, "m", within=WITHIN, towards="up", events=[cb.branch_point()])
+    assert [point.kind for point in branch.doubtful] == ["BP"]
+    assert calls["residual"] < 5000  # 11,000 by an iteration for each step that is halved
+
+
 def test_predictions_are_off_by_the_fourth_power_of_a_step() -> None:
     """By the last three tangents; two would leave the third. The most that is met of the equations
     is what a prediction leaves."""

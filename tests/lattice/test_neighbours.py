@@ -32,25 +32,6 @@ def test_the_sites_beside_a_site_are_those_it_is_coupled_to(lattice, neighbours)
         assert tuple(lattice.beside(n)) == beside, n
 
 
-@pytest.mark.parametrize("sites", [1, 2, 3, 6, 7])
-def test_around_one_site_of_a_ring_one_of_each_mirror_pair_is_idle(sites: int) -> None:
-    ring = cb.Ring(sites)
-    for hit in range(sites):
-        idle = {int(n) for n in ring.idle((hit,))}
-        mirror = {(2 * hit - n) % sites for n in idle}
-        assert idle | mirror == set(range(sites)) - {hit}
-        assert len(idle) == sites // 2
-    if sites > 2:
-        assert sorted(ring.idle((0, 1)).tolist()) == list(range(2, sites))
-
-
-@pytest.mark.parametrize("lattice", [cb.OpenChain(5), cb.Grid(2, 3), STAR])
-def test_elsewhere_all_sites_that_do_not_hit_are_idle(lattice) -> None:
-    every = set(range(lattice.sites))
-    for hit in ((0,), (1,), (0, 2)):
-        assert set(lattice.idle(hit).tolist()) == every - set(hit)
-
-
 def test_every_lattice_says_what_it_is() -> None:
     assert cb.Ring(6).describe() == "ring of 6"
     assert cb.InfiniteChain().describe() == "infinite chain"

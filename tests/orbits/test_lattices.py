@@ -130,6 +130,18 @@ def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(thresh
         assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
 
 
+def test_a_curve_of_pairs_ends_where_coupling_ceases_to_hold_the_sites() -> None:
+    """Damping and coupling vanish together there, the damping sooner, to rounding."""
+    start = cb.symmetric(0.6, 0.03, 0.7, lattice=cb.OpenChain(3), damping=0.05)
+    ns = [cb.neimark_sacker(threshold=1)]
+    branch = cb.trace(start, "damping", within={"damping": (0.0, 0.05)}, events=ns)
+    within = {"damping": (0.0, 0.1), "gamma": (0.0, 0.05)}
+    line = cb.boundary(branch.first("NS"), ("damping", "gamma"), within=within)
+    end = min(line[0], line[-1], key=lambda point: point["gamma"])
+    assert (end.kind, end["gamma"]) == ("EP", 1e-6)
+    assert abs(end["damping"]) < 1e-10
+
+
 @pytest.mark.parametrize(
     "more", [{}, {"lattice": cb.Ring(12), "damping": 0.02}], ids=["chain", "ring"]
 )
@@ -390,11 +402,13 @@ def test_an_arm_is_not_taken_where_there_is_none_yet() -> None:
 
 def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
     """At gamma = 0 every idle site has the multiplier 1, and nothing happens to the breather."""
-    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(9))
-    branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
-    assert branch[0]["gamma"] == 0.0
-    assert branch[0].kind == "EP"
-    assert branch.doubtful == ()
+    uneven = cb.Lattice(cb.OpenChain(3).stiffness, springs=[1.0, 0.9, 1.1])
+    for lattice in (cb.OpenChain(9), uneven):
+        start = cb.symmetric(0.5, 0.03, 0.8, lattice=lattice)
+        branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
+        assert branch[0]["gamma"] == 0.0
+        assert branch[0].kind == "EP"
+        assert branch.doubtful == ()
 
 
 def test_lattices_of_the_same_numbers_keep_their_names() -> None:

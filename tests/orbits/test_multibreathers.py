@@ -238,3 +238,16 @@ def test_a_point_of_a_branch_of_the_single_oscillator_stands_for_a_site() -> Non
     refused = r"^sites 0 \(period 2 pi, impacts 0\+, half of a symmetric orbit\), 3 \(upper\): this"
     with pytest.raises(cb.NoSolution, match=refused):
         cb.multibreather({0: point, 3: "upper"}, a=point["a"], gamma=0.2, k=0.8, lattice=cb.Ring(9))
+
+
+@pytest.mark.parametrize("spring", [0.0, 0.1])
+def test_folds_of_sites_that_are_alike_are_followed_to_that_of_one_alone(spring: float) -> None:
+    """There all others of them come together with it, first of all BP, 1e-6 off at gamma = 0.01."""
+    on = {"a": 0.6, "k": 0.7, "damping": 0.1, "spring": spring}
+    two = cb.multibreather([0, 3], gamma=0.0122, lattice=cb.Ring(6), **on)
+    one = cb.symmetric(gamma=0.0, lattice=cb.Ring(1), **on)
+    folds = [cb.trace(orbit, "a", within={"a": (0.05, 0.6)}).first("LP") for orbit in (two, one)]
+    line = cb.boundary(folds[0], ("gamma", "a"), within={"gamma": (0.0, 0.05)})
+    end = line[0]
+    assert (end.kind, end["gamma"], line.doubtful) == ("EP", 0.0, ())
+    assert end["a"] == pytest.approx(folds[1]["a"], abs=1e-8)

@@ -173,6 +173,22 @@ def test_a_branch_that_comes_to_simultaneous_impacts_ends_at_a_located_point(nam
         assert run_once(orbit) < 1e-10
 
 
+def test_beyond_its_end_it_goes_on_by_the_same_impacts_in_another_order() -> None:
+    """Of two arms, mirror images, one ends so; the other has no such end, and comes to GR."""
+    lattice = cb.Lattice(cb.OpenChain(3).stiffness, masses=[1.0, 1.2, 1.0])
+    start = cb.multibreather([0, 1], a=0.6, gamma=0.03, k=0.7, lattice=lattice, damping=0.05)
+    within = {"a": (0.1, 1.0)}
+    fork = cb.trace(start, "a", within=within, towards="both").first("PF")
+    ends = [arm[-1] for arm in cb.switch(fork, within=within)]
+    assert [end.kind for end in ends] == ["CC", "GR"]
+    (further,) = cb.switch(ends[0], within=within)
+    assert further[-1].kind == "GR"
+    assert further[-1]["a"] == pytest.approx(ends[1]["a"], abs=1e-12)
+    assert run_once(further[1].solution) < 1e-10
+    mu, before = (np.sort_complex(p.solution.multipliers()) for p in (further[0], ends[0]))
+    assert mu == pytest.approx(before, rel=1e-6, abs=1e-6)
+
+
 def test_its_end_is_where_the_branch_of_both_alike_has_its_branch_point() -> None:
     choice, given = CAUGHT["chain"]
     start = cb.multibreather(choice, **given)

@@ -278,3 +278,12 @@ def test_grazing_is_followed_from_where_there_is_no_coupling(c3: float) -> None:
     line = cb.boundary(cb.trace(start, "a").first("GR"), ("gamma", "a"), within={"gamma": (0, 0.1)})
     assert line[-1]["gamma"] == 0.1
     assert all(point.solution.admissibility().margin > -1e-9 for point in line)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+@pytest.mark.parametrize("site", [15, 31])
+def test_walls_of_any_one_site_of_a_ring_are_looked_at(site: int, damping: float) -> None:
+    """A mirror image of one that is looked at, and one so far away that it follows the drive."""
+    on = {"a": 0.6, "gamma": 0.04, "k": 0.8, "lattice": cb.Ring(32), "damping": damping}
+    verdict = cb.symmetric(**on, walls={site: 0.55}).admissibility()
+    assert (verdict.ok, verdict.site) == (False, site)

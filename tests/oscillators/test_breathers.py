@@ -137,6 +137,25 @@ def test_an_own_integration_returns_and_has_the_same_multipliers() -> None:
     assert orbit.unstable == 1
 
 
+def test_sites_that_are_held_by_a_harmonic_potential_begin_beside_neighbours_at_rest() -> None:
+    """Alone they have one frequency; an own integration returns, and forces of contact are read as
+    they are where they begin, at r = 0."""
+    V, lattice = "u**2/2", cb.OpenChain(5)
+    chain = cb.Oscillators(V=V, W="c*r**2/2 + r**4/8", lattice=lattice)
+    orbit = cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.05}).solution
+
+    def field(t, x):
+        r = np.diff(x[:5])
+        force = np.append(0.05 * r + r**3 / 2, 0)
+        return np.append(x[5:], force - np.roll(force, 1) - x[:5])
+
+    x = np.concatenate(orbit.state())
+    run = solve_ivp(field, (0, orbit.period), x, "DOP853", rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(run.y[:, -1], x, atol=1e-9)
+    cradle = cb.Oscillators(V=V, W="((Abs(r) - r)/2)**2.5", lattice=lattice)
+    np.testing.assert_allclose(cradle.frequencies({}), 1)
+
+
 def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
     """dE = omega dJ along a family, whichever of both is its parameter."""
     start = phi4(cb.Ring(5), {2: 1}, 0.05)

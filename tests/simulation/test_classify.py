@@ -254,3 +254,13 @@ def test_a_few_periods_are_looked_at_and_none_is_refused(periods: int) -> None:
     assert seen.evidence["return"] < 1e-12
     with pytest.raises(cb.BadInput, match="about whole periods"):
         sim.judge(cb.simulate(state, periods=0.5, **values))
+
+
+@pytest.mark.parametrize(("sites", "ring"), [([0, 2, 4], 8), ([0, 1, 2], 6), ([0, 2, 4, 6], 12)])
+def test_breathers_of_several_sites_are_not_all_over_the_lattice(sites, ring) -> None:
+    at = {"a": 0.5, "gamma": 0.03, "k": 0.8, "lattice": cb.Ring(ring), "damping": 0.05}
+    orbit = cb.multibreather(sites, **at)
+    found = sim.classify(orbit, settle=50, periods=100)
+    assert (found.kind, found.evidence["impacting"]) == (sim.Kind.PERIODIC, len(sites))
+    mu = abs(orbit.multipliers()).max()
+    assert found.evidence["multiplier"] == pytest.approx(mu, abs=1e-9)

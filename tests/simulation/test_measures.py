@@ -120,6 +120,11 @@ def test_a_sweep_is_lost_where_the_first_of_its_conditions_fails() -> None:
     assert replace(whole, centre=np.where(third, 3, 0)).lost() == 0.18
     assert whole.lost(1) == 0.2
     assert math.isnan(whole.lost(6))  # site 6 of six is site 0
+    elsewhere = replace(whole, centre=np.where(third, 3, 1))  # that at which it began
+    assert elsewhere.lost() == 0.18
+    both = replace(elsewhere, others=0 * third + 2.0)  # either of two sites may have more
+    assert math.isnan(both.lost())
+    assert replace(both, others=np.where(third, 0.0, 2.0)).lost() == 0.18
     smooth = replace(whole, impacts=np.full(4, np.nan))
     assert math.isnan(smooth.lost())
     assert replace(smooth, participation=np.where(third, 3.0, 1.5)).lost() == 0.18

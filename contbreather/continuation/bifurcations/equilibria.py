@@ -8,7 +8,7 @@ pairs). Each is verified by the eigenvalues, and by coefficients of its normal f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter, itemgetter
@@ -114,12 +114,14 @@ def _fold_test(point: Point) -> float:
     return systems.singular_in_unknowns(point.curve, point.z)[0]
 
 
-def _fold_locus(point: Point) -> DefiningSystem:
+def _fold_locus(point: Point, weak: Any = None) -> DefiningSystem:
     curve, n, cusps = point.curve, point.curve.size, _CUSP
-    null = systems.least_in_unknowns(curve, point.z).right * curve.scales[:n]
-    if is_sparse(curve.jacobian(point.z)):
-        cusps = replace(_CUSP, test=partial(_cusp_test, reference=null))
-        locus = systems.rank_locus(systems.singular_in_unknowns)
+    null = (weak or systems.singular_in_unknowns)(curve, point.z)[2][:n]
+    if weak is None and is_sparse(curve.jacobian(point.z)):
+        weak = systems.singular_in_unknowns
+    if weak:
+        cusps = replace(_CUSP, test=partial(_cusp_beside, weak, null))
+        locus = systems.rank_locus(weak)
     else:
         unit = null / (sense(null) * np.linalg.norm(null))
         locus = DefiningSystem({"null": unit}, systems.null_conditions, systems.null_slopes)
@@ -150,14 +152,23 @@ def _examine_fold(point: Point) -> str:
     return ""
 
 
-def _cusp_test(point: Point, reference: Array | None = None) -> float:
+def _cusp_beside(weak: Callable[..., Any], reference: Array, point: Point) -> float:
+    """The test of CP where the null vector is no unknown: on the side of another. NaN where
+    branches all but cross, and rounding decides the sign."""
+    base, curve, n = point.base_point, point.base_point.curve, point.base_point.curve.size
+    matrix = base.jacobian()
+    if not is_sparse(matrix) and least_singular(curve.balanced(matrix)).size < branch_points.RANK:
+        return math.nan
+    _, left, right = weak(curve, base.z)
+    null = math.copysign(1.0, right[:n] @ reference) * right[:n]
+    side = math.copysign(1.0, right[:n] @ null)
+    return float(side * left @ (curve.along(base.z, null)[:, :n] @ null) / 2)
+
+
+def _cusp_test(point: Point) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     base, curve, n = point.base_point, point.base_point.curve, point.base_point.curve.size
-    if reference is None:
-        null = np.atleast_1d(point["null"])
-    else:  # no unknown here: on the side of another
-        null = systems.least_in_unknowns(curve, base.z).right * curve.scales[:n]
-        null = math.copysign(1.0, null @ reference) * null
+    null = np.atleast_1d(point["null"])
     # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
     # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
     weak = least_singular(base.jacobian()[:, :n])
@@ -292,6 +303,8 @@ _AXIS = Border(
 )  # fmt: skip
 _CUSP = Event("CP", _cusp_test, examine=_examine_cusp)
 _FOLD = Event("LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_examine_fold)
+# where parts that are alike have a fold each all but together, and only their common motion turns
+FOLD_OF_ALIKE = replace(_FOLD, locus=partial(_fold_locus, weak=systems.turning))
 _HOPF = _OfFlow(
     "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_unstable_pairs,
     locus=_hopf_locus, examine=_examine_hopf,

@@ -253,8 +253,8 @@ def diagram(
         Number of branches after which no others are followed.
     beyond : bool, optional
         Whether to switch where branches end, too, and other orbits set out: at GR those with an
-        impact more, at VI those with one less, at SL those that slide, or do not. Where none does,
-        ``ends`` says what there is.
+        impact more, at VI those with one less, at CC those in another order, at SL those that
+        slide, or do not. Where none does, ``ends`` says what there is.
     progress, save : optional
         As for `trace`.
 

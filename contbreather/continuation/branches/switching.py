@@ -230,8 +230,8 @@ def switch(
     Parameters
     ----------
     point : Point
-        A special point of a branch from which others leave: a BP of any problem, the PF, PD, GR
-        and VI of breathers, the PD, GR, VI and SL of cycles, the PD of a map.
+        A special point of a branch from which others leave: a BP of any problem, the PF, PD, GR, VI
+        and CC of breathers, the PD, GR, VI and SL of cycles, the PD of a map.
     within, events, steps, progress, save
         As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
         for what that branch did; one whose problem has other events looks for these by default.

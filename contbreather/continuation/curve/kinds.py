@@ -50,6 +50,7 @@ LOOKS = {
     "MX": Look("failure", "x"),
     "CP": Look("cusp", "h"),
     "VI": Look("vanishing impact", "<", starts=_BOTH),
+    "CC": Look("corner collision", starts=_BOTH),
     "SL": Look("sliding", ">"),
 }  # fmt: skip
 

@@ -190,6 +190,19 @@ def singular_in_unknowns(curve: Curve, z: Array) -> tuple[float, Array, Array]:
     return weak.sign * weak.size, weak.sign * left, right
 
 
+def turning(curve: Curve, z: Array) -> tuple[float, Array, Array]:
+    """The same of the parameters' part of the kernel of the whole derivative, which is singular at
+    folds: also where another mode is about to lose rank, with which F_x has two small values."""
+    n, left, sizes, right = curve.size, *np.linalg.svd(curve.balanced(curve.jacobian(z)))
+    kernel, inverse = right[n:].T, (right[:n].T / sizes) @ left.T
+    first, (*_, size), second = np.linalg.svd(kernel[n:])
+    turns = map(np.linalg.det, (left, right, first, second))
+    sign = math.copysign(1.0, math.prod(turns))
+    # kernel' = -inverse F' kernel, as both stay orthonormal
+    row = -sign * (first[:, -1] @ inverse[n:]) / curve.row_scales
+    return sign * float(size), row, curve.scales * (kernel @ second[-1])
+
+
 def rank_locus(
     weak: Callable[[Curve, Array], tuple[float, Array, Array]],
     jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..algebra.linear_algebra import least_singular
 from ..algebra.newton import FEW, Array, Solution, Undefined
 from ..algebra.sparse import Dense, Factors
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
@@ -318,8 +319,17 @@ class Stepper:
             middle = 0.5 * (low + high)
             _, sign = self.curve.tangent_at(*segment.guess(middle))
             low, high = (middle, high) if sign == before else (low, middle)
+        # next to a branch point a rank is all but lost; where it is not the sign has jumped, and an
+        # iteration for a branch point would lead nowhere, at great expense
+        guess, _ = segment.guess(0.5 * (low + high))
+        places = guess, segment.first.z, segment.last.z
+        near, *ends = (
+            least_singular(self.curve.balanced(self.curve.jacobian(z))).size for z in places
+        )
+        if near > 0.5 * max(ends):
+            return None
         try:
-            branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
+            branch_point = crossing(self.curve, guess)
             place, point = segment.corrected(branch_point.solution, branch_point.tangents)
         except Undefined:
             return None
