@@ -279,25 +279,39 @@ def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_e
     assert branch[-1]["period"] == pytest.approx(25.97635725, rel=1e-6)
 
 
-def test_curves_set_out_from_a_homoclinic_orbit_one_after_the_other() -> None:
-    """Of an adaptive exponential neuron, at I = 627.0023051022 by bisection with scipy's DOP853 at
-    1e-12; on the way around all is contracted by 1e-18. The first curve ends far away."""
+def adaptive_neuron(settle: float, **params: float) -> cb.Problem:
+    """With exponential spikes, each of which is a flow."""
 
-    def adaptive(t, x, p):
+    def field(t, x, p):
         leak = -30 * (x[0] + 70.6) + 60 * np.exp((x[0] + 50.4) / 2)
         return [(leak - x[1] + p["I"]) / 281, (p["a"] * (x[0] + 70.6) - x[1]) / 144]
 
     spike = cb.Flow(
-        adaptive,
-        until=lambda t, x, p: -30 - x[0],
-        reset=lambda t, x, p: [p["Vr"], x[1] + 80.5],
+        field, until=lambda t, x, p: -30 - x[0], reset=lambda t, x, p: [p["Vr"], x[1] + 80.5]
     )
-    params = {"I": 800.0, "a": 4.0, "Vr": -70.6}
-    ring = cb.cycle([spike], {"V": -70.6, "w": 0.0}, params, settle=1000)
-    branch = cb.trace(ring, "I", within={"I": (600, 900)}, towards="down")
+    params = {"I": 800.0, "a": 4.0, "Vr": -70.6, **params}
+    return cb.cycle([spike], {"V": -70.6, "w": 0.0}, params, settle=settle)
+
+
+def test_curves_set_out_from_a_homoclinic_orbit_one_after_the_other() -> None:
+    """At I = 627.0023051022 by bisection with scipy's DOP853 at 1e-12; on the way around all is
+    contracted by 1e-18. The first curve ends far away."""
+    branch = cb.trace(adaptive_neuron(1000), "I", within={"I": (600, 900)}, towards="down")
     end = branch.first("HOM")
     assert end["I"] == pytest.approx(627.0023051022, abs=1e-6)
     assert not branch.doubtful
     for free, window in {"Vr": (-75, -50), "a": (3.8, 4.2)}.items():
         line = cb.boundary(end, (free, "I"), within={free: window})
         assert [at.kind for at in line.special] == ["EP", "EP"]
+
+
+def test_a_cycle_along_what_repels_is_followed_though_its_multiplier_is_1e23() -> None:
+    """Two of its four spikes wait so long for the canard of the second; the doubling of the cycle
+    of two is at -47.5271439053 by the derivative of the map of w, scipy's DOP853 at 1e-12."""
+    single = cb.trace(adaptive_neuron(1000, Vr=-60.0), "Vr", within={"Vr": (-60, -48)})
+    (pair,) = cb.switch(single.first("PD"), within={"Vr": (-60, -47)})
+    doubling = pair.first("PD")
+    assert doubling["Vr"] == pytest.approx(-47.5271439053, abs=1e-7)
+    (arm,) = cb.switch(doubling, within={"Vr": (-60, -46.4)}, events=())
+    assert arm[-1]["Vr"] == -46.4
+    assert abs(arm[-1].solution.others[0]) > 1e23
