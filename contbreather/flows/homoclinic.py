@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -61,13 +62,14 @@ class Lasting:
 @dataclass(frozen=True, eq=False)
 class _Passage:
     """Place where an orbit is slowest on its way from fast to fast: its pace, the flow, the state,
-    and how much the states of that flow move."""
+    how much the states of that flow move, and the place where it sets off again."""
 
     pace: float
     orbit: Cycle
     flow: int
     state: Array
     sizes: Array
+    leaves: _Passage | None = None
 
     @property
     def surface(self) -> Function | None:
@@ -75,9 +77,9 @@ class _Passage:
         system = slid_along(self.orbit.equations.flows[self.flow])
         return None if system is None else system.h
 
-    def near(self, states: Array, place: Array) -> Any:
+    def near(self, states: Array, place: Array, most: float = 1e-2) -> Any:
         """Tell which states are within a hundredth of its size."""
-        return np.linalg.norm((states - place) / self.sizes, axis=-1) < 1e-2
+        return np.linalg.norm((states - place) / self.sizes, axis=-1) < most
 
     def off(self, most: float) -> float:
         """Evaluate ln of d^(1 + a/b) over the most that it may be."""
@@ -91,6 +93,9 @@ class _Passage:
     @cached_property
     def rest(self) -> _Rest | None:
         """The equilibrium close by, by Newton's iteration from there; None if there is none."""
+        return self.equilibrium(1e-2)
+
+    def equilibrium(self, most: float) -> _Rest | None:
         f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
         for _ in range(_ITERATIONS):
             velocity, derivative = slopes(f, 0.0, x[:, None], self.orbit.params)
@@ -101,7 +106,7 @@ class _Passage:
                 rows, off = np.vstack([matrix, slope[:, : x.size, 0]]), np.vstack([velocity, h])
             step = np.linalg.lstsq(rows, off[:, 0])[0]  # some states may always stay
             x = x - step
-            if not self.near(x, self.state):
+            if not self.near(x, self.state, most):
                 return None
             if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
                 break
@@ -116,10 +121,6 @@ class _Passage:
         if inwards.size and outwards.size:
             leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
         return _Rest(self, np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
-
-    @property
-    def saddle(self) -> _Rest | None:
-        return self.rest if self.rest and self.rest.leading.size else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,21 +157,27 @@ def _passages(orbit: Cycle) -> list[_Passage]:
     moved = zip(velocities, sizes, strict=True)
     speeds = np.concatenate([np.vecdot(v := way / size, v) for way, size in moved])
     pace = speeds * (orbit.period / math.pi) ** 2
-    first = int(pace.argmax())  # from there on around
-    slow = [int(pace.argmin())]  # where none is slow one will do
-    if pace[slow[0]] < _SLOW:
-        around = np.roll(np.arange(pace.size), -first)
-        pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
-        least = sorted((min(s, key=pace.item) for s in pieces if s.size), key=pace.item)
-        slow = [j for j in least if pace[j] < _SLOW]
     places = [(i, state, sizes[i]) for i, f in enumerate(orbit.flights) for state in f.states]
-    return [_Passage(float(pace[j]), orbit, *places[j]) for j in slow]
+
+    def at(j: int, *leaves: _Passage) -> _Passage:
+        return _Passage(float(pace[j]), orbit, *places[j], *leaves)
+
+    if pace.min() >= _SLOW:  # one will do
+        return [at(int(pace.argmin()))]
+    around = np.roll(np.arange(pace.size), -int(pace.argmax()))
+    pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
+    slowest = sorted(
+        (at(min(s, key=pace.item), at(s[-1])) for s in pieces if s.size), key=attrgetter("pace")
+    )
+    return [passage for passage in slowest if passage.pace < _SLOW]
 
 
 def _pace(point: Point) -> float:
     first, *more = _passages(point.base_point.solution)
     # how far off the parameter is, but for a factor, where it has come to rest, and a second time
-    off = min([_off(point, first, 1e-8), *(passage.off(1e-6) for passage in more)])
+    off = _off(point, first, 1e-8)
+    for passage in more:
+        off = min(off, passage.off(1e-6))
     # of most orbits none is close: the sign is known
     return off if off > 0 else max(off, _moves(point) - math.log(_MOVES_STILL))
 
@@ -183,7 +190,7 @@ def _off(point: Point, slowest: _Passage, most: float) -> float:
     or mu u_0 if that is more: the tangent of the branch tells p.
     """
     off = slowest.off(most)
-    if off <= 0 or slowest.pace > _SLOW or not slowest.rest:
+    if off <= 0 or slowest.pace > _SLOW:
         return off
     mu = slowest.orbit.others
     held = np.log(np.maximum(abs(mu), 1.0) / np.maximum(abs(1 - mu), 1e-300)).sum()
@@ -214,15 +221,20 @@ def _examine(point: Point) -> Examined:
     if orbit.coarse:
         return orbit.coarse
     slow, *more = _passages(orbit)
-    if slow.saddle is not None:
-        return _description([slow.saddle, *filter(None, (passage.saddle for passage in more))])
+    saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
+    if slow.rest in saddles:
+        return _description(saddles)
     flight = orbit.flights[slow.flow]
     there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
-    if there.mean() * flight.duration < _MOSTLY * orbit.period:
-        return "it is slow without an equilibrium"
-    kind = "a pseudo-equilibrium" if slow.surface else "an equilibrium"
-    said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
-    return {"equilibrium": slow.state, "said": said}
+    if there.mean() * flight.duration >= _MOSTLY * orbit.period:
+        kind = "a pseudo-equilibrium" if slow.surface else "an equilibrium"
+        said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
+        return {"equilibrium": slow.state, "said": said}
+    # along a slow direction it comes to the saddle long after the parameter has come to its limit
+    saddle = slow.leaves and slow.leaves.equilibrium(0.1)
+    if saddle and saddle.leading.size:
+        return _description([saddle])
+    return "it is slow without an equilibrium"
 
 
 def _description(rests: list[_Rest]) -> dict[str, Any]:

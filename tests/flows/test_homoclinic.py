@@ -130,6 +130,16 @@ SPIKE = cb.Flow(
     until=lambda t, x, p: 20 - x[0],
     reset=lambda t, x, p: [p["mu"], 1.0],
 )
+# Izhikevich's: it comes to the saddle along a direction so slow that it is still a millivolt off
+# when the current has come to its limit, to 3e-13 by bisection with scipy's DOP853.
+REGULAR = cb.Flow(
+    lambda t, x, p: [
+        0.04 * x[0] ** 2 + 5 * x[0] + 140 - x[1] + p["I"],
+        0.02 * (0.2 * x[0] - x[1]),
+    ],
+    until=lambda t, x, p: 30 - x[0],
+    reset=lambda t, x, p: [-65.0, x[1] + 8],
+)
 # Up on a spiral around (0, 1) from where that is tangent to y = 0, at x = a, back along it: sliding
 # is at rest where (1 + a x) + (x - a) / p = 0.
 LANDS = cb.Filippov(
@@ -166,10 +176,12 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
         (LANDS, {"x": -0.1, "y": 0.0}, {"a": 0.02}, {}, brentq(landed, 0.02, 0.1),
          r"to the pseudo-saddle x = -0.73848\d, y = 0; leading eigenvalues -inf and 0.725"),
         (SPIKE, {"x": 0.5, "y": 1.0}, {"mu": 0.5}, {}, 0.0, "homoclinic to the saddle x = 0, y"),
+        (REGULAR, {"v": -65.0, "u": -5.0}, {"I": 6.0}, {}, 3.774375,
+         "homoclinic to the saddle v = -57.625, u = -11.525; leading eigenvalues -0.01 and 0.38"),
         (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "equilibrium is about to appear on it, at v = "),
     ],
     ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "pendulum clock",
-         "rimless wheel", "sliding", "spike", "neuron"],
+         "rimless wheel", "sliding", "spike", "regular", "neuron"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
     problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)
