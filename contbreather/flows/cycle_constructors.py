@@ -374,7 +374,8 @@ def _solved(
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = _is_coarse(equations)
-            if not coarse and fit and _is_coarse(begun):
+            lost = isinstance(error.__cause__ or error, Undefined) and count <= _MOST_INTERVALS
+            if not coarse and fit and (lost or _is_coarse(begun)):
                 first = begun.start[0]
                 more = replace(first.scheme, intervals=2 * (first.knots.size - 1))
                 return _solved(replace(begun, start=fit(more)), problem_at, fit)

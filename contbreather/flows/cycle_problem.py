@@ -284,6 +284,7 @@ class CycleProblem(Problem):
         orbit = self.orbit(np.array(point.x), point.params)
         if self.keeps_solutions:
             _ = orbit.flights  # which are kept with it
+            self.residual.orbits[orbit.x.tobytes(), tuple(orbit.params.items())] = orbit
         return orbit
 
     def orbit(self, x: Array, params: Params) -> Cycle:

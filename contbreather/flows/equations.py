@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,9 +154,11 @@ class FlowEquations:
     conservation: Conservation | None = None
     arrays: Mapping[str, tuple[str, ...]] | None = None  # of several states that have columns
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
+    orbits: Any = field(default_factory=WeakValueDictionary, init=False)  # that somebody has
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_latest": {}}  # but for what was solved lately
+        # but for what was solved
+        return {**self.__dict__, "_latest": {}, "orbits": WeakValueDictionary()}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -260,9 +263,14 @@ class FlowEquations:
         if place is None or place.error > error:
             moving, flights = self._begun(x, p)
             near = self._near(moving)
-            for i, flow in enumerate(self.flows):
-                guess = self._guess(i, flights[i], p, moving, *near) if near else None
-                flights[i] = flown(flow, flights[i], p, self._units[i], guess, error)
+            try:
+                for i, flow in enumerate(self.flows):
+                    guess = self._guess(i, flights[i], p, moving, *near) if near else None
+                    flights[i] = flown(flow, flights[i], p, self._units[i], guess, error)
+            except Undefined:  # begun from far off
+                if key not in self.orbits:
+                    raise
+                flights = self.orbits[key].flights
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
         self._latest.pop(key, None)
         while len(self._latest) >= 16:  # are kept, to begin from the nearest

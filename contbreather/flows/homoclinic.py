@@ -2,9 +2,11 @@
 
 A cycle of a long period T is as good as the homoclinic orbit. The parameter is off by about
 ``exp(-a T)`` with a the smaller one, in size, of the leading eigenvalues +-a and -+b, one to each
-side, while the orbit slows down by ``d = exp(-a b T / (a + b))``: so by ``d^(1 + a / b)``. Beyond
+side, while the orbit comes as close as ``d = exp(-a b T / (a + b))``: so by ``d^(1 + a / b)``, or,
+where what is contracted on the way around makes it less, as the tangent of the branch tells. Beyond
 rounding and the mesh decide where it folds. So it is found where a branch ends, and followed in two
-parameters at the period it has there. Where the orbit comes to rest more than once a period, how
+parameters at the period it has there. Before a saddle-node, u' = m + u^2, it is off by m, and m T^2
+is pi^2. Where the orbit comes to rest more than once a period, how
 the time is shared is as undetermined: that is told less closely.
 """
 
@@ -14,12 +16,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
+from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
 from .cycle_problem import Cycle
@@ -27,7 +31,8 @@ from .equations import Places, equations_of
 from .flow import slid_along
 from .functions import Function, slopes, values
 
-_SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
+# of its pace: the square of its speed relative to that around a circle as large, in as long a time
+_SLOW, _FAST = 1e-2, 0.1  # it may rest, and it is on its way again
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 _MOVES_STILL = 1e-3  # a parameter that moves by more while the period grows by itself is at no end
@@ -56,14 +61,15 @@ class Lasting:
 
 @dataclass(frozen=True, eq=False)
 class _Passage:
-    """Place where an orbit is slowest on its way from fast to fast: its speed relative to the
-    largest, the flow, the state, and how much the states of that flow move."""
+    """Place where an orbit is slowest on its way from fast to fast: its pace, the flow, the state,
+    how much the states of that flow move, and the place where it sets off again."""
 
     pace: float
     orbit: Cycle
     flow: int
     state: Array
     sizes: Array
+    leaves: _Passage | None = None
 
     @property
     def surface(self) -> Function | None:
@@ -71,20 +77,25 @@ class _Passage:
         system = slid_along(self.orbit.equations.flows[self.flow])
         return None if system is None else system.h
 
-    def near(self, states: Array, place: Array) -> Any:
+    def near(self, states: Array, place: Array, most: float = 1e-2) -> Any:
         """Tell which states are within a hundredth of its size."""
-        return np.linalg.norm((states - place) / self.sizes, axis=-1) < 1e-2
+        return np.linalg.norm((states - place) / self.sizes, axis=-1) < most
 
     def off(self, most: float) -> float:
-        """Evaluate ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
-        saddle = self.saddle if self.pace < _SLOW else None  # where it is fast there is none close
-        sizes = abs(saddle.leading.real) if saddle else np.array([0.5, 1.0])  # before a saddle-node
-        ratio = sizes.min() / sizes.max()
-        return float((1 + ratio) * math.log(max(self.pace, 1e-300)) - math.log(most))
+        """Evaluate ln of d^(1 + a/b) over the most that it may be."""
+        rest, d = self.rest if self.pace < _SLOW else None, self.pace  # where it is fast none is
+        if rest:
+            d = float(np.linalg.norm((self.state - rest.state) / self.sizes))
+        # before a saddle-node, or beside what is none
+        sizes = abs(rest.leading.real) if rest and rest.leading.size else np.array([0.5, 1.0])
+        return float((1 + sizes.min() / sizes.max()) * math.log(max(d, 1e-300)) - math.log(most))
 
     @cached_property
-    def saddle(self) -> _Saddle | None:
-        """The saddle close by, by Newton's iteration from there; None if there is none."""
+    def rest(self) -> _Rest | None:
+        """The equilibrium close by, by Newton's iteration from there; None if there is none."""
+        return self.equilibrium(1e-2)
+
+    def equilibrium(self, most: float) -> _Rest | None:
         f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
         for _ in range(_ITERATIONS):
             velocity, derivative = slopes(f, 0.0, x[:, None], self.orbit.params)
@@ -95,24 +106,26 @@ class _Passage:
                 rows, off = np.vstack([matrix, slope[:, : x.size, 0]]), np.vstack([velocity, h])
             step = np.linalg.lstsq(rows, off[:, 0])[0]  # some states may always stay
             x = x - step
-            if not self.near(x, self.state):
+            if not self.near(x, self.state, most):
                 return None
             if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
                 break
+        else:
+            return None
         values = np.linalg.eigvals(matrix)
         least = 1e-9 * abs(values).max()  # less is of what stays constant
         inwards, outwards = values[values.real < -least], values[values.real > least]
         if self.surface and not inwards.size:  # orbits come to the surface in a finite time
             inwards = np.array([-math.inf])
-        if not (inwards.size and outwards.size):
-            return None
-        leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
-        return _Saddle(self, np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
+        leading = np.empty(0, complex)
+        if inwards.size and outwards.size:
+            leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
+        return _Rest(self, np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
 
 
 @dataclass(frozen=True, eq=False)
-class _Saddle:
-    """A saddle, and its eigenvalues next to the imaginary axis on either side."""
+class _Rest:
+    """An equilibrium, and of a saddle the eigenvalues next to the imaginary axis on either side."""
 
     at: _Passage
     state: Array
@@ -124,7 +137,7 @@ class _Saddle:
         )
         return f"leading eigenvalues {shown}, saddle quantity {self.leading.sum().real:.6g}"
 
-    def images(self) -> Iterator[_Saddle]:
+    def images(self) -> Iterator[_Rest]:
         """This one, and of half a symmetric orbit its mirror image."""
         yield self
         equations = self.at.orbit.equations
@@ -133,7 +146,7 @@ class _Saddle:
             image = values(mirror, 0.0, self.state[:, None], self.at.orbit.params)[:, 0]
             yield replace(self, state=image + 0.0)
 
-    def same(self, other: _Saddle) -> bool:
+    def same(self, other: _Rest) -> bool:
         return self.at.flow == other.at.flow and bool(self.at.near(self.state, other.state))
 
 
@@ -142,39 +155,64 @@ def _passages(orbit: Cycle) -> list[_Passage]:
     sizes = sizes_of(orbit.flights)
     velocities = orbit.equations.velocities(orbit.x, orbit.params)
     moved = zip(velocities, sizes, strict=True)
-    speeds = np.concatenate([np.sqrt(np.vecdot(v := way / size, v)) for way, size in moved])
-    first = int(speeds.argmax())  # from there on around
-    pace = speeds / speeds[first]
-    slow = [int(pace.argmin())]  # where none is slow one will do
-    if pace[slow[0]] < _SLOW:
-        around = np.roll(np.arange(pace.size), -first)
-        pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
-        least = sorted((min(s, key=pace.item) for s in pieces if s.size), key=pace.item)
-        slow = [j for j in least if pace[j] < _SLOW]
+    speeds = np.concatenate([np.vecdot(v := way / size, v) for way, size in moved])
+    pace = speeds * (orbit.period / math.pi) ** 2
     places = [(i, state, sizes[i]) for i, f in enumerate(orbit.flights) for state in f.states]
-    return [_Passage(float(pace[j]), orbit, *places[j]) for j in slow]
+
+    def at(j: int, *leaves: _Passage) -> _Passage:
+        return _Passage(float(pace[j]), orbit, *places[j], *leaves)
+
+    if pace.min() >= _SLOW:  # one will do
+        return [at(int(pace.argmin()))]
+    around = np.roll(np.arange(pace.size), -int(pace.argmax()))
+    pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
+    slowest = sorted(
+        (at(min(s, key=pace.item), at(s[-1])) for s in pieces if s.size), key=attrgetter("pace")
+    )
+    return [passage for passage in slowest if passage.pace < _SLOW]
 
 
 def _pace(point: Point) -> float:
-    passages = _passages(point.base_point.solution)
+    first, *more = _passages(point.base_point.solution)
     # how far off the parameter is, but for a factor, where it has come to rest, and a second time
-    off = min(passage.off(1e-6 if i else 1e-8) for i, passage in enumerate(passages))
+    off = _off(point, first, 1e-8)
+    for passage in more:
+        off = min(off, passage.off(1e-6))
     # of most orbits none is close: the sign is known
-    return off if off > 0 else max(off, _still_moves(point))
+    return off if off > 0 else max(off, _moves(point) - math.log(_MOVES_STILL))
 
 
-def _still_moves(point: Point) -> float:
-    """Evaluate ln of T dp/dT, relative to the parameter, over the most that it may be: a cycle may
-    pass close by saddles without an orbit that is homoclinic, as where it runs along two axes."""
-    curve, tangent = point.curve, point.tangent
+def _off(point: Point, slowest: _Passage, most: float) -> float:
+    """Evaluate ln of how far off the parameter is over the most that it may be: no more than what
+    the saddle says, which is without what is contracted on the way around.
+
+    As a Poincare map has it u_1 = p + F(u_0), and a cycle u_0 (1 - mu) = p, while p is off by u_0,
+    or mu u_0 if that is more: the tangent of the branch tells p.
+    """
+    off = slowest.off(most)
+    if off <= 0 or slowest.pace > _SLOW:
+        return off
+    mu = slowest.orbit.others
+    held = np.log(np.maximum(abs(mu), 1.0) / np.maximum(abs(1 - mu), 1e-300)).sum()
+    return min(off, _moves(point) + float(held) - math.log(most))
+
+
+def _moves(point: Point) -> float:
+    """Evaluate ln of T dp/dT, relative to the parameter: a cycle may pass close by saddles without
+    an orbit that is homoclinic, as where it runs along two axes."""
+    equations = equations_of(base := point.base_point)
+    curve, tangent, lengths = base.curve, point.tangent, equations.layout.lengths
+    if base is not point:  # in two parameters the period stays: along a branch in the first
+        curve = Curve(base.problem, base.curve.free[:1])
+        tangent = curve.tangent_at(z := curve.start, np.eye(1, z.size, lengths[0])[0])[0]
     if tangent is None:
-        return -math.inf
-    moved, lengths = 0.0, equations_of(point.base_point).layout.lengths
+        return math.nan  # changes neither the least nor the largest of what else is known
+    moved = 0.0
     for name in {*curve.free} - {"period"}:
         size = max(abs(point[name]), float(curve.problem.scales.get(name, 1.0)))
         moved = max(moved, abs(tangent[curve.slots[name]]) / size)
-    longer = float(abs(tangent[lengths].sum())) / point.base_point.solution.period
-    return math.log(max(float(moved), 1e-300) / max(longer, 1e-300) / _MOVES_STILL)
+    longer = float(abs(tangent[lengths].sum())) / base.solution.period
+    return math.log(max(float(moved), 1e-300) / max(longer, 1e-300))
 
 
 def _examine(point: Point) -> Examined:
@@ -183,20 +221,25 @@ def _examine(point: Point) -> Examined:
     if orbit.coarse:
         return orbit.coarse
     slow, *more = _passages(orbit)
-    if slow.saddle is not None:
-        return _description([slow.saddle, *filter(None, (passage.saddle for passage in more))])
+    saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
+    if slow.rest in saddles:
+        return _description(saddles)
     flight = orbit.flights[slow.flow]
     there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
-    if there.mean() * flight.duration < _MOSTLY * orbit.period:
-        return "it is slow without an equilibrium"
-    kind = "a pseudo-equilibrium" if slow.surface else "an equilibrium"
-    said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
-    return {"equilibrium": slow.state, "said": said}
+    if there.mean() * flight.duration >= _MOSTLY * orbit.period:
+        kind = "a pseudo-equilibrium" if slow.surface else "an equilibrium"
+        said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
+        return {"equilibrium": slow.state, "said": said}
+    # along a slow direction it comes to the saddle long after the parameter has come to its limit
+    saddle = slow.leaves and slow.leaves.equilibrium(0.1)
+    if saddle and saddle.leading.size:
+        return _description([saddle])
+    return "it is slow without an equilibrium"
 
 
-def _description(rests: list[_Saddle]) -> dict[str, Any]:
+def _description(rests: list[_Rest]) -> dict[str, Any]:
     """Describe the end of a cycle that rests at these, the longest at the first."""
-    first, saddles = rests[0], list[_Saddle]()
+    first, saddles = rests[0], list[_Rest]()
     for saddle in (image for rest in rests for image in rest.images()):
         if not any(map(saddle.same, saddles)):
             saddles.append(saddle)
@@ -228,7 +271,7 @@ def _long(point: Point) -> DefiningSystem:
 
 def _rests(point: Point) -> float:
     # where the parameter is off by more, but for a factor, it is as good as homoclinic no more
-    return _passages(point.base_point.solution)[0].off(1e-4)
+    return _off(point, _passages(point.base_point.solution)[0], 1e-4)
 
 
 def _examine_moving(point: Point) -> Examined:

@@ -124,6 +124,22 @@ HALF = cb.Flow(well(-1.0), reset=lambda t, x, p: [-x[0], -x[1]])
 NEURON = cb.Flow(
     lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0.0]
 )
+# Its spike is 1e8 times as fast as anything near the saddle, T = ln((1 - e^-20) / (1 - e^-mu)).
+SPIKE = cb.Flow(
+    lambda t, x, p: [np.exp(x[0]) - 1, -0.5 * x[1]],
+    until=lambda t, x, p: 20 - x[0],
+    reset=lambda t, x, p: [p["mu"], 1.0],
+)
+# Izhikevich's: it comes to the saddle along a direction so slow that it is still a millivolt off
+# when the current has come to its limit, to 3e-13 by bisection with scipy's DOP853.
+REGULAR = cb.Flow(
+    lambda t, x, p: [
+        0.04 * x[0] ** 2 + 5 * x[0] + 140 - x[1] + p["I"],
+        0.02 * (0.2 * x[0] - x[1]),
+    ],
+    until=lambda t, x, p: 30 - x[0],
+    reset=lambda t, x, p: [-65.0, x[1] + 8],
+)
 # Up on a spiral around (0, 1) from where that is tangent to y = 0, at x = a, back along it: sliding
 # is at rest where (1 + a x) + (x - a) / p = 0.
 LANDS = cb.Filippov(
@@ -159,10 +175,13 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
         (CASES["rimless wheel"], {}, {"g": 0.15}, {}, STALLS, "homoclinic to the saddle a = 0, w"),
         (LANDS, {"x": -0.1, "y": 0.0}, {"a": 0.02}, {}, brentq(landed, 0.02, 0.1),
          r"to the pseudo-saddle x = -0.73848\d, y = 0; leading eigenvalues -inf and 0.725"),
+        (SPIKE, {"x": 0.5, "y": 1.0}, {"mu": 0.5}, {}, 0.0, "homoclinic to the saddle x = 0, y"),
+        (REGULAR, {"v": -65.0, "u": -5.0}, {"I": 6.0}, {}, 3.774375,
+         "homoclinic to the saddle v = -57.625, u = -11.525; leading eigenvalues -0.01 and 0.38"),
         (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "equilibrium is about to appear on it, at v = "),
     ],
     ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "pendulum clock",
-         "rimless wheel", "sliding", "neuron"],
+         "rimless wheel", "sliding", "spike", "regular", "neuron"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
     problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)
@@ -270,3 +289,41 @@ def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_e
     branch = cb.trace(ring, "d", within={"d": (0.06, 0.2)}, towards="down")
     assert [at.kind for at in branch.special] == ["EP", "EP"]
     assert branch[-1]["period"] == pytest.approx(25.97635725, rel=1e-6)
+
+
+def adaptive_neuron(settle: float, **params: float) -> cb.Problem:
+    """With exponential spikes, each of which is a flow."""
+
+    def field(t, x, p):
+        leak = -30 * (x[0] + 70.6) + 60 * np.exp((x[0] + 50.4) / 2)
+        return [(leak - x[1] + p["I"]) / 281, (p["a"] * (x[0] + 70.6) - x[1]) / 144]
+
+    spike = cb.Flow(
+        field, until=lambda t, x, p: -30 - x[0], reset=lambda t, x, p: [p["Vr"], x[1] + 80.5]
+    )
+    params = {"I": 800.0, "a": 4.0, "Vr": -70.6, **params}
+    return cb.cycle([spike], {"V": -70.6, "w": 0.0}, params, settle=settle)
+
+
+def test_curves_set_out_from_a_homoclinic_orbit_one_after_the_other() -> None:
+    """At I = 627.0023051022 by bisection with scipy's DOP853 at 1e-12; on the way around all is
+    contracted by 1e-18. The first curve ends far away."""
+    branch = cb.trace(adaptive_neuron(1000), "I", within={"I": (600, 900)}, towards="down")
+    end = branch.first("HOM")
+    assert end["I"] == pytest.approx(627.0023051022, abs=1e-6)
+    assert not branch.doubtful
+    for free, window in {"Vr": (-75, -50), "a": (3.8, 4.2)}.items():
+        line = cb.boundary(end, (free, "I"), within={free: window})
+        assert [at.kind for at in line.special] == ["EP", "EP"]
+
+
+def test_a_cycle_along_what_repels_is_followed_though_its_multiplier_is_1e23() -> None:
+    """Two of its four spikes wait so long for the canard of the second; the doubling of the cycle
+    of two is at -47.5271439053 by the derivative of the map of w, scipy's DOP853 at 1e-12."""
+    single = cb.trace(adaptive_neuron(1000, Vr=-60.0), "Vr", within={"Vr": (-60, -48)})
+    (pair,) = cb.switch(single.first("PD"), within={"Vr": (-60, -47)})
+    doubling = pair.first("PD")
+    assert doubling["Vr"] == pytest.approx(-47.5271439053, abs=1e-7)
+    (arm,) = cb.switch(doubling, within={"Vr": (-60, -46.4)}, events=())
+    assert arm[-1]["Vr"] == -46.4
+    assert abs(arm[-1].solution.others[0]) > 1e23

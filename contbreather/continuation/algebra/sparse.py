@@ -375,14 +375,16 @@ def factorised(matrix: Matrix) -> Any:
         columns = _order_without(long.tobytes(), *key)
         return _InOrder(matrix, long, columns, np.arange(columns.size))
     order: Any = "COLAMD"
+    # else the largest of its column: small ones would grow along an orbit as perturbations of it
+    least = 1.0
     counts, most = np.diff(matrix.indptr), max(16, 10 * math.sqrt(matrix.shape[0]))
     if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= 8:
         order = "NATURAL"
     elif counts.all() and max(counts.max(), np.bincount(matrix.indices).max()) <= most:
         largest = np.maximum.reduceat(abs(matrix.data), matrix.indptr[:-1])
         if (abs(matrix.diagonal()) >= _PIVOT * largest).all():
-            order = "MMD_AT_PLUS_A"
-    return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
+            order, least = "MMD_AT_PLUS_A", _PIVOT
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=least)
 
 
 class _InOrder:
@@ -399,7 +401,7 @@ class _InOrder:
         self._columns, self._rows, self._sizes = columns, rows, np.ones(matrix.shape[0])
         self._sizes[long] = 1e-6
         ordered = scaled(matrix, self._sizes)[:, columns][rows]
-        self._lu: Any = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=_PIVOT)
+        self._lu: Any = splu(ordered, permc_spec="NATURAL")
         # P_r A[rows, columns] P_c = L U
         self.perm_r = self._lu.perm_r[np.argsort(rows)]
         self.perm_c = columns[self._lu.perm_c]
