@@ -134,7 +134,7 @@ class Border:
         return complex(pair[0] if pair[0].imag > 0 else pair[1])
 
     def two_pairs(self, kind: str) -> Event:
-        """The event of a second pair on the border, on the curve of one."""
+        """Make the event of a second pair on the border, on the curve of one."""
         test = partial(self.least_of_pairs, self.pair)
         return Event(kind, test, examine=partial(self.examine, (self.pair, self.pair)))
 
@@ -169,7 +169,7 @@ class Border:
 
 
 def _has_saddle(every: Eigenvalues | Multipliers) -> bool:
-    """Whether two real values off the border pass for a pair: a neutral saddle."""
+    """Tell whether two real values off the border pass for a pair: a neutral saddle."""
     others = replace(every, values=np.setdiff1d(every.values, every.critical))
     if others.values.size < 2 or others.nearest_pair().imag.any():
         return False
