@@ -78,7 +78,7 @@ class _Passage:
         return None if system is None else system.h
 
     def near(self, states: Array, place: Array, most: float = 1e-2) -> Any:
-        """Tell which states are within a hundredth of its size."""
+        """Tell which states are as close as `most`, in its size."""
         return np.linalg.norm((states - place) / self.sizes, axis=-1) < most
 
     def off(self, most: float) -> float:

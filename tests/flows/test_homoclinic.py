@@ -317,6 +317,7 @@ def test_curves_set_out_from_a_homoclinic_orbit_one_after_the_other() -> None:
         assert [at.kind for at in line.special] == ["EP", "EP"]
 
 
+@pytest.mark.slow
 def test_a_cycle_along_what_repels_is_followed_though_its_multiplier_is_1e23() -> None:
     """Two of its four spikes wait so long for the canard of the second; the doubling of the cycle
     of two is at -47.5271439053 by the derivative of the map of w, scipy's DOP853 at 1e-12."""

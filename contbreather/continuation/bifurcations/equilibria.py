@@ -160,8 +160,8 @@ def _cusp_beside(weak: Callable[..., Any], reference: Array, point: Point) -> fl
     if not is_sparse(matrix) and least_singular(curve.balanced(matrix)).size < branch_points.RANK:
         return math.nan
     _, left, right = weak(curve, base.z)
-    null = math.copysign(1.0, right[:n] @ reference) * right[:n]
-    side = math.copysign(1.0, right[:n] @ null)
+    null = right[:n]
+    side = math.copysign(1.0, null @ reference)
     return float(side * left @ (curve.along(base.z, null)[:, :n] @ null) / 2)
 
 
