@@ -430,6 +430,13 @@ MAPS = (
         "b2", "NS", ("b1", "b2"), (("R1", {"b1": 0, "b2": 0}),), {"b2": (-0.9, 0.3)}, UNIT,
         lambda line: line["b1"] - line["b2"],
     ),
+    Line(  # of the business cycle (N. Kaldor, Econ. J. 50, 78, 1940), odd about its fixed point
+        "NS that ends at the R1 of an odd map",
+        of_map(lambda u, p: [u[0] + p["a"] * (np.arctan(u[0]) - p["s"] * u[0] - 0.7 * u[1]),
+                             np.arctan(u[0]) + 0.1 * u[1]], XY, a=1.0, s=0.5),
+        "a", "NS", ("a", "s"), (("R1", {"a": 81 / 70, "s": 2 / 9, "angle": 0}),), {"a": (0.5, 2)},
+        {"s": (0.1, 1.0)}, lambda line: line["a"] * (0.8 - 0.1 * line["s"]) - 0.9,
+    ),
     DOUBLED_PREY,
     COEXISTING,
     DYING,

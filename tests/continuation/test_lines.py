@@ -145,8 +145,9 @@ def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
     assert curve.first("BT").detail["degenerate"]
 
 
-def test_a_curve_of_neimark_sacker_points_ends_at_a_degenerate_r1() -> None:
-    end = lines.walked(lines.LINES["NS that ends at a degenerate R1"]).first("R1")
+@pytest.mark.parametrize("which", ["a degenerate R1", "the R1 of an odd map"])
+def test_a_curve_of_neimark_sacker_points_ends_where_branches_cross(which) -> None:
+    end = lines.walked(lines.LINES[f"NS that ends at {which}"]).first("R1")
     assert "branches cross here" in end.detail["degenerate"]
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..algebra.derivatives import IMAGINARY
 from ..algebra.linear_algebra import by_inverses, least_singular, solved
 from ..algebra.newton import FEW, Array, Undefined
 from ..algebra.sparse import Dense, Factors, Matrix, above, any_vector, beside, is_large
@@ -30,7 +31,6 @@ from ..systems.spectrum import Multipliers, Values
 from .stability_border import Border
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
-_FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 
 
 def multipliers_at(point: Point) -> Multipliers:
@@ -168,7 +168,7 @@ def bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], N
     v and w with ``g' = -w* B' v``."""
 
     def make(place: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-        return vanishing(closed(curve, curve.jacobian(z), cmath.exp(1j * place[-1])))
+        return vanishing(closed(curve, curve.jacobian(z), _on_circle(place[-1])))
 
     return curve.cached("pair", np.append(z, extra), make)
 
@@ -190,30 +190,38 @@ def vanishing(B: Matrix) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     return right[-1], right[:-1], left[:-1]
 
 
+def _on_circle(angle: float) -> complex:
+    """The multiplier exp(i angle), never real."""
+    return complex(math.cos(angle), math.sin(angle) or IMAGINARY)
+
+
 def _on_circle_with(curve: Curve, z: Array, extra: Array) -> Array:
-    """Re g, and Im g over about sin(angle), as it vanishes wherever the angle is 0 or pi."""
+    """Re g, and Im g over the sine, or folds and doublings would solve both where the angle is 0 or
+    pi: what is left there is the derivative of g, by a complex step."""
     g = bordered(curve, z, extra)[0]
-    return np.array([g.real, g.imag / math.hypot(math.sin(extra[0]), _FLAT)])
+    return np.array([g.real, g.imag / _on_circle(extra[0]).imag])
 
 
 def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
-    g, slope, angle = bordered(curve, z, extra)[0], slope_of_bordered(curve, z, extra), extra[0]
-    sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
-    below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
-    return np.array([slope.real, below / sine])
+    slope, mu = slope_of_bordered(curve, z, extra), _on_circle(extra[0])
+    below = slope.imag / mu.imag
+    # even in the angle about 0 and pi: next to these what is left of a difference is rounding
+    turned = slope.imag[-1] - mu.real * _on_circle_with(curve, z, extra)[1]
+    below[-1] = turned * mu.imag / (mu.imag**2 + np.finfo(float).eps)
+    return np.array([slope.real, below])
 
 
 def slope_of_bordered(curve: Curve, z: Array, extra: Array) -> NDArray[np.complex128]:
     """The derivative of that number in all unknowns and the angle."""
     _, v, w = bordered(curve, z, extra)
-    units, matrix, angle = _units(curve), curve.jacobian(z), extra[0]
+    units, matrix = _units(curve), curve.jacobian(z)
     left, right = w.conj() / units, v * units
     real, imaginary = (
         along_by_difference(curve, z, left, part) for part in (right.real, right.imag)
     )
     # affine in mu: the derivative of the closing is the difference of any two
     in_mu = closed(curve, matrix, 1.0) - closed(curve, matrix, 0.0)
-    turned = -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v))
+    turned = -1j * _on_circle(extra[0]) * (w.conj() @ (in_mu @ v))
     return np.append(-real - 1j * imaginary, turned)
 
 
