@@ -30,13 +30,14 @@ from .cycle_beyond import SHORTEST
 from .cycle_problem import Cycle
 from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of
-from .functions import Function, Params, slopes, values
+from .functions import Function, Params, slopes, slopes_along, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
 from .multipliers import paces
 from .rotation import moves
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
+_LOOKS = 16  # around it
 FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
 
 
@@ -61,13 +62,17 @@ def swing(least: float, point: Point) -> float:
 
 
 def examine_swing(least: float, point: Point) -> Examined:
+    """Refuse an orbit that is large, and only has nothing of the first one's way: what is small
+    turns as the linear equations have it, x' = J x, but for the square of its size."""
     orbit: Cycle = point.base_point.solution
-    states = orbit.flights[0].states
-    extent, size = float(np.ptp(states, axis=0).max()), float(abs(states).max())
-    first = orbit.equations.start[0].states
-    if extent < 100 * least * max(size, float(np.linalg.norm(first))):
-        return ""
-    return f"it swings by {extent:.2g}: no equilibrium"
+    place, s = orbit.equations.linearised(orbit.x, orbit.params), np.arange(_LOOKS) / _LOOKS
+    states = orbit.flights[0].at(s)
+    turn = states @ np.exp(-2j * math.pi * s)
+    center, ways = states.mean(axis=1)[:, None], np.stack([turn.real, turn.imag], axis=1)
+    f = orbit.equations.flows[0].f
+    along = slopes_along(f, 0.0, center, place.params, (), ways)[1][:, :2, 0] @ [1.0, 1j]
+    turned = 2j * math.pi / orbit.period * turn
+    return "" if np.linalg.norm(along - turned) <= least * np.linalg.norm(turned) else NOTHING
 
 
 def _examine_generalised(point: Point) -> Examined:

@@ -679,6 +679,26 @@ def test_a_curve_of_rotations_closes_where_its_angle_has_turned_once_more() -> N
     assert [each.stop.name for each in branches] == ["CLOSED", "CLOSED"]
 
 
+def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised_hopf_point():
+    """Folds at nu = -1/4 whatever mu, of radius 1/sqrt(2), along which what follows the circle
+    turns over: there nothing of the way of the first orbit is left."""
+
+    def led(t, x, p):
+        u, v, a, b = x
+        square, turn = u**2 + v**2, 10 * np.cos(p["mu"])
+        inside = p["nu"] + square - square**2
+        return [u * inside - v, v * inside + u, 5 * (turn * u - a), 5 * (turn * v - b)]
+
+    start = {"u": 1.0, "v": 0.0, "a": 10.0, "b": 0.0}
+    orbit = cb.cycle(led, start, {"mu": 0.1, "nu": 0.1}, settle=40)
+    branch = cb.trace(orbit, "nu", within={"nu": (-0.3, 0.2)}, towards="down")
+    assert [at.kind for at in branch.special] == ["EP", "LP", "HB"]
+    curve = cb.boundary(branch.first("LP"), ("mu", "nu"), within={"mu": (0.0, 3.0)})
+    assert "GH" not in [at.kind for at in curve.special]
+    assert curve["mu"].max() > math.pi / 2
+    assert curve["nu"] == pytest.approx(-0.25, abs=1e-9)
+
+
 def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
     """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
     velocities are against those of the start, and the branch would turn back."""

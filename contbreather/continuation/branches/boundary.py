@@ -277,7 +277,8 @@ class _Beneath:
             return verdict
         # its normal form is that of a branch, what is said of it is not
         words = {name: value for name, value in verdict.items() if isinstance(value, str)}
-        return {**words, "kind": f"{self.kind}-{words['kind']}"} if "kind" in words else words
+        kind = words.get("kind")  # "" where nothing happens
+        return {**words, "kind": f"{self.kind}-{kind}"} if kind else words
 
 
 def _examine_crossing(point: Point) -> str:
