@@ -39,7 +39,7 @@ from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.point import Event, Examined, Point
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
-from ..continuation.systems.defining_systems import Singular, signed_smallest
+from ..continuation.systems.defining_systems import Singular
 from ..errors import BadInput
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
@@ -331,11 +331,11 @@ class ReversibleBreather(Breather):
 # --- events -------------------------------------------------------------------------------------
 
 
-def _turned_around(point: Point) -> float:
-    """Measure how near the map from v to u is to another null vector than the orbit's own."""
+def _turned_around(point: Point) -> Array:
+    """The map from v to u, singular where it has another null vector than the orbit's own."""
     orbit = point.base_point.solution
     (_, B), (start, end) = orbit.half_map[0], orbit.forces
-    return signed_smallest(np.block([[B, end[:, None]], [start, np.zeros(1)]]))
+    return np.block([[B, end[:, None]], [start, np.zeros(1)]])
 
 
 def _crosses(point: Point) -> float:
@@ -366,7 +366,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
-    pf = event_at(1.0, "PF", _turned_around, said)
+    pf = event_at(1.0, "PF", Singular(_turned_around), said)
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return lp, turn, branch_point, pf, pd, kc, born
 

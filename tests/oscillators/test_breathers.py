@@ -450,3 +450,19 @@ def test_what_holds_functions_is_saved_without_equations(tmp_path) -> None:
     with pytest.raises(cb.BadInput, match="without its equations"):
         again[0].solution  # noqa: B018
     assert cb.load(tmp_path / "breathers.nc", problem=start)[0].solution.unstable == 0
+
+
+def test_two_pf_and_a_bp_within_one_step_are_located() -> None:
+    """The places are those of steps a fourteenth as long."""
+    chain = cb.Oscillators("1 - cos(u)", "c*r**2/2", lattice=cb.OpenChain(5))
+    start = cb.breather(chain, {2: 1}, omega=0.9, params={"c": 0.08})
+    branch = cb.trace(
+        start, "omega", within={"omega": (0.5, 0.9)}, towards="down",
+        events=[event for event in start.events if event.kind in ("PF", "BP")],
+    )  # fmt: skip
+    met = [(at.kind, round(float(at["omega"]), 6)) for at in branch.special[1:-1]]
+    first = [("PF", 0.547302), ("PF", 0.546093), ("BP", 0.545779), ("BP", 0.540093)]
+    assert met == [*first, ("PF", 0.506478), ("PF", 0.505817), ("BP", 0.505554)]
+    assert branch.doubtful == ()
+    for at in branch.special[1:-1]:
+        assert abs(at.solution.indices - 1).min() < 1e-6

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +20,9 @@ import numpy as np
 from ..algebra.newton import OUT_OF_DOMAIN, Undefined, newton
 from ..curve.curve import Curve
 from ..curve.point import Detail, Examined, Level, Point
-from ..systems.branch_points import Crossings, crossing
+from ..systems.branch_points import GAP, Crossings, crossing
 from ..systems.defining_systems import extended
-from .step_interpolant import ASIDE, LOW, StepSamples, count_at
+from .step_interpolant import ASIDE, LOW, StepInterpolant, StepSamples, count_at
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -65,8 +66,26 @@ def locate(samples: StepSamples) -> Iterator[Point]:
         except Undefined as error:
             middle = 0.5 * (left + right)
             samples.remember_event(middle, left, right)
+            if nearer := [*_on_halves(samples, left, right)]:
+                yield from nearer
+                continue
             reason = f"{samples.event.kind} seen but not located: {error}"
             yield special(samples, samples.segment.provisional(middle), left, right, reason)
+
+
+def _on_halves(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
+    """The events in a bracket by the cubics of its halves, 16 times as close: where curves cross
+    places are those of a cubic, and what is solved for from there may be on another curve."""
+    segment, event = samples.segment, samples.event
+    length = (right - left) * segment.length
+    if not event.crosses or length < GAP * (1 + segment.curve.length(segment.first.z)):
+        return
+    with suppress(Undefined):
+        ends = [*map(segment.at, (left, 0.5 * (left + right), right))]
+        for first, last in itertools.pairwise(ends):
+            piece = StepInterpolant(first, last, segment.tolerance)
+            values = {u: event.value_or_nan(end) for u, end in ((0.0, first), (1.0, last))}
+            yield from locate(StepSamples(piece, event, values))
 
 
 def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
