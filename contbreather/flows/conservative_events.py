@@ -29,7 +29,7 @@ from .equations import equations_of
 
 _LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _STEP = 1e-5  # of differences along solutions, in the metric of a curve
-_NEAR = 1e-6  # how far off its place the index of a located event may be
+NEAR = 1e-6  # how far off its place the index of a located event may be
 _MET = 1e-5  # the form of a unit vector that has no sign; and the overlap of two that is none
 
 
@@ -46,7 +46,7 @@ def nearest_to_minus_one(point: Point) -> float:
 def examine_place(place: float, found: Examined, point: Point) -> Examined:
     off = abs(point.base_point.solution.indices - place).min(initial=math.inf)
     far = f"no multiplier is {place:+g}: the nearest index is {off:.2g} off"
-    return unresolved(point) or (found if off < _NEAR else far)
+    return unresolved(point) or (found if off < NEAR else far)
 
 
 def event_at(place: float, kind: str, test: Any, found: Examined, **how: Any) -> Event:
@@ -117,7 +117,7 @@ def _apart(point: Point) -> float:
 
 def _examine_collision(point: Point) -> Examined:
     square, angle = _meeting(point)
-    if not abs(square) < _NEAR or angle in (0.0, math.pi):
+    if not abs(square) < NEAR or angle in (0.0, math.pi):
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
     return unresolved(point) or {"angle": angle, "signatures": _met(point, math.cos(angle))}
 

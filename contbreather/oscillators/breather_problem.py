@@ -36,14 +36,14 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.branches.switching import SwitchingProblem
-from ..continuation.curve.point import Event, Examined, Point
+from ..continuation.curve.point import NOTHING, Event, Examined, Point
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import Singular
 from ..errors import BadInput
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
-from ..flows.conservative_events import conservative_events, event_at
+from ..flows.conservative_events import NEAR, conservative_events, event_at, examine_place, followed
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
@@ -331,11 +331,22 @@ class ReversibleBreather(Breather):
 # --- events -------------------------------------------------------------------------------------
 
 
-def _turned_around(point: Point) -> Array:
-    """The map from v to u, singular where it has another null vector than the orbit's own."""
+def _block(end: int, begin: int, point: Point) -> Array:
+    """A block of the half map. Where A or D is singular an index is -1, for it is that of
+    ``2 D^T A - 1``; where B is, bordered by its null vectors of the orbit's own velocity, 1."""
     orbit = point.base_point.solution
-    (_, B), (start, end) = orbit.half_map[0], orbit.forces
-    return np.block([[B, end[:, None]], [start, np.zeros(1)]])
+    block: Array = orbit.half_map[end, begin]
+    if begin == end:
+        return block
+    first, last = orbit.forces
+    return np.block([[block, last[:, None]], [first, np.zeros(1)]])
+
+
+def _examine_flip(point: Point) -> Examined:
+    """By both at once, as of an orbit that is its own image, it touches -1 and leaves no circle."""
+    sizes = np.linalg.svd(point.base_point.solution.half_map[[0, 1], [0, 1]], compute_uv=False)
+    flat = (sizes[:, -1] < NEAR * sizes[:, 0]).all()
+    return NOTHING if flat else examine_place(-1.0, "", point)
 
 
 def _crosses(point: Point) -> float:
@@ -366,9 +377,11 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
-    pf = event_at(1.0, "PF", Singular(_turned_around), said)
+    turned, *ends = (Singular(partial(_block, *at)) for at in ((0, 1), (0, 0), (1, 1)))
+    pf = event_at(1.0, "PF", turned, said)
+    flips = [replace(pd, test=t, locus=partial(followed, t), examine=_examine_flip) for t in ends]
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
-    return lp, turn, branch_point, pf, pd, kc, born
+    return lp, turn, branch_point, pf, *flips, kc, born
 
 
 @dataclass(frozen=True, eq=False, repr=False)

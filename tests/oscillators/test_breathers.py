@@ -466,3 +466,31 @@ def test_two_pf_and_a_bp_within_one_step_are_located() -> None:
     assert branch.doubtful == ()
     for at in branch.special[1:-1]:
         assert abs(at.solution.indices - 1).min() < 1e-6
+
+
+def test_both_edges_of_a_tongue_within_one_step_are_located() -> None:
+    """Where a pair is at -1 either end of the half comes to rest: each has a test of its own."""
+    chain, code = (
+        cb.Oscillators("u**2/2 - u**3/3", "c*r**2/2", lattice=cb.OpenChain(5)),
+        {0: 1, 4: 1},
+    )
+    start = cb.breather(chain, code, omega=0.7531, params={"c": 0.0942})
+    branch = cb.trace(start, "omega", within={"omega": (0.45, 0.98)}, towards="down")
+    edges = [at["omega"] for at in branch.special if at.kind == "PD"]
+    assert len(edges) == 6
+    high, low = edges[-2:]
+    assert [low, high] == pytest.approx([0.488571, 0.492352], abs=1e-6)
+    for omega, beyond in ((low - 1e-3, 0), (0.5 * (low + high), 1), (high + 1e-3, 0)):
+        orbit = cb.breather(chain, code, omega=omega, params={"c": 0.0942}).solution
+        assert orbit.inverse_hyperbolic == beyond
+
+
+def test_an_orbit_that_is_its_own_image_does_not_double_where_a_pair_touches_minus_one() -> None:
+    """Its multipliers are squares of those of the half: at -1 pairs at +-i meet, and pass."""
+    chain = cb.Oscillators("u**2/2 - u**4/4", "c*r**2/2", lattice=cb.OpenChain(3))
+    start = cb.breather(chain, {1: 1}, omega=0.8, params={"c": 0.03})
+    branch = cb.trace(start, "omega", within={"omega": (0.5, 0.8)}, towards="down")
+    touched = [point.solution.indices.real.min() for point in branch]
+    assert min(touched) < -0.98
+    assert "PD" not in [at.kind for at in (*branch.special, *branch.doubtful)]
+    assert max(point.solution.inverse_hyperbolic for point in branch) == 0
