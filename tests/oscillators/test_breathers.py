@@ -476,13 +476,16 @@ def test_both_edges_of_a_tongue_within_one_step_are_located() -> None:
     )
     start = cb.breather(chain, code, omega=0.7531, params={"c": 0.0942})
     branch = cb.trace(start, "omega", within={"omega": (0.45, 0.98)}, towards="down")
-    edges = [at["omega"] for at in branch.special if at.kind == "PD"]
+    edges = [at for at in branch.special if at.kind == "PD"]
     assert len(edges) == 6
-    high, low = edges[-2:]
+    high, low = (at["omega"] for at in edges[-2:])
     assert [low, high] == pytest.approx([0.488571, 0.492352], abs=1e-6)
-    for omega, beyond in ((low - 1e-3, 0), (0.5 * (low + high), 1), (high + 1e-3, 0)):
-        orbit = cb.breather(chain, code, omega=omega, params={"c": 0.0942}).solution
-        assert orbit.inverse_hyperbolic == beyond
+    middle = 0.5 * (low + high)
+    for edge, window in zip(edges[-2:], ((middle, high + 1e-3), (low - 1e-3, middle)), strict=True):
+        beside = cb.trace(edge, "omega", within={"omega": window}, events=())
+        counts = {at["omega"]: at.solution.inverse_hyperbolic for at in beside}
+        assert counts[middle] == 1
+        assert [counts[end] for end in window if end != middle] == [0]
 
 
 def test_an_orbit_that_is_its_own_image_does_not_double_where_a_pair_touches_minus_one() -> None:
