@@ -219,7 +219,10 @@ class Lattice:
         return f"<{self.describe()}>"
 
     def describe(self) -> str:
-        return f"{self.name}, {self.sites} site{'s' * (self.sites > 1)}"
+        rows = ((name, getattr(self, name)) for name in ROWS)
+        parts = [f"{self.name}, {self.sites} site{'s' * (self.sites > 1)}"]
+        parts += [f"{name} {_shortly(row)}" for name, row in rows if (row != 1.0).any()]
+        return ", ".join(parts)
 
     @cached_property
     @one_thread
@@ -338,6 +341,13 @@ def _matrix(stiffness: Any) -> FloatArray:
     matrix = 0.5 * (matrix + matrix.T) + 0.0  # one zero, not two: lattices are known by their bits
     matrix.setflags(write=False)
     return matrix
+
+
+def _shortly(row: FloatArray) -> str:
+    """The first few of the values of all sites, or the one that all have."""
+    alike = (row == row[0]).all()
+    shown = " ".join(f"{value:.3g}" for value in row[: 1 if alike else 4])
+    return shown if alike or row.size <= 4 else f"{shown} ..."
 
 
 def _row(name: str, values: Any, sites: int) -> FloatArray:

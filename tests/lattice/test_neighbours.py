@@ -37,6 +37,13 @@ def test_every_lattice_says_what_it_is() -> None:
     assert cb.InfiniteChain().describe() == "infinite chain"
     assert STAR.describe() == "graph, 4 sites"
     assert cb.Lattice([[1.0]]).describe() == "lattice, 1 site"
+    heavy = cb.OpenChain(3, masses=[2.0, 2.0, 2.0])
+    assert heavy.describe() == "open chain with free ends, 3 sites, masses 2"
+    dimer = cb.OpenChain(6, masses=[1, 2] * 3, drive=[1, -1] * 3)
+    said = "open chain with free ends, 6 sites, masses 1 2 1 2 ..., drive 1 -1 1 -1 ..."
+    assert dimer.describe() == said
+    # as titles have it, of zones for instance
+    assert said in cb.symmetric(0.5, 0.05, 0.8, lattice=dimer).problem.label
     assert repr(STAR) == "<graph, 4 sites>"
     assert cb.Lattice.from_graph(nx.star_graph(3)) == STAR
     assert hash(STAR) == hash(cb.Lattice.from_graph(nx.star_graph(3)))
