@@ -182,10 +182,10 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     kept = sim.open_recording(tmp_path / "run.nc")
     assert kept.conditions.lattice == lattice
     assert len(kept.impacts) == len(whole.impacts)
-    with pytest.raises(BadInput, match="lattice is graph, 6 sites, masses .* there and ring of 6"):
+    with pytest.raises(BadInput, match=r"lattice is graph, 6 sites, masses .* there and ring of 6"):
         sim.record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": None})
     other = cb.Lattice.from_graph(nx.path_graph(6))
-    with pytest.raises(BadInput, match="masses 1.54 .* there and graph, 6 sites here"):
+    with pytest.raises(BadInput, match=r"masses 1.54 .* there and graph, 6 sites here"):
         sim.record(tmp_path / "run.nc", state, periods=40, **{**shared, "lattice": other})
     found = sim.classify(state, settle=300, periods=100, **shared)
     assert found.kind is sim.Kind.PERIODIC
