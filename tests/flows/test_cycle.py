@@ -8,6 +8,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import mathieu_a, mathieu_b
 
 import contbreather as cb
 from contbreather.flows import Collocation, Cycle, cycle_of
@@ -722,3 +723,20 @@ def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> Non
     assert on[-1]["mu"] == 3.0
     assert [at.kind for at in on.special] == ["EP", "EP"]
     assert on["mu"] == pytest.approx(np.sort(on["mu"]))
+
+
+@pytest.mark.parametrize(("order", "a"), [(1, 0.3), (2, 3.0)])
+def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: float) -> None:
+    """A pendulum on a shaken pivot, at rest: volumes are kept, so that along the whole edge of a
+    tongue the other multiplier is the same; edges are the characteristic values."""
+
+    def shaken(t, x, p):
+        return [x[1], -(p["a"] - 2 * p["q"] * np.cos(2 * t)) * np.sin(x[0])]
+
+    rest = cb.cycle(shaken, {"x": 0.0, "v": 0.0}, {"a": a, "q": 0.5}, period=np.pi)
+    branch = cb.trace(rest, "a", within={"a": (a, a + 2)})
+    for edge, value in zip(branch.special[1:-1], (mathieu_b, mathieu_a), strict=True):
+        line = cb.boundary(edge, ("q", "a"), within={"q": (0.1, 3)})
+        assert np.allclose(line["a"], value(order, line["q"]), rtol=0, atol=1e-12)
+        assert [at.kind for at in line.special] == ["EP", "EP"]
+        assert not line.doubtful

@@ -65,13 +65,11 @@ class Border:
 
     def least_beside(self, on: str, place: float, point: Point) -> float:
         """The test of a real value."""
-        others = self.others(on, point)
-        if self.real.get(on) == place and others.values.size:
-            # rounding splits a double one by its root, but does not move the sum of both
-            values, every = others.values.copy(), self.spectrum(point).values - place
-            values[abs(values - place).argmin()] += every[abs(every).argmin()]
-            others = replace(others, values=values)
-        return others.least_beside(place)
+        if self.real.get(on) == place:
+            # a double one is a pair with that of the curve: rounding splits both by its root, but
+            # does not move their sum or product
+            return self.spectrum(point).least_of_pairs_at(place)
+        return self.others(on, point).least_beside(place)
 
     def meetings(self, on: str) -> dict[str, tuple[Event, ...]]:
         """Events to look for on the curve of a kind in place of each other kind, made once."""

@@ -100,6 +100,15 @@ class CriticalValues:
             return math.nan
         return float(least_with_sign(factors, rounding))
 
+    def least_of_pairs_at(self, place: float) -> float:
+        """The same of the pairs that the value nearest to a place makes with each other one."""
+        values = self.values[abs(self.values - place).argsort()]
+        if not (values.size > 1 and np.isfinite(values).all()):
+            return math.nan
+        factors, rounding = replace(self, values=values).factors()
+        each = slice(values.size - 1)  # the first pairs are those of the first value
+        return float(least_with_sign(factors[each], np.broadcast_to(rounding, factors.shape)[each]))
+
     def least_beside(self, place: float) -> float:
         """The distance of the nearest from a place, with the sign of the product of all."""
         if not (self.values.size and np.isfinite(self.values).all()):
