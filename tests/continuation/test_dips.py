@@ -184,3 +184,22 @@ def test_two_branch_points_that_cannot_be_told_apart_are_doubtful() -> None:
         branch = trace(problem, "mu", within=within, events=[branch_point()], steps=steps)
         assert [point.kind for point in branch.special] == ["EP", "EP"]
         assert {point.kind for point in branch.doubtful} == {"BP"}
+
+
+def test_foci_that_are_neutral_together_are_no_hopf_point() -> None:
+    """Two Brusselators that exchange both alike: what moves against each other decays faster by
+    2 d, so that half-way between the Hopf points 2 and 2 + 4 d the one focus grows as the other
+    decays: a sum of two eigenvalues vanishes, of no pair."""
+
+    def two(x, p):
+        (u, v), B = x.reshape(2, 2).T, p["B"]
+        rates = [1 - (B + 1) * u + u * u * v, B * u - u * u * v]
+        return np.array(
+            [r + 0.1 * (w[::-1] - w) for r, w in zip(rates, (u, v), strict=True)]
+        ).T.ravel()
+
+    start = {"u1": 1.0, "v1": 1.5, "u2": 1.0, "v2": 1.5}
+    problem = Problem(two, start=start, params={"B": 1.5})
+    branch = trace(problem, "B", within={"B": (1.2, 3.5)}, events=[hopf()])
+    assert np.allclose([at["B"] for at in branch.special if at.kind == "HB"], [2.0, 2.4])
+    assert not branch.doubtful

@@ -127,7 +127,7 @@ class Border:
         for on, event in self.double.items():
             if abs(pair - self.real[on]).max() <= every.beside:
                 return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
-        if not pair.imag.any():  # nor is a double one near: a neutral saddle
+        if abs(pair[0] - pair[1].conjugate()) > every.beside:  # a neutral saddle, of foci as well
             return NOTHING
         return complex(pair[0] if pair[0].imag > 0 else pair[1])
 

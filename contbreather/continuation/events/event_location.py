@@ -368,4 +368,8 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     if seen(u) < _TOUCH * highest and max(seen(left), seen(right)) < LOW * highest:
         reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
         samples.zeros.append(u)
-        yield special(samples, samples.segment.provisional(u), left, right, reason)
+        point, known = samples.segment.provisional(u), samples.event.kind
+        with suppress(Undefined):  # what cannot be examined stays in doubt
+            known = special(samples, point, left, right).kind
+        if known:  # it is empty where nothing happens
+            yield special(samples, point, left, right, reason)
