@@ -497,3 +497,17 @@ def test_an_orbit_that_is_its_own_image_does_not_double_where_a_pair_touches_min
     assert min(touched) < -0.98
     assert "PD" not in [at.kind for at in (*branch.special, *branch.doubtful)]
     assert max(point.solution.inverse_hyperbolic for point in branch) == 0
+
+
+def test_curves_from_a_branch_in_the_energy_may_be_in_the_frequency() -> None:
+    """Of either edge of a tongue, each by the block that is singular there."""
+    chain = cb.Oscillators("u**2/2 + 0.2*u**3 + u**4/4", LINEAR, lattice=cb.OpenChain(3))
+    start = cb.breather(chain, {0: 1}, omega=2.0, params={"c": 0.1})
+    family = cb.trace(start, "omega", within={"omega": (2.0, 2.05)})
+    high = family[-1]["energy"]
+    branch = cb.trace(start, "energy", within={"energy": (6.0, high)}, towards="up")
+    edges = [at for at in branch.special if at.kind == "PD"]
+    assert len(edges) == 2
+    for edge in edges:
+        curve = cb.boundary(edge, ("omega", "c"), within={"c": (0.09, 0.11)})
+        assert np.hypot(curve["omega"] - edge["omega"], curve["c"] - 0.1).min() < 1e-9

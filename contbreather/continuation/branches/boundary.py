@@ -226,13 +226,17 @@ def _traceable(point: Point) -> Event:
 
 def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
     """The point, and its event, in equations that have both parameters."""
-    problem = having(base_point.problem, *pair)
+    base = base_point.problem
+    problem = having(base, *pair)
     if problem.residual is base_point.curve.problem.residual:
         return base_point, event
-    alike = next((e for e in problem.events if e.kind == event.kind), event)
-    event = (from_dict(to_dict(event.serialised)) if event.serialised else alike).of(problem)
+    here, there = ([e for e in of.events if e.kind == event.kind] for of in (base, problem))
+    pairs = zip(here, there, strict=False)  # of several of its kind it is that in its place
+    same = next((new for old, new in pairs if old is event), next(iter(there), event))
+    event = (from_dict(to_dict(event.serialised)) if event.serialised else same).of(problem)
     problem, _ = active_events(problem, (event,))
-    curve = Curve(problem, base_point.curve.free)
+    free = [name for name in base_point.curve.free if name in problem.params]
+    curve = Curve(problem, tuple(free) or pair[1:])
     return replace(base_point, curve=curve, z=curve.start, tangent=None), event
 
 
