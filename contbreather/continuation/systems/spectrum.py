@@ -101,7 +101,7 @@ class CriticalValues:
         return float(least_with_sign(factors, rounding))
 
     def least_of_pairs_at(self, place: float) -> float:
-        """The same of the pairs that the value nearest to a place makes with each other one."""
+        """Compute that of the pairs that the value nearest to a place makes with the others."""
         values = self.values[abs(self.values - place).argsort()]
         if not (values.size > 1 and np.isfinite(values).all()):
             return math.nan
