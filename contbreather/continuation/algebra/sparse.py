@@ -69,6 +69,13 @@ class Dense:
     def least(self, right: Array) -> Array:
         return self.correction(right)[0]
 
+    @property
+    def vanishes(self) -> bool:
+        """Tell whether a pivot has lost all its digits, and those of its rounding, by cancelling:
+        what is solved with it knows one null vector where there are two."""
+        sizes = abs(self._factors.diagonal())
+        return bool(sizes.min() < np.finfo(float).eps ** 2 * sizes.max())
+
     def tangent(self, row: Array) -> tuple[Array | None, int]:
         """The null vector whose product with the row is 1, and the sign of the determinant."""
         return self.solve(np.zeros(row.size - 1), 1.0), self.sign()
@@ -241,8 +248,8 @@ class Factors:
         core = scaled(core, self._rows)
         kind: Any = _Sparse if is_sparse(core) else Dense
         self._lu = kind(core)
-        self.exact = self._lu.exact
-        if not self.exact:  # a pivot that is exactly zero
+        self.exact = self._lu.exact and not self._lu.vanishes
+        if not self.exact:  # a pivot that is zero
             self._lu = kind(_shifted(core))
         self.null = np.zeros((width, width - n))
         for i, column in enumerate(order[n:]):
@@ -332,6 +339,8 @@ class Factors:
 
 class _Sparse:
     """The factors of a square sparse matrix, as `Dense` of an array."""
+
+    vanishes = False  # to look at its pivots takes a copy of the factors
 
     def __init__(self, matrix: Matrix) -> None:
         self.exact = True
