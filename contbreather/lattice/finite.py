@@ -344,10 +344,13 @@ def _matrix(stiffness: Any) -> FloatArray:
 
 
 def _shortly(row: FloatArray) -> str:
-    """The first few of the values of all sites, or the one that all have."""
-    alike = (row == row[0]).all()
-    shown = " ".join(f"{value:.3g}" for value in row[: 1 if alike else 4])
-    return shown if alike or row.size <= 4 else f"{shown} ..."
+    """The first few of the values of all sites; where one or two differ that of the others, too."""
+    values, counts = np.unique(row, return_counts=True)
+    usual = values[counts.argmax()]
+    own = [f"{row[n]:.3g} at site {n}" for n in np.flatnonzero(row != usual)]
+    if not own or (row.size > 4 and len(own) <= 2):
+        return f"{usual:.3g}" + " but " * bool(own) + " and ".join(own)
+    return " ".join(f"{value:.3g}" for value in row[:4]) + " ..." * (row.size > 4)
 
 
 def _row(name: str, values: Any, sites: int) -> FloatArray:

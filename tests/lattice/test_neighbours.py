@@ -39,6 +39,8 @@ def test_every_lattice_says_what_it_is() -> None:
     assert cb.Lattice([[1.0]]).describe() == "lattice, 1 site"
     heavy = cb.OpenChain(3, masses=[2.0, 2.0, 2.0])
     assert heavy.describe() == "open chain with free ends, 3 sites, masses 2"
+    defect = cb.OpenChain(6, masses=[1, 1, 1, 1, 3, 1])
+    assert defect.describe() == "open chain with free ends, 6 sites, masses 1 but 3 at site 4"
     dimer = cb.OpenChain(6, masses=[1, 2] * 3, drive=[1, -1] * 3)
     said = "open chain with free ends, 6 sites, masses 1 2 1 2 ..., drive 1 -1 1 -1 ..."
     assert dimer.describe() == said
