@@ -30,7 +30,7 @@ from .cycle_beyond import SHORTEST
 from .cycle_problem import Cycle
 from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of
-from .functions import Function, Params, slopes, slopes_along, values
+from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
 from .multipliers import paces
@@ -67,10 +67,9 @@ def examine_swing(least: float, point: Point) -> Examined:
     orbit: Cycle = point.base_point.solution
     place, s = orbit.equations.linearised(orbit.x, orbit.params), np.arange(_LOOKS) / _LOOKS
     states = orbit.flights[0].at(s)
-    turn = states @ np.exp(-2j * math.pi * s)
-    center, ways = states.mean(axis=1)[:, None], np.stack([turn.real, turn.imag], axis=1)
-    f = orbit.equations.flows[0].f
-    along = slopes_along(f, 0.0, center, place.params, (), ways)[1][:, :2, 0] @ [1.0, 1j]
+    turn, center = states @ np.exp(-2j * math.pi * s), states.mean(axis=1)[:, None]
+    derivative = slopes(orbit.equations.flows[0].f, 0.0, center, place.params)[1]
+    along = derivative[:, : turn.size, 0] @ turn
     turned = 2j * math.pi / orbit.period * turn
     return "" if np.linalg.norm(along - turned) <= least * np.linalg.norm(turned) else NOTHING
 

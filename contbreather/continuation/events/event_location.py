@@ -80,12 +80,14 @@ def _on_halves(samples: StepSamples, left: float, right: float) -> Iterator[Poin
     length = (right - left) * segment.length
     if not event.crosses or length < GAP * (1 + segment.curve.length(segment.first.z)):
         return
-    with suppress(Undefined):
+    try:
         ends = [*map(segment.at, (left, 0.5 * (left + right), right))]
-        for first, last in itertools.pairwise(ends):
-            piece = StepInterpolant(first, last, segment.tolerance)
-            values = {u: event.value_or_nan(end) for u, end in ((0.0, first), (1.0, last))}
-            yield from locate(StepSamples(piece, event, values))
+    except Undefined:  # where curves cross Newton's iteration has nowhere to go
+        return
+    for first, last in itertools.pairwise(ends):
+        piece = StepInterpolant(first, last, segment.tolerance)
+        values = {0.0: event.value_or_nan(first), 1.0: event.value_or_nan(last)}
+        yield from locate(StepSamples(piece, event, values))
 
 
 def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
