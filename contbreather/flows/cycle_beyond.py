@@ -26,6 +26,8 @@ from .rotation import turned_back, unturned
 from .rounds import once
 
 SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
+# one that leaves a surface after sliding is off it by the cube, a fourth root above rounding
+LEAVES = float(np.finfo(float).eps) ** 0.25
 
 Margin = Callable[[Curve, Array], Array]  # zero at GR, positive where orbits have these flows
 
@@ -94,12 +96,16 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     flights = [replace(f, start=start + (f.start - start) % orbit.period) for f in flights]
     flows, flights, turns = unturned(flows, flights)
     hit, walls = _hit(point, flows, flights[0])
-    short = SHORTEST * orbit.period if hit[1:] else 0.0
+    slides = slid_along(flows[0])
+    short = (LEAVES if slides else SHORTEST) * orbit.period if hit[1:] else 0.0
+    # where it is touched: sliding lasts up to there; after sliding the surface is left as
+    # t^2 (3 s - 2 t), with the field out of it up to t = s
+    part = 1 / 3 if slides else 1 if any(map(slid_along, hit)) else 1 / 2
     if more:
         touch = start + detail["touch"] * flights[0].duration
-        parts, pieces = _added(hit, walls, flows, flights, touch, short, turns)
+        parts, pieces = _added(hit, walls, flows, flights, touch - part * short, short, turns)
     else:
-        touch = flights[0].last + (flights[1].duration / 2 if short else 0.0)
+        touch = flights[0].last + (part * flights[1].duration if short else 0.0)
         parts, pieces = _removed(hit, flows, flights)
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
@@ -177,14 +183,16 @@ def _hit(
         contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
     own = (first,) if first.reset else (first, contact)
     walls = [*([own] if first.until else []), *first.walls]
-    hit = dict(zip(first.guards, walls, strict=True))[detail.get("guard", "until")]
+    guard = detail.get("guard", "until")
+    hit = dict(zip(first.guards, walls, strict=True))[guard]
+    if slides and "touch" in detail:  # along the surface to where a field leaves it, and off it
+        i = [flow.until for flow in slides.flows].index(first.guards[guard])
+        hit = slides.flows[i], slides.flows[i - 2]
     part, reason = detail.get("touch", 1.0), ""
     joins = hit is own and not (system and "touch" in detail)
     following = (list(flows) * 3)[len(hit)] if joins else first
     if "guard" in detail and "touch" not in detail:
         reason = "it is touched where a flow begins or ends: there these follow in another order"
-    elif slides and "touch" in detail:
-        reason = "it leaves the surface for so short a time at first that nothing tells how long"
     elif "at once" in detail:
         reason = (
             f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
@@ -213,11 +221,11 @@ def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
 
 def _added(
     hit: Sequence[Flow], walls: Sequence[Wall], flows: Sequence[Flow],
-    flights: Sequence[TrajectorySegment], touch: float, short: float, turns: Array,
+    flights: Sequence[TrajectorySegment], begins: float, short: float, turns: Array,
 ) -> tuple[list[Flow], list[TrajectorySegment]]:  # fmt: skip
     """Cut the first flow in two at a contact."""
     (whole, *rest), parts = flights, [hit[0].walled(walls), *hit[1:]]
-    joints = [touch - short / 2, touch + short / 2] if short else [touch]
+    joints = [begins, begins + short] if short else [begins]
     if flows[0].until is None:  # what comes after the contact goes on into what is before it
         earlier = whole.start - whole.duration
         before = replace(whole, start=earlier, states=whole.states - turns)

@@ -26,7 +26,7 @@ from ..continuation.systems.branch_points import bordered_matrix, branch_point_t
 from ..continuation.systems.defining_systems import Singular
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
-from .cycle_beyond import SHORTEST
+from .cycle_beyond import LEAVES, SHORTEST
 from .cycle_problem import Cycle
 from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of
@@ -286,16 +286,21 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             if ignored:
                 s = np.append(ignored, s[s > ignored])
                 states = flight.at(s)
-            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
+            t = flight.start + flight.duration * s
+            v = values(wall, t, states, orbit.params)[0]
+            beside = values(wall, t, np.nextafter(states, math.inf), orbit.params)[0]
+            # of what it is a difference of, too: a flow that shrinks to nothing stays next to it
+            size = max(abs(v).max(), abs(beside - v).max() / np.finfo(float).eps)
             height = partial(_height, wall, flight, orbit.params)
             # without a reset it begins where another ended: the walls of sliding are zero there
             before = flows[i - 1]
             walled = flow.until is None or (before.reset is not None and wall != before.until)
-            begins = ignored > 0.0 or _apart(orbit, i, wall, abs(v).max()) if ends else walled
+            begins = ignored > 0.0 or _apart(orbit, i, wall, size) if ends else walled
             # where no place is low this one is far from it, but in sliding that vanishes
             vanishes = ends and slid_along(flow)
             places = [] if vanishes else [s[v.argmax()]]
-            for j in [] if vanishes and flight.duration < short else _lows(v, s, begins, ends):
+            none = vanishes and flight.duration < short
+            for j in [] if none else _lows(v, s, size, begins, ends):
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])
             if not places:
@@ -326,7 +331,7 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
     return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
 
 
-def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
+def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool) -> list[int]:
     """Find the minima of a wall, those at the two ends of its flow among them.
 
     What ends the flow is zero there, so that is divided out: where it is touched before, v = 0 and
@@ -338,7 +343,7 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
     beside = np.concatenate([[math.inf], v, [math.inf]])
     depth = np.maximum(beside[:-2], beside[2:]) - v
     # less deep is rounding
-    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * abs(v).max())
+    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * size)
     low[0] &= begins
     low[-1] &= not ends
     return [int(j) for j in np.flatnonzero(low)]
@@ -400,10 +405,11 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
         edge = flow_between(flows[before], after) == flow
+        leaves = slid_along(flows[before])  # always at a tangency
         # of its largest rate less than this: all but touched
         tangent = flows[before].until and not moves(flows[before]) and rates[before][1] < 1e-2
-        if tangent or edge:
-            least = 0.0 if edge and slid_along(flow) else SHORTEST
+        if leaves or tangent or edge:
+            least = LEAVES if leaves else 0.0 if edge and slid_along(flow) else SHORTEST
             shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system
             where = "at the edge of sliding" if edge else "at a tangency"
             said = f"flow {i} shrinks to nothing, it begins {where}"

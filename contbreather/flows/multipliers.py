@@ -246,7 +246,9 @@ def _saltation(
     jump = after - reset @ before - whole[:, n]
     gate, waits = piece.condition[0, :n], piece.condition[0, n]
     fastest = abs(ways[i]).max(axis=0)
-    if abs(rate) <= 1e-13 * (abs(gate) @ fastest + abs(waits)):  # rounding
+    # S has entries of 1/rate, in units of the fastest change, and a determinant that has none: the
+    # rounding of the square of these
+    if abs(rate) <= np.finfo(float).eps ** 0.5 * (abs(gate) @ fastest + abs(waits)):
         return np.full_like(reset, np.nan)
     return np.asarray(reset + np.outer(jump, gate) / rate)
 

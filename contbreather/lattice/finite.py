@@ -344,13 +344,15 @@ def _matrix(stiffness: Any) -> FloatArray:
 
 
 def _shortly(row: FloatArray) -> str:
-    """The first few of the values of all sites; where one or two differ that of the others, too."""
+    """All values, or how some differ from the rest, whichever is shorter; of many the first few."""
     values, counts = np.unique(row, return_counts=True)
-    usual = values[counts.argmax()]
-    own = [f"{row[n]:.3g} at site {n}" for n in np.flatnonzero(row != usual)]
-    if not own or (row.size > 4 and len(own) <= 2):
-        return f"{usual:.3g}" + " but " * bool(own) + " and ".join(own)
-    return " ".join(f"{value:.3g}" for value in row[:4]) + " ..." * (row.size > 4)
+    usual = f"{values[counts.argmax()]:.3g}"
+    if values.size == 1:
+        return usual
+    own = [f"{row[n]:.3g} at site {n}" for n in np.flatnonzero(row != values[counts.argmax()])]
+    each = [f"{value:.3g}" for value in row]
+    whole = min(" ".join(each), f"{usual} but {' and '.join(own)}", key=len)
+    return whole if len(whole) <= 40 else " ".join(each[:4]) + " ..."
 
 
 def _row(name: str, values: Any, sites: int) -> FloatArray:

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather import Problem
 
 from .test_filippov import MASS, pushed
 from .zoo import STICK_SLIP
@@ -31,9 +33,10 @@ def ordered(flows: list[str]) -> list[str]:
 
 
 def follow(orbit: cb.flows.Cycle, system: cb.Filippov, V: float) -> tuple[float, list[str]]:
-    """How far off itself an orbit is a period after the middle of its longest flow, and its flows,
-    by Dormand and Prince; the surface is where the last state is V."""
-    p, longest = orbit.params, int(orbit.durations.argmax())
+    """How far off itself an orbit is a period after the middle of its longest flow off the surface,
+    and its flows, by Dormand and Prince; the surface is where the last state is V."""
+    off = [flow in system.flows[:2] for flow in orbit.equations.flows]
+    p, longest = orbit.params, int((orbit.durations * off).argmax())
     t = start = orbit.times[longest] + 0.5 * orbit.durations[longest]
     x, end, seen = orbit.states(start), start + orbit.period, []
 
@@ -166,12 +169,39 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
     assert back[-1].solution.equations.flows == start.residual.flows
 
 
-def test_sliding_that_touches_its_edge_is_refused_with_the_reason() -> None:
+def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
+    """A mass with friction 1 that is pushed so that it slips twice a period, and nearly oftener."""
+
     def field(sign: int) -> Any:
-        return lambda t, x, p: [1.1 * np.cos(t) + p["B"] * np.cos(6 * t) - sign + 0 * x[0]]
+        push = lambda t, p: 1.1 * np.cos(t) + p["B"] * np.cos(6 * t) + mean  # noqa: E731
+        return lambda t, x, p: [push(t, p) - sign + 0 * x[0]]
 
     mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
-    orbit = cb.cycle(mass, {"v": 0.3}, {"B": 0.4}, period=TAU, settle=25)
-    touched = cb.trace(orbit, "B", within={"B": (0.4, 0.5)}, events=()).first("GR")
-    with pytest.raises(cb.BadInput, match="leaves the surface for so short a time"):
+    return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25)
+
+
+def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
+    mass, orbit = rocked(0.02)
+    within = {"B": (0.36, 0.5)}
+    touched = cb.trace(orbit, "B", within=within, events=()).first("GR")
+    # where the push next to t = 2 pi / 6 just overcomes friction
+    t = np.linspace(0.9, 1.2, 30_001)
+    known = brentq(lambda B: (1.1 * np.cos(t) + B * np.cos(6 * t)).max() + 0.02 - 1, 0.3, 0.5)
+    assert touched["B"] == pytest.approx(known, abs=1e-9)
+    (leaving,) = cb.switch(touched, within=within, events=())
+    assert leaving[0]["beyond"] == "persists"
+    # the time off the surface that counts as none is that far beyond, as its square
+    assert leaving[0]["B"] == pytest.approx(known, abs=1e-6)
+    slips = ["sticks up", "above"]
+    check(leaving, mass, ["below", *slips, *slips, "sticks down"])
+    fewer = {"towards": "down", "within": within, "events": ()}
+    lost = cb.trace(leaving[3].problem, "B", **fewer).first("SL")
+    (back,) = cb.switch(lost, within=within, events=())
+    assert (back[0]["beyond"], back[0]["B"]) == ("persists", pytest.approx(known, abs=1e-9))
+    check(back, mass, ["below", *slips, "sticks down"])
+
+
+def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason() -> None:
+    touched = cb.trace(rocked(0.0)[1], "B", within={"B": (0.36, 0.5)}, events=()).first("GR")
+    with pytest.raises(cb.BadInput, match="walls are touched at once"):
         cb.switch(touched)

@@ -240,3 +240,22 @@ def test_a_state_that_follows_another_at_once_has_a_multiplier_of_nothing() -> N
     grown = np.exp(np.trapezoid(1 - orbit.states(t)[0] ** 2, t))
     np.testing.assert_allclose(orbit.multipliers, [1.0, grown, 0.0], atol=1e-6)
     assert orbit.multipliers[1] == pytest.approx(grown, rel=1e-4)
+
+
+def test_the_pole_of_a_multiplier_at_a_vanishing_impact_is_no_bifurcation() -> None:
+    """PD was in doubt there, at a quarter of such ends."""
+
+    def f(t: Any, x: Any, p: Any) -> Any:
+        push = 0.217 + 1.3118 * np.cos(0.7957 * t)
+        return [x[1], -p["d"] * x[1] - x[0] - 0.192 * x[0] ** 3 + push]
+
+    def bounce(t: Any, x: Any, p: Any) -> Any:
+        return [x[0], -0.5052 * x[1]]
+
+    hit, start = cb.Flow(f, lambda t, x, p: 0.9628 - x[0], bounce), {"x": 0.1, "v": 0.3}
+    orbit = cb.cycle([hit], start, {"d": 0.2404}, period=TAU / 0.7957, settle=100)
+    for largest in (None, 0.05, 0.02):
+        steps = cb.Steps(largest=largest)
+        branch = cb.trace(orbit, "d", within={"d": (0.005, 0.6)}, steps=steps)
+        assert [point.kind for point in branch.special] == ["EP", "LP", "VI"]
+        assert not branch.doubtful

@@ -39,10 +39,12 @@ def test_every_lattice_says_what_it_is() -> None:
     assert cb.Lattice([[1.0]]).describe() == "lattice, 1 site"
     heavy = cb.OpenChain(3, masses=[2.0, 2.0, 2.0])
     assert heavy.describe() == "open chain with free ends, 3 sites, masses 2"
-    defect = cb.OpenChain(6, masses=[1, 1, 1, 1, 3, 1])
-    assert defect.describe() == "open chain with free ends, 6 sites, masses 1 but 3 at site 4"
+    defect = cb.OpenChain(16, masses=[1, 1, 1, 1, 3] + [1] * 11)
+    assert defect.describe() == "open chain with free ends, 16 sites, masses 1 but 3 at site 4"
+    unlike = cb.OpenChain(9, masses=np.linspace(0.9, 1.1, 9))
+    assert unlike.describe().endswith("masses 0.9 0.925 0.95 0.975 ...")
     dimer = cb.OpenChain(6, masses=[1, 2] * 3, drive=[1, -1] * 3)
-    said = "open chain with free ends, 6 sites, masses 1 2 1 2 ..., drive 1 -1 1 -1 ..."
+    said = "open chain with free ends, 6 sites, masses 1 2 1 2 1 2, drive 1 -1 1 -1 1 -1"
     assert dimer.describe() == said
     # as titles have it, of zones for instance
     assert said in cb.symmetric(0.5, 0.05, 0.8, lattice=dimer).problem.label

@@ -195,18 +195,25 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
         yield from separated(samples)
         yield from _dipped(samples)
         yield from _closer(samples)
-    # the step is looked through again at the events found so far
-    for _ in range(20):
-        fresh = [*itertools.chain.from_iterable(map(locate, active))]
+    # what ends the curve comes first: other tests may have a pole there, and no value beyond; the
+    # step is looked through again at the events found so far
+    ending = [samples for samples in active if samples.event.ends]
+    for turn in range(20):
+        fresh = [*itertools.chain.from_iterable(map(locate, active if turn else ending))]
         yield from fresh
         if not fresh:
-            break
+            if turn:
+                break
+            continue
         active = list(tests)  # what happens at an event is news of the clear ones as well
         for point, samples in itertools.product(fresh, tests):
             segment = samples.segment
             u = (point.arclength - segment.first.arclength) / segment.length
             if 0 < u < 1 and samples.event is not point.event:
                 samples.learn(u, samples.event.value_or_nan(point))
+                if point.event and point.event.ends:  # at both sides of a pole
+                    samples.known(u - BESIDE * u)
+                    samples.known(u + BESIDE * (1 - u))
         for samples in tests:
             yield from _dipped(samples)
 

@@ -495,7 +495,7 @@ class ContinuationIterator:
         # what is singular where an event ends the curve needs no other name: at R1 of a curve of NS
         # its equations are those of a fold, too
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
-        self.doubtful += [p for p in doubtful if p.arclength < end]
+        self.doubtful += [p for p in doubtful if (p.bracket or (p.arclength,))[-1] < end]
         return Points.of(line), stop
 
     # --- end ---
