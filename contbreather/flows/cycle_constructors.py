@@ -166,6 +166,7 @@ def cycle(
         refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
         angles = angles.checked(path, t0, state, params)
         parts, pieces = simulated_orbit(path, alone, params, (t0, state), length, settle, angles)
+        alone = None if parts[0].until else parts[0]  # also where conditions are not met any more
         # in the first period, or at no time at all
         shift = pieces[0][1]
         shift = shift if length is None else math.floor(shift / length + 1e-9) * length

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..checks import brief, number, numbers
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput, NotConverged
 from .collocation import AT_REST
-from .flow import Flow, slid_along
+from .flow import Filippov, Flow, slid_along
 from .functions import Params, values
 from .integrate import TooManySteps, Trajectory, integrate, root
 from .rotation import Angles
@@ -38,6 +39,12 @@ def simulated_orbit(
     run, size = partial(_run, flows, params, []), float(abs(start[1]).max())
     t, state, first = _settled(run, start[1], length, start[0], settle)
     begin = t, state - angles.turns(state), first
+    if alone is None and length is not None:
+        ran = run(x0=begin[1], time=_CLEAR * length, t0=t, first=first, events=1)
+        if not ran.events:
+            alone = _clear_of(flows, first, params)
+            begin = t + _CLEAR * length, ran.final - angles.turns(ran.final), first
+            run = partial(_run, (alone,), params, [])
     if alone is None:
         return _hybrid(run, begin, length, angles)
     if length is not None:
@@ -79,18 +86,33 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     return middle, last(middle), last.number
 
 
+def _clear_of(flows: Any, first: int, params: Params) -> Flow:
+    """Make a flow that nothing ends of one whose condition is not met, which is a wall of it, as
+    those of others are that have its field."""
+    if isinstance(flows, Filippov):
+        flow = flows.flows[first]
+        if slid_along(flow):
+            raise NotConverged(
+                f"the motion along the surface does not leave it within {_CLEAR} periods: give the "
+                "field that it has there, of one state less"
+            )
+        walls: list[Any] = [(flow, flows.flows[first + 2])]
+    else:
+        flow, after = flows[first], [*flows[1:], flows[0]]
+        walls = [
+            (other,) if other.reset else (other, following)
+            for other, following in zip(flows, after, strict=True)
+            if other.f == flow.f
+        ]
+    return replace(flow, until=None, reset=None, ignore=0.0).walled(walls)
+
+
 def _hybrid(
     run: Run, begin: Begin, length: float | None, angles: Angles
 ) -> tuple[tuple[Flow, ...], list[Motion]]:
     """Return the last pieces of a simulation after which it repeats itself."""
     t, state, first = begin
     run = partial(run, x0=state, t0=t, first=first)
-    if length is not None and not run(time=_CLEAR * length, events=1).events:
-        raise NotConverged(
-            f"the condition of flow {first} is not met within {_CLEAR} periods from t = {t:.4g}, "
-            f"x = {brief(state.tolist())}: what an orbit stays clear of is one of the walls= of a "
-            "flow that nothing ends; `switch` goes on where it is touched"
-        )
     ran = run(events=2 * RETURNS)
     last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0

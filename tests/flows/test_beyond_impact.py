@@ -37,7 +37,7 @@ def period(p: Any) -> Any:
     return TAU / p["w"]
 
 
-HIT = cb.Flow(field, until=right, reset=rebound)
+HIT, OTHER = (cb.Flow(field, until=wall, reset=rebound) for wall in (right, left))
 
 
 def amplitude(c: float, w: float) -> float:
@@ -176,8 +176,33 @@ def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
     assert max(map(misses, hard(back)[::8])) < 1e-9
 
 
+def test_a_motion_that_settles_clear_of_its_conditions_has_them_as_walls() -> None:
+    free, rest = cb.Flow(field, until=right), {"x": 0.0, "v": 0.0}
+    stop = [free, cb.Flow(lambda t, x, p: [x[1], -x[0]], until=lambda t, x, p: x[0] - p["s"])]
+    belt = cb.Filippov(field, lambda t, x, p: [x[1], -x[0]], right)
+    for flows, walls in (
+        (HIT, [HIT]),
+        ([HIT, OTHER], [HIT, OTHER]),
+        (stop, [stop]),
+        (belt, [(belt.plus, belt.to_plus)]),
+    ):
+        clear = cb.cycle(flows, rest, ON, period=period, settle=200)
+        assert clear.residual.flows == (cb.Flow(field, walls=walls),)
+    touched = cb.trace(clear, "s", within={"s": (0.05, 0.3)}, towards="down").first("GR")
+    assert touched["s"] == pytest.approx(amplitude(ON["c"], ON["w"]), rel=1e-9)
+
+
+def test_a_motion_that_never_leaves_a_surface_is_refused() -> None:
+    def side(sign: int) -> Any:
+        return lambda t, x, p: [x[1], -x[0] + 0.1 * np.cos(t) - 0.5 * sign]
+
+    held = cb.Filippov(side(1), side(-1), lambda t, x, p: x[1])
+    with pytest.raises(cb.NotConverged, match="does not leave it within 100 periods"):
+        cb.cycle(held, {"x": 1.3, "v": 0.0}, {}, period=TAU, settle=25)
+
+
 def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
-    walls = HIT, cb.Flow(field, until=left, reset=rebound)
+    walls = HIT, OTHER
     within = {"w": (2.0, 2.6)}
     branch = cb.trace(without_impacts(walls, s=0.3, w=2.5), "w", within=within, events=())
     met = []
