@@ -196,9 +196,26 @@ def test_nothing_is_found_where_nothing_is(traced: Callable[[], Branch]) -> None
 def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold() -> None:
     branch = zoo.trace_case(zoo.ARMS, events=zoo.STATIC)
     assert [point.kind for point in zoo.events_of(branch)] == ["BP"]
-    assert {point.kind for point in branch.doubtful} == {"LP"}
+    assert branch.doubtful == ()  # the branch point explains why it turns
     alone = zoo.trace_case(zoo.ARMS, events=[fold()])
     assert zoo.events_of(alone) == []
+    assert [point.kind for point in alone.doubtful] == ["LP"]
+
+
+@pytest.mark.parametrize("back", range(1, 6))
+def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt(back: int) -> None:
+    """From a point of an arm the same steps lead back to where it set out from."""
+
+    def lorenz(x: Any, p: Any) -> Any:
+        flow = [10 * (x[1] - x[0]), x[0] * (p["r"] - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
+        return np.array(flow)
+
+    within, events = {"r": (0.5, 20)}, [fold(), branch_point(), hopf()]
+    mine = Problem(lorenz, start={"x": 0.0, "y": 0.0, "z": 0.0}, params={"r": 0.6})
+    arms = cb.switch(trace(mine, "r", within=within, events=events).first("BP"), within=within)
+    branch = trace(arms[0][back].problem, "r", within=within, events=events)
+    assert [(p.kind, p["r"]) for p in zoo.events_of(branch)] == [("BP", pytest.approx(1.0))]
+    assert branch.doubtful == ()
 
 
 @pytest.mark.parametrize("largest", [0.01, 0.02, 0.05, 0.1, 0.5])

@@ -87,8 +87,7 @@ def find(
         after[i] = 0 if id(events[i]) in at_end and not samples.jumps else samples.values[1.0]
     if curve.problem.beneath is not None:
         points = list(_one_a_place(points))
-    good = [point for point in points if point.located]
-    return good, _unverified(points, good), after
+    return [point for point in points if point.located], _unverified(points), after
 
 
 def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
@@ -165,19 +164,27 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
 
-def _unverified(points: Sequence[Point], good: Sequence[Point]) -> list[Point]:
+def unexplained(doubtful: Sequence[Point], crossings: Sequence[Point]) -> list[Point]:
+    """Leave out what is in doubt at a branch point that was located: some tests vanish wherever
+    curves cross, of others rounding decides."""
+    places = [p.arclength for p in crossings]
+    reaches = [GAP * (1 + p.curve.length(p.z)) for p in doubtful]
+    return [
+        point
+        for point, reach in zip(doubtful, reaches, strict=True)
+        if all(abs(place - point.arclength) > reach for place in places)
+    ]
+
+
+def _unverified(points: Sequence[Point]) -> list[Point]:
     """Candidates that failed, each place once for each event: what was seen there twice is two of
-    them. A branch point may have been located where it was seen, too: at the start of a walk
-    rounding decides from which side it is come upon."""
+    them."""
     kept: list[Point] = []
     latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
     for point in points:
         if point.located:
             continue
         reach = GAP * (1 + point.curve.length(point.z))
-        same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
-        if any(abs(p.arclength - point.arclength) <= reach for p in same):
-            continue
         i = latest.get(id(point.event))
         if i is not None and point.arclength - kept[i].arclength <= reach:
             kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": not_simple(point.kind)})

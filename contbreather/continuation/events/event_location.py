@@ -265,7 +265,7 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
             return None
         low, high = place - ASIDE, place + ASIDE
         if not event.crosses:
-            before, after = (event.value_or_nan(segment.beside(point, v)) for v in (low, high))
+            before, after = (event.value_or_nan(segment.at(v)) for v in (low, high))
             if before == after if isinstance(before, int) else not before * after <= 0:
                 return None
     except OUT_OF_DOMAIN:

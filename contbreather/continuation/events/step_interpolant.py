@@ -74,11 +74,6 @@ class StepInterpolant:
         self._known[u] = self._point(u, *solved)
         return self._known[u]
 
-    def beside(self, point: Point, u: float) -> Point:
-        """The curve at u, so close to a point of it that it goes on as the cubic does."""
-        off, (_, slope) = u * self.length - (point.arclength - self.first.arclength), self.guess(u)
-        return self._point(u, point.z + off * slope, slope, math.nan)
-
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u; `tangents` are known where curves cross."""
         z, curve = solution.z, self.curve

@@ -26,7 +26,7 @@ from ..curve.derivative_checks import advice, unlike_scales
 from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
-from ..events.event_detection import Ends, find, quiet_steps
+from ..events.event_detection import Ends, find, quiet_steps, unexplained
 from ..events.step_interpolant import StepInterpolant
 from ..systems.defining_systems import stays_regular
 from .checkpoint import Checkpoint, Save, checkpoint
@@ -314,6 +314,7 @@ class ContinuationIterator:
         self.point, self.count = start, 0  # where it is, after how many steps
         self.walked: list[Points] = []
         self.doubtful: list[Point] = []
+        self.crossings: list[Point] = []
         self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
         # at the latest two places: arclength, and the tests of all events as they are, int or float
@@ -496,6 +497,8 @@ class ContinuationIterator:
         # its equations are those of a fold, too
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
         self.doubtful += [p for p in doubtful if (p.bracket or (p.arclength,))[-1] < end]
+        self.crossings += [p for p in line if p.event and p.event.crosses]
+        self.doubtful = unexplained(self.doubtful, self.crossings)
         return Points.of(line), stop
 
     # --- end ---
