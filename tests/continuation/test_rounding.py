@@ -59,6 +59,20 @@ def test_where_a_walk_sets_out_at_a_fold(domain, towards: str, side: float) -> N
         assert branch[1]["mu"] == pytest.approx(branch[1]["x"] ** 2)
 
 
+def test_a_step_that_rounding_leaves_to_the_edge_of_a_window_is_made() -> None:
+    """Of a map of angles: sin(pi) is 1e-16, and steps of 0.01 end 1e-13 short of K = 6."""
+
+    def rotors(u: Any, p: Any) -> Any:
+        q, w = u[:2], u[2:] + p["K"] * np.array([0.65, 0.36]) * np.sin(u[:2])
+        w = w + 0.85 * np.sin(u[0] + u[1])
+        return np.concatenate([q + w, w])
+
+    fixed = cb.FixedPoint(rotors, {"q": np.pi, "r": 0.0, "v": 0.0, "w": 0.0}, {"K": 0.5})
+    for largest in (0.01, 0.1 * 0.1):
+        branch = cb.trace(fixed, "K", within={"K": (-4, 6)}, steps=cb.Steps(largest=largest))
+        assert [branch[0].kind, branch[-1].kind] == ["EP", "EP"]
+
+
 def test_where_a_walk_sets_out_at_a_fold_on_the_edge_of_a_window() -> None:
     for seed in SEEDS:
         inside = first_step(mixed(parabola, START, seed), "up", within={"x": (-0.5, 0.0)})

@@ -378,8 +378,9 @@ class Stepper:
         value = curve.equations(between, curve.problem.roughly)
         factors = factors if z.size > FEW else curve.factors(between, row)
         change, singular = factors.correction(value, row)
-        # beside a branch point the residual says nothing
-        if not singular and curve.length(change) > CUBIC_ERROR * length:
+        # beside a branch point the residual says nothing, nor where it is rounding
+        least = max(CUBIC_ERROR * length, EXACT * (1 + curve.length(z)))
+        if not singular and curve.length(change) > least:
             raise StepFailed("the curve is not smooth at the smallest step")
 
 
