@@ -344,7 +344,7 @@ def _matrix(stiffness: Any) -> FloatArray:
 
 
 def _shortly(row: FloatArray) -> str:
-    """All values, or how some differ from the rest, whichever is shorter; of many the first few."""
+    """List all values, or how some differ from the rest, which is shorter; of many the first."""
     values, counts = np.unique(row, return_counts=True)
     usual = f"{values[counts.argmax()]:.3g}"
     if values.size == 1:

@@ -202,6 +202,19 @@ def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold()
     assert [point.kind for point in alone.doubtful] == ["LP"]
 
 
+def test_a_step_that_would_end_on_a_branch_point_is_shortened() -> None:
+    """The first three steps back from a doubled orbit end where it sets out from: MX and a false LP
+    were there, 1e-6 short of it."""
+    feeds = np.array([[1.23, 0.54], [0.31, 1.08]])
+    rest = dict(zip("xy", np.linalg.solve(feeds, [1.0, 1.0]).tolist(), strict=True))
+    ricker = cb.FixedPoint(lambda u, p: u * np.exp(p["r"] - feeds @ u), rest, {"r": 1.0})
+    within = {"r": (0.2, 3.5)}
+    (doubled,) = cb.switch(trace(ricker, "r", within=within).first("PD"), within=within)
+    back = trace(doubled[3].problem, "r", within=within)
+    assert [point.kind for point in back.special] == ["BP", "PD", "PD", "EP"]
+    assert back.doubtful == ()
+
+
 @pytest.mark.parametrize("back", range(1, 6))
 def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt(back: int) -> None:
     """From a point of an arm the same steps lead back to where it set out from."""

@@ -76,6 +76,14 @@ class Dense:
         sizes = abs(self._factors.diagonal())
         return bool(sizes.min() < np.finfo(float).eps ** 2 * sizes.max())
 
+    @property
+    def weight(self) -> float:
+        """The logarithm of the size of the determinant, of rows of length 1."""
+        if not self.exact:
+            return -math.inf
+        squares = np.add.reduce(self.whole * self.whole, axis=1)
+        return float(np.add.reduce(np.log(abs(self._factors.diagonal())) - np.log(squares) / 2))
+
     def tangent(self, row: Array) -> tuple[Array | None, int]:
         """The null vector whose product with the row is 1, and the sign of the determinant."""
         return self.solve(np.zeros(row.size - 1), 1.0), self.sign()
@@ -305,6 +313,8 @@ class Factors:
             rows[1, :width] = row
         padded = np.concatenate([right, np.zeros(len(rows))])
         return wider.solve(padded, rows)[:width], True
+
+    weight = math.nan  # a product of pivots that nobody looks at
 
     def tangent(self, row: Array) -> tuple[Array | None, int]:
         # J has one null vector N: det [J; row] has the sign of det L . (row N)

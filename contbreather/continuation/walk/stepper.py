@@ -80,10 +80,12 @@ class Stepper:
         # loops come back to the start of the branch, across its tangent
         self.home, self.across = home, self.curve.metric * home.direction
         self.outset = home is way.point
+        self.angles = bool(self.curve.problem.modulo(home.x, self.curve.params(home.z)))
         # whether that is a branch point
         self.crossed = way.sign == 0 if self.outset else home.parent is not None
         # of the bordered determinant, 0 where unknown; to try next
         self.sign, self.size = way.sign, steps.first
+        self.weight = math.nan  # the logarithm of its size
         # how long the last step was, and what the curve bends by in s^2 and s^3 from its end on
         self.length, self.bend = 0.0, np.zeros((2, way.point.z.size))
         self.longest, self.tiny = 0.0, 0
@@ -167,7 +169,9 @@ class Stepper:
     def _passed(self, point: Point, last: Point) -> Point | None:
         """The start, if the step passes it in the direction in which the curve left it; its angles
         as they are there."""
-        start, row = self.curve.turned(self.home.z, last.z), self.across
+        start, row = self.home.z, self.across
+        if self.angles:
+            start = self.curve.turned(start, last.z)
         before, after = row.dot(point.z - start), row.dot(last.z - start)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
@@ -198,7 +202,7 @@ class Stepper:
             try:
                 if failed and (retreat := point.base_point.curve.problem.retreat):
                     retreat(point.base_point.x, point.base_point.params)
-                return self._attempt(point, size, EXACT * (1 + far))
+                return self._attempt(point, size, far)
             except Undefined as error:
                 failed = StepFailed(str(error), Stop.DOMAIN)
             except StepFailed as reason:
@@ -209,7 +213,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed()
 
-    def _attempt(self, point: Point, size: float, along: float) -> Step:
+    def _attempt(self, point: Point, size: float, far: float) -> Step:
         curve, (second, third), sign, way = self.curve, self.bend, self.sign, point.direction
         # predict: z + s t + s^2 c_2 + s^3 c_3
         predicted = point.z + size * (way + size * (second + size * third))
@@ -218,7 +222,7 @@ class Stepper:
         # correct
         if landing is None:
             solution = self.correct(guess, row, point.z)
-            z, landing = self._within(point.z, solution.z, along)
+            z, landing = self._within(point.z, solution.z, EXACT * (1 + far))
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
@@ -230,6 +234,10 @@ class Stepper:
         tangent, side = curve.tangent_at(z, way, factors)
         turn = _angle(curve, way, tangent)
         self._examine(point, z, tangent, length, turn, factors)
+        # where the determinant vanishes, linearly, next to the end: its tangent is of neither curve
+        near, ahead = GAP * (1 + far), math.exp(min(factors.weight - self.weight, 0.0))
+        if landing is None and ahead * length < near < length:
+            raise StepFailed("it ends on a branch point")
         arclength = point.arclength + length
         last = Point(curve, z, tangent, arclength, solution.residual)
         branch_point = None
@@ -237,7 +245,7 @@ class Stepper:
             segment = StepInterpolant(point, last, self.steps.tolerance)
             branch_point = self._crossing_on(segment, sign)
             # without any the step ended on another curve, unless it is too short to tell
-            if branch_point is None and size > GAP * (1 + curve.length(last.z)):
+            if branch_point is None and size > near:
                 raise StepFailed("another curve is too close")
         if self._leaves(point, last, length):
             raise StepFailed("the curve touches the edge of the window")
@@ -251,7 +259,7 @@ class Stepper:
         count = solution.iterations
         effort = 1.0 if count == EASY else (0.7 if count > EASY else math.inf)
         self.size = size * max(min(AIM / max(turn, 1e-12), effort, self.steps.growth), 0.5)
-        self.sign = side or sign
+        self.sign, self.weight = side or sign, factors.weight
         # the next prediction: the integral of the parabola through the last three tangents. Theirs
         # and not that of ends, from which what is left of corrections would grow fivefold a step
         before, self.length = self.length, arclength - point.arclength
@@ -379,8 +387,8 @@ class Stepper:
         factors = factors if z.size > FEW else curve.factors(between, row)
         change, singular = factors.correction(value, row)
         # beside a branch point the residual says nothing, nor where it is rounding
-        least = max(CUBIC_ERROR * length, EXACT * (1 + curve.length(z)))
-        if not singular and curve.length(change) > least:
+        off = curve.length(change)
+        if not singular and off > CUBIC_ERROR * length and off > EXACT * (1 + curve.length(z)):
             raise StepFailed("the curve is not smooth at the smallest step")
 
 
