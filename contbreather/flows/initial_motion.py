@@ -42,7 +42,7 @@ def simulated_orbit(
     if alone is None and length is not None:
         ran = run(x0=begin[1], time=_CLEAR * length, t0=t, first=first, events=1)
         if not ran.events:
-            alone = _clear_of(flows, first, params)
+            alone = _clear_of(flows, first)
             begin = t + _CLEAR * length, ran.final - angles.turns(ran.final), first
             run = partial(_run, (alone,), params, [])
     if alone is None:
@@ -86,7 +86,7 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     return middle, last(middle), last.number
 
 
-def _clear_of(flows: Any, first: int, params: Params) -> Flow:
+def _clear_of(flows: Any, first: int) -> Flow:
     """Make a flow that nothing ends of one whose condition is not met, which is a wall of it, as
     those of others are that have its field."""
     if isinstance(flows, Filippov):
