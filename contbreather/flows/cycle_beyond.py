@@ -19,7 +19,7 @@ from ..continuation.curve.point import Point
 from ..continuation.curve.problem import Problem
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations, equations_of
-from .flow import Flow, Wall, flow_between, slid_along, system_of
+from .flow import Flow, Wall, contact_of, flow_between, slid_along, system_of
 from .functions import values
 from .multipliers import paces
 from .rotation import turned_back, unturned
@@ -178,10 +178,7 @@ def _hit(
     Raises `Undefined` where an orbit beyond is not made of them.
     """
     first, detail = flows[0], point.detail
-    contact, system, slides = (*flows, first)[1], system_of(first), slid_along(first)
-    if system and not slides:
-        contact = system.flows[system.flows.index(first) + 2]  # along the surface and back
-    own = (first,) if first.reset else (first, contact)
+    own, system, slides = contact_of(first, (*flows, first)[1]), system_of(first), slid_along(first)
     walls = [*([own] if first.until else []), *first.walls]
     guard = detail.get("guard", "until")
     hit = dict(zip(first.guards, walls, strict=True))[guard]

@@ -390,6 +390,15 @@ def slid_along(flow: Flow) -> Filippov | None:
     return system if system and flow.f == system.sliding else None
 
 
+def contact_of(flow: Flow, following: Flow) -> tuple[Flow, ...]:
+    """The flows of a contact that begins where a flow ends: its own reset, or the one that follows,
+    which of a Filippov system is that along the surface."""
+    system = None if slid_along(flow) else system_of(flow)
+    if system:
+        following = system.flows[system.flows.index(flow) + 2]
+    return (flow,) if flow.reset else (flow, following)
+
+
 def flow_between(before: Flow, after: Flow) -> Flow | None:
     """The flow that comes to be between two of a Filippov system at the edge of sliding: along the
     surface where it was crossed, on the other side where it was slid along."""

@@ -15,7 +15,7 @@ from ..checks import brief, number, numbers
 from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput, NotConverged
 from .collocation import AT_REST
-from .flow import Filippov, Flow, slid_along
+from .flow import Filippov, Flow, contact_of, slid_along
 from .functions import Params, values
 from .integrate import TooManySteps, Trajectory, integrate, root
 from .rotation import Angles
@@ -96,14 +96,10 @@ def _clear_of(flows: Any, first: int) -> Flow:
                 f"the motion along the surface does not leave it within {_CLEAR} periods: give the "
                 "field that it has there, of one state less"
             )
-        walls: list[Any] = [(flow, flows.flows[first + 2])]
+        walls = [contact_of(flow, flow)]
     else:
-        flow, after = flows[first], [*flows[1:], flows[0]]
-        walls = [
-            (other,) if other.reset else (other, following)
-            for other, following in zip(flows, after, strict=True)
-            if other.f == flow.f
-        ]
+        flow, pairs = flows[first], zip(flows, [*flows[1:], flows[0]], strict=True)
+        walls = [contact_of(*pair) for pair in pairs if pair[0].f == flow.f]
     return replace(flow, until=None, reset=None, ignore=0.0).walled(walls)
 
 

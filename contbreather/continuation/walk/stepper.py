@@ -79,8 +79,8 @@ class Stepper:
         self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
         # loops come back to the start of the branch, across its tangent
         self.home, self.across = home, self.curve.metric * home.direction
-        self.outset = home is way.point
         self.angles = bool(self.curve.problem.modulo(home.x, self.curve.params(home.z)))
+        self.outset = home is way.point
         # whether that is a branch point
         self.crossed = way.sign == 0 if self.outset else home.parent is not None
         # of the bordered determinant, 0 where unknown; to try next
