@@ -273,15 +273,17 @@ def _between(
         if end.arclength - start.arclength < ASIDE * segment.length:
             continue
         piece = StepInterpolant(start, end, segment.tolerance)
+        reach = GAP * (1 + piece.curve.length(end.z))
         at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
         for samples, value in zip(tests, values, strict=True):
             parts.append(part := StepSamples(piece, samples.event, {0.0: value}))
             part.glance(0.5)
             part.glance(1.0)
             seen = part.values
-            # a test this small where curves cross, relative to beside it, vanishes there
-            beside = 1e-7 * max(abs(seen[0.0]), abs(seen[0.5]))
-            if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
+            # within the reach of the place it changes by more than it is: it vanishes there
+            near = piece.provisional(max(0.0, 1 - reach / piece.length))
+            change = abs(samples.event.value_or_nan(near) - seen[1.0])
+            if not (at_last or part.jumps) and abs(seen[1.0]) <= change:
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 seen[1.0] = math.nan
                 yield special(part, replace(end, located=True, detail={}), 1.0, 1.0)
