@@ -82,8 +82,12 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     matrix, form = orbit.index_form
     if form is None:
         return on, np.zeros(on.size)
+    from scipy.optimize import linear_sum_assignment
+
     values, vectors = np.linalg.eig(matrix)
-    x = vectors[:, abs(values[:, None] - on).argmin(axis=0)].real
+    # where two meet each has a vector of its own
+    which, places = linear_sum_assignment(abs(values[:, None] - on))
+    x = vectors[:, which[places.argsort()]].real
     turned = form @ x
     forms, sizes = (x * turned).sum(axis=0), np.sqrt((x**2).sum(axis=0) * (turned**2).sum(axis=0))
     # next to where opposite ones meet their vectors do, too, and rounding decides
@@ -109,6 +113,21 @@ def _meeting(point: Point) -> tuple[float, float]:
     middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
     angle = math.acos(max(-1.0, min(middles[k], 1.0)))
     return float((-1) ** left.size * squares[k]), angle
+
+
+def _in_order(point: Point) -> Array:
+    """Sums of the signatures of pairs from each to the last, in the order of their indices. Where
+    two leave the axis together one of these changes by 1, and by 2 where they come past each other,
+    however close together the two events are. From the first on, which may leave at -1, none is
+    taken. Without signatures how many have left the axis."""
+    orbit = point.base_point.solution
+    (on, signs), indices = signatures(orbit), orbit.indices
+    each = np.zeros(indices.size)
+    each[np.isin(indices, on)] = signs
+    sums = each[(-indices.real).argsort(kind="stable")].cumsum()[:-1]
+    if orbit.index_form[1] is None:
+        sums[-1:] = orbit.quadruplets
+    return sums
 
 
 def _apart(point: Point) -> float:
@@ -180,11 +199,10 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    counts = (f"base_point.solution.{name}" for name in ("inverse_hyperbolic", "quadruplets"))
-    inverse, quadruplets = map(attrgetter, counts)
+    inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(
-        "KC", _apart, count=quadruplets, locus=partial(followed, _meeting),
+        "KC", _apart, count=_in_order, locus=partial(followed, _meeting),
         examine=_examine_collision,
     )  # fmt: skip
     return lp, turn, branch_point, pd, kc

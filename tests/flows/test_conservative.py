@@ -290,6 +290,19 @@ def test_pairs_leave_the_circle_in_twos_not_each_by_its_own_rounding(apart, left
     assert np.count_nonzero(indices.imag) == left
 
 
+@pytest.mark.parametrize(("e", "firsts"), [(1e-3, (1.68, 1.7)), (0.0, (1.7,))])
+def test_tongues_narrower_than_a_step_have_both_their_ends(e, firsts) -> None:
+    """Pairs of opposite signature that come past each other collide twice in between, however
+    weakly they are coupled; without a coupling nothing happens."""
+    branch = cb.trace(modes(1.0, firsts, e=e), "w", within={"w": (1.5, 1.75)}, towards="up")
+    assert not branch.doubtful
+    ends = [point["w"] for point in branch.special[1:-1]]
+    count = 2 * len(firsts) if e else 0
+    assert [point.kind for point in branch.special] == ["EP", *["KC"] * count, "EP"]
+    for first, w in zip(np.repeat(firsts, 2), ends, strict=False):
+        assert abs(first**2 - w**2) == pytest.approx(2 * e * np.sqrt(first * w), abs=1e-10)
+
+
 def test_several_collisions_within_a_step_are_all_found() -> None:
     """Three pairs of pairs leave the circle one after the other: the test changes its sign once."""
     firsts = 1.7, 1.704, 1.71

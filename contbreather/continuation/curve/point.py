@@ -315,8 +315,8 @@ class Event:
         where it changes without one, the place is kept among the doubtful.
     count : callable, optional
         ``count(point)``, a number that changes by one where the test has a simple zero, of
-        unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
-        are seen by it where it changes by more than one.
+        unstable eigenvalues for instance, or an array of which one does. Two zeros within a step,
+        which leave no change of sign, are seen by changes of more than one in all.
     many : callable, optional
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
         `Points`; or None where it cannot say these at once. It serves the speed of `values` alone,
@@ -345,7 +345,7 @@ class Event:
     kind: str
     test: Callable[[Point], float | int] | None
     _: KW_ONLY
-    count: Callable[[Point], int | float] | None = None
+    count: Callable[[Point], int | float | Array] | None = None
     many: Callable[[Any], Many | None] | None = None
     locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None

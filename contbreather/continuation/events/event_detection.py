@@ -31,7 +31,7 @@ from .event_location import (
     separated,
     special,
 )
-from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at
+from .step_interpolant import ASIDE, StepInterpolant, StepSamples, count_at, more_than_one
 
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
@@ -122,7 +122,7 @@ def quiet_steps(
         elif event.count is not None and quiet[i].any():
             known = not math.isnan(counts[i, 0])
             row = counts[i] if known else [count_at(event, point) for point in points]
-            quiet[i] &= ~(abs(np.diff(row, prepend=count_at(event, first))) > 1)
+            quiet[i] &= ~more_than_one([count_at(event, first), *row])
         if several and event.matrix:
             # matrices say more of what is between two points than values do
             matrices = bordered_matrices(points) if event.matrix is bordered_matrix else None

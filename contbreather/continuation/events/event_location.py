@@ -22,7 +22,7 @@ from ..curve.curve import Curve
 from ..curve.point import Detail, Examined, Level, Point
 from ..systems.branch_points import GAP, Crossings, crossing
 from ..systems.defining_systems import extended
-from .step_interpolant import ASIDE, LOW, StepInterpolant, StepSamples, count_at
+from .step_interpolant import ASIDE, LOW, StepInterpolant, StepSamples, count_at, more_than_one
 
 Located = tuple[float, float, Point]  # bracket and point
 
@@ -283,13 +283,13 @@ def separated(samples: StepSamples) -> Iterator[Point]:
     if event.count is None:
         return
     counts = {0.0: count_at(event, segment.first), 1.0: count_at(event, segment.last)}
-    if not abs(counts[0.0] - counts[1.0]) > 1:
+    if not more_than_one([*counts.values()]).any():
         return
     size = _TOUCH * max(abs(samples.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:
         left, right = pieces.pop()
-        if abs(counts[left] - counts[right]) <= 1:
+        if not more_than_one([counts[left], counts[right]]).any():
             continue
         looks += 1
         middle = 0.5 * (left + right)

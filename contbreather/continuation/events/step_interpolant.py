@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined
 from ..curve.curve import LEVEL, Curve
@@ -122,6 +123,12 @@ def count_at(event: Event, point: Point) -> Any:
     """The number beside a test, asked once at each end of a step."""
     ask: Any = event.count
     return point.curve.cached(f"count {id(event)}", point.z, lambda _: ask(point))
+
+
+def more_than_one(counts: Sequence[Any]) -> NDArray[np.bool_]:
+    """Between which of these a count changes by more than one, or several together do."""
+    changes = abs(np.diff(counts, axis=0))
+    return np.asarray((changes.sum(axis=1) if changes.ndim > 1 else changes) > 1)
 
 
 @dataclass
