@@ -16,6 +16,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
@@ -23,7 +24,7 @@ from ..continuation.algebra.sparse import dense, is_sparse
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import meeting, unresolved
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
 
@@ -138,17 +139,29 @@ def _examine_collision(point: Point) -> Examined:
     square, angle = _meeting(point)
     if not abs(square) < NEAR or angle in (0.0, math.pi):
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
+    values, vectors = np.linalg.eig(point.base_point.solution.index_form[0])
+    each, met = _nearest(point, values, math.cos(angle))
+    # where pairs collide their vectors are one; of those that pass each other by, but for what is
+    # less than rounding, they stay apart
+    if np.linalg.svd(vectors[:, met], compute_uv=False)[each] > 0.5:
+        return NOTHING
     return unresolved(point) or {"angle": angle, "signatures": _met(point, math.cos(angle))}
+
+
+def _nearest(point: Point, values: NDArray[Any], middle: float) -> tuple[int, NDArray[np.intp]]:
+    """How often a matrix has each index, and which eigenvalues belong to the two nearest pairs."""
+    each = len(values) // (point.base_point.solution.indices.size + 1)
+    return each, abs(values - middle).argsort()[: 2 * each]
 
 
 def _met(point: Point, middle: float) -> str:
     """The Krein signatures of two pairs that meet, on the space of both."""
-    orbit, (matrix, form) = point.base_point.solution, point.base_point.solution.index_form
+    matrix, form = point.base_point.solution.index_form
     if form is None:
         return "unknown: the field is no constant matrix times the gradient of what is conserved"
     values = np.linalg.eigvals(matrix)
-    each = len(matrix) // (orbit.indices.size + 1)  # how often it has each index
-    met = values[abs(values - middle).argsort()[: 2 * each]]
+    each, which = _nearest(point, values, middle)
+    met = values[which]
     off = reduce(np.matmul, [matrix - value * np.eye(len(matrix)) for value in met[::each]])
     space = np.linalg.svd(off.real)[2][-2 * each :]  # what it takes to 0
     signs = np.linalg.eigvalsh(space @ form @ space.T)[::-each]

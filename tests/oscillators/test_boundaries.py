@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.flows.conservative_events import signatures
 from contbreather.flows.cycle_events import events_of_cycle
 from contbreather.oscillators.breather_problem import (
     BreatherProblem,
@@ -167,6 +168,19 @@ def test_pairs_that_a_symmetry_keeps_apart_hide_no_collision() -> None:
         half = whole(half_map(CUBIC, K, 0.1, u, np.pi / omega)[1])
         mu = np.linalg.eigvals(R[:, None] * np.linalg.inv(half) * R @ half)
         assert ((abs(abs(mu) - 1) > 1e-3) & (abs(mu.imag) > 1e-3)).sum() == off
+
+
+def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
+    """A hard breather at a corner: pairs of opposite signature exchange their order, and between
+    there is less instability than rounding, nowhere any multiplier off the circle."""
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*(1 - cos(r))", lattice=cb.Grid(2, 3))
+    start = cb.breather(chain, {5: 1}, omega=1.955, params={"c": 0.042})
+    branch = cb.trace(start, "energy", within={"energy": (5.6, 7.0)})
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert not branch.doubtful
+    assert not branch["unstable"].any()
+    before, after = (signatures(end.solution) for end in (branch[0], branch[-1]))
+    assert (before[1][before[0].argsort()] != after[1][after[0].argsort()]).any()
 
 
 def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:

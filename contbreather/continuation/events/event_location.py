@@ -309,8 +309,7 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             samples.sure.add(middle)
             pieces += [(left, middle), (middle, right)]
         elif abs(value) < size and not samples.changes_sign(left, right):
-            samples.zeros.append(middle)
-            yield special(samples, point, left, right, not_simple(event.kind))
+            yield from _in_doubt(samples, point, left, right, not_simple(event.kind))
 
 
 def double_zeros(samples: StepSamples) -> Iterator[Point]:
@@ -369,9 +368,16 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     # where the test jumps it is small on one side alone
     if seen(u) < _TOUCH * highest and max(seen(left), seen(right)) < LOW * highest:
         reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
-        samples.zeros.append(u)
-        point, known = samples.segment.provisional(u), samples.event.kind
-        with suppress(Undefined):  # what cannot be examined stays in doubt
-            known = special(samples, point, left, right).kind
-        if known:  # it is empty where nothing happens
-            yield special(samples, point, left, right, reason)
+        yield from _in_doubt(samples, samples.segment.provisional(u), left, right, reason)
+
+
+def _in_doubt(
+    samples: StepSamples, point: Point, left: float, right: float, reason: str
+) -> Iterator[Point]:
+    """A place that cannot be located, unless nothing happens there."""
+    known = samples.event.kind
+    samples.zeros.append(0.5 * (left + right))
+    with suppress(Undefined):  # what cannot be examined stays in doubt
+        known = special(samples, point, left, right).kind
+    if known:  # it is empty where nothing happens
+        yield special(samples, point, left, right, reason)
