@@ -116,32 +116,22 @@ def test_four_zeros_of_one_test_in_two_pairs_are_found() -> None:
     assert places == pytest.approx([0.5, 0.501, 0.54, 0.541], abs=1e-10)
 
 
-@pytest.mark.parametrize("lift", [0.0, 1e-4, 1e-2])
-def test_a_test_that_only_comes_close_to_zero_is_no_event(lift: float) -> None:
-    """With a kink as sharp as that of the least of several values."""
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
-    event = Event("VV", lambda point: abs(point["m"] - 0.3) + lift)
-    branch = trace(line, "m", within=UNIT, events=[event])
+@pytest.mark.parametrize(
+    ("test", "low", "touches"),
+    [
+        # with a kink as sharp as that of the least of several values
+        *((lambda m, lift=lift: abs(m - 0.3) + lift, -1.0, not lift) for lift in (0.0, 1e-4, 1e-2)),
+        (lambda m: max(m - 0.3, 0.0) or 0.4, -1.0, False),  # jumps away from zero
+        (lambda m: m or 1.0, 0.0, False),  # approaches it at the edge, where it has no meaning
+    ],
+)
+def test_a_test_that_only_comes_close_to_zero_is_no_event(test, low, touches) -> None:
+    line = scalar(lambda x, p: x - p["m"], 0.73, {"m": 0.73}, domain={"m": (low, 1.0)})
+    branch = trace(line, "m", events=[Event("VV", lambda point: test(point["m"]))])
+    assert branch[0]["m"] == low
     assert events_of(branch) == []
     reasons = [point.detail["reason"] for point in branch.doubtful]
-    assert reasons == (["the test of VV touches zero: none, or two at once"] if not lift else [])
-
-
-def test_a_test_that_jumps_away_from_zero_is_not_said_to_touch_it() -> None:
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
-    event = Event("VV", lambda point: max(point["m"] - 0.3, 0.0) or 0.4)
-    branch = trace(line, "m", within=UNIT, events=[event])
-    assert events_of(branch) == []
-    assert branch.doubtful == ()
-
-
-def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before() -> None:
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0}, domain={"m": (0.0, 1.0)})
-    event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the edge itself
-    branch = trace(line.at(x=0.73, m=0.73), "m", events=[event])
-    assert branch[0]["m"] == 0.0
-    assert events_of(branch) == []
-    assert branch.doubtful == ()
+    assert reasons == (["the test of VV touches zero: none, or two at once"] if touches else [])
 
 
 def crossings(gap: float, kind: str) -> tuple[Problem, dict[str, tuple[float, float]]]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Steps, boundary, trace
+from contbreather.continuation import Branch, Problem, Steps, boundary, trace
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.switching import NothingToSwitch, switch
 from contbreather.errors import BadInput
@@ -116,9 +117,17 @@ def test_stability_passes_from_cycle_to_cycle() -> None:
             )
 
 
-def test_cycle_of_period_three_is_born_at_its_fold() -> None:
-    start = FixedPoint(logistic, {"x": 0.16}, {"r": 3.84}, period=3)
-    branch = trace(start, "r", within={"r": (3.5, 3.9)})
+def of_period_three(**more: Any) -> Problem:
+    return FixedPoint(logistic, {"x": 0.16}, {"r": 3.84}, period=3, **more)
+
+
+def logistic_slope(x: Array, p: Params) -> Array:
+    return np.array([[p["r"] * (1 - 2 * x[0])]])
+
+
+@pytest.mark.parametrize("given", [{}, {"jacobian": logistic_slope}])
+def test_cycle_of_period_three_is_born_at_its_fold(given) -> None:
+    branch = trace(of_period_three(**given), "r", within={"r": (3.5, 3.9)})
     at(branch.first("LP"), r=1 + math.sqrt(8))
     cycle = branch[5].solution
     assert cycle.period == 3
@@ -182,20 +191,8 @@ def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point(
     assert (kinds(branch), branch.doubtful) == ([], ())
 
 
-def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
-    calls = []
-
-    def slope(x: Array, p: Params) -> Array:
-        calls.append(1)
-        return np.array([[p["r"] * (1 - 2 * x[0])]])
-
-    mine = FixedPoint(logistic, {"x": 0.16}, {"r": 3.84}, period=3, jacobian=slope)
-    branch = trace(mine, "r", within={"r": (3.5, 3.9)})
-    at(branch.first("LP"), r=1 + math.sqrt(8))
-    assert calls
-    wrong = FixedPoint(
-        logistic, {"x": 0.16}, {"r": 3.84}, period=3, jacobian=lambda x, p: slope(x, p) + 0.1
-    )
+def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:
+    wrong = of_period_three(jacobian=lambda x, p: logistic_slope(x, p) + 0.1)
     with pytest.raises(BadInput, match="Jacobian that was given does not fit"):
         trace(wrong, "r")
 

@@ -16,12 +16,9 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 
+from . import zoo
 
-def brusselator(u, p):
-    x, y = u
-    return np.array([p["A"] + x * x * y - (p["B"] + 1) * x, p["B"] * x - x * x * y])
-
-
+brusselator = zoo.brusselator().residual
 START = {"x": 1.0, "y": 1.5}
 # A by its square, B relative to the Hopf point 1 + A^2: a name that is tied, and a new one
 TIES = {"A": lambda p: p["A"] ** 0.5, "B": lambda p: p["ratio"] * (1 + p["A"])}

@@ -89,18 +89,14 @@ def cusp_surface(x: float, mu: float) -> Problem:
     return scalar(lambda x, p: p["h"] + p["mu"] * x - x**3, x, {"mu": mu, "h": x**3 - mu * x})
 
 
-def _cusp() -> Case:
-    x = 1 / math.sqrt(3)
-    return Case(
-        "cusp",
-        cusp_surface(-0.9, 1.0),
-        "h",
-        (("LP", {"x": -x, "h": 2 * x**3}), ("LP", {"x": x, "h": -2 * x**3})),
-        within={"x": (-2.0, 2.0)},
-    )
-
-
-CUSP = _cusp()
+TIP = 1 / math.sqrt(3)  # of its folds for mu = 1
+CUSP = Case(
+    "cusp",
+    cusp_surface(-0.9, 1.0),
+    "h",
+    (("LP", {"x": -TIP, "h": 2 * TIP**3}), ("LP", {"x": TIP, "h": -2 * TIP**3})),
+    within={"x": (-2.0, 2.0)},
+)
 
 ISOLA = Case(  # with X = x^2, L = l^2: L = 1 - X -+ sqrt(0.8 - 4X), folds where X = 0
     "isola",
@@ -181,24 +177,18 @@ LINE = Case(
 )
 
 
-def _stiff() -> Case:
-    """The cusp again, its unknown in millions and its parameter in millionths."""
-    x = 1 / math.sqrt(3)
-    return Case(
-        "stiffly scaled",
-        scalar(
-            lambda x, p: 1e6 * p["h"] + 1e-6 * x - (1e-6 * x) ** 3,
-            -0.9e6,
-            {"h": 1e-6 * (0.9 - 0.9**3)},
-            scales={"x": 1e6, "h": 1e-6},
-        ),
-        "h",
-        (("LP", {"x": -1e6 * x, "h": 2e-6 * x**3}), ("LP", {"x": 1e6 * x, "h": -2e-6 * x**3})),
-        within={"x": (-2e6, 2e6)},
-    )
-
-
-STIFF = _stiff()
+STIFF = Case(  # the cusp again, its unknown in millions and its parameter in millionths
+    "stiffly scaled",
+    scalar(
+        lambda x, p: 1e6 * p["h"] + 1e-6 * x - (1e-6 * x) ** 3,
+        -0.9e6,
+        {"h": 1e-6 * (0.9 - 0.9**3)},
+        scales={"x": 1e6, "h": 1e-6},
+    ),
+    "h",
+    tuple((k, {"x": 1e6 * at["x"], "h": 1e-6 * at["h"]}) for k, at in CUSP.known),
+    within={"x": (-2e6, 2e6)},
+)
 
 # --- several unknowns -------------------------------------------------------------------------
 
