@@ -156,15 +156,25 @@ def test_a_cusp_is_one_in_any_units_and_on_any_mesh(derivative, rows, unit) -> N
     assert not line.doubtful
 
 
-def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
-    locus = DefiningSystem(
-        {},
-        lambda curve, z, extra: np.array([z[0] - 0.5]),
-        derivative=lambda curve, z, extra: np.full((1, z.size), 0.25),
-    )
+@pytest.mark.parametrize(
+    ("conditions", "derivative", "sentence"),
+    [
+        (
+            lambda curve, z, extra: np.array([z[0] - 0.5]),
+            lambda curve, z, extra: np.full((1, z.size), 0.25),
+            r"derivative of the locus does not fit its conditions: its entry \(1, ",
+        ),
+        (
+            lambda curve, z, extra: np.zeros(2),
+            None,
+            "a locus with 0 extra unknowns needs 1 conditions",
+        ),
+    ],
+)
+def test_a_locus_that_does_not_fit_is_refused(conditions, derivative, sentence) -> None:
+    locus = DefiningSystem({}, conditions, derivative)
     event = cb.Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
-    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
-    sentence = r"derivative of the locus does not fit its conditions: its entry \(1, "
+    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-1, 1)}, events=[event])
     with pytest.raises(BadInput, match=sentence):
         cb.boundary(branch.first("GR"), ("mu", "h"))
 
@@ -214,17 +224,6 @@ def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_
     assert kinds(branch) == ["LP", "LP"]  # to find them takes no name
     with pytest.raises(BadInput, match=r"rename \['null'\] in the problem"):
         cb.boundary(branch.first("LP"), ("null", "h"))
-
-
-def test_a_locus_with_the_wrong_number_of_conditions_is_refused() -> None:
-    bad = cb.Event(
-        "GR",
-        lambda point: point["x"] - 0.5,
-        locus=lambda point: DefiningSystem({}, lambda curve, z, extra: np.zeros(2)),
-    )
-    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
-    with pytest.raises(BadInput, match=r"a locus with 0 extra unknowns needs 1 conditions"):
-        cb.boundary(branch.first("GR"), ("mu", "h"))
 
 
 def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:

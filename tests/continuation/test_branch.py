@@ -106,13 +106,11 @@ def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: cb.Branc
 
 def test_a_count_is_blank_where_rounding_decides_it() -> None:
     """At a fold a multiplier is on the circle: the table has no number, the column keeps it."""
-    cusp = cb.Problem(
-        lambda x, p: p["h"] + p["mu"] * x - x**3,
-        {"x": 1.5},
-        {"mu": 1.0, "h": 1.875},
-        record={"count": lambda point: int(point["x"] ** 2 < 1 / 3)},
+    record = {"count": lambda point: int(point["x"] ** 2 < 1 / 3)}
+    counted = replace(CUSP.problem, record=record)
+    branch = cb.trace(
+        counted, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold(), cb.user("x", 0.1)]
     )
-    branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold(), cb.user("x", 0.1)])
     column = [row[3] for row in shown_at(branch, 200)]
     assert column == ["count", "0", "\N{EN DASH}", "1", "\N{EN DASH}", "0"]
     assert set(branch["count"]) == {0, 1}
@@ -299,15 +297,14 @@ def test_a_point_says_what_it_is_to_its_user() -> None:
 
 
 def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> None:
-    walker = iterate(CIRCLE.problem, "mu", events=[cb.fold(), cb.user("x", 0.5)])
-    points = []
-    while True:
-        try:
-            points.append(next(walker))
-        except StopIteration as stopped:
-            end = stopped.value
-            break
-    assert end.stop is Stop.CLOSED
+    ends = []
+
+    def walk():
+        events = [cb.fold(), cb.user("x", 0.5)]
+        ends.append((yield from iterate(CIRCLE.problem, "mu", events=events)))
+
+    points = list(walk())
+    assert [end.stop for end in ends] == [Stop.CLOSED]
     assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
     assert (np.diff([point.arclength for point in points]) > 0).all()
 

@@ -302,15 +302,6 @@ def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     assert calls < 40
 
 
-def test_a_test_that_fails_at_the_start_is_a_mistake() -> None:
-    with pytest.raises(BadInput, match=r"no 'nu' at this point; it has \['x', 'mu'\]"):
-        on_line(user("nu", 0.3))
-    with pytest.raises(
-        BadInput, match=r"an Event was expected, fold\(\) for instance, got <function fold"
-    ):
-        on_line(fold)  # not called
-
-
 # --- both ends --------------------------------------------------------------------------------
 
 

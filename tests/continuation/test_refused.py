@@ -260,6 +260,9 @@ GIVEN: list[Row] = [
     ),
     # events
     (line, (), {"events": 3}, "events must be a list of them, got 3"),
+    (line, (), {"events": [cb.fold]},  # not called
+     r"an Event was expected, fold\(\) for instance, got <function fold"),
+    (line, (), {"events": [cb.user("nu", 0.3)]}, r"no 'nu' at this point; it has \['x', 'mu'\]"),
     *(
         (measured, (value, since), {}, r"the test of UZ gave .*; one real number was expected")
         for value in (None, 1j, np.array([1.0]), [1.0, 2.0], "a")
