@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import contbreather as cb
 from contbreather.continuation import Stop, iterate
 from contbreather.errors import BadInput
 
-from .zoo import ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
+from .zoo import ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, printed, trace_case
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +23,6 @@ def branch() -> cb.Branch:
         CUSP.problem, record={"slope": lambda point: float(point.jacobian()[0, 0])}, label="cusp"
     )
     return trace_case(replace(CUSP, problem=problem), events=[cb.fold(), cb.user("x", 0.2)])
-
-
-def printed(thing) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    console.print(thing)
-    return console.file.getvalue()
 
 
 # --- branches ---------------------------------------------------------------------------------
@@ -80,9 +72,7 @@ def test_a_branch_says_what_it_is(branch: cb.Branch) -> None:
 
 def shown_at(branch: cb.Branch, width: int) -> list[list[str]]:
     """The cells of the printed table."""
-    out = io.StringIO()
-    Console(file=out, width=width, color_system=None).print(branch)
-    rows = [line for line in out.getvalue().splitlines() if line[:1] in "│┃"]
+    rows = [line for line in printed(branch, width).splitlines() if line[:1] in "│┃"]
     return [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows]
 
 

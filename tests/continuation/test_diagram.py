@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point, load, save
 from contbreather.continuation.algebra.newton import Undefined
@@ -18,7 +16,7 @@ from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted
 
-from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, scalar
+from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, printed, scalar
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}
@@ -290,10 +288,7 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
 
 
 def test_the_tree_is_shown_as_it_grew() -> None:
-    tree = grown(ODD, within=WIDE)
-    console = Console(file=io.StringIO(), width=120)
-    console.print(tree)
-    text = console.file.getvalue()
+    text = printed(grown(ODD, within=WIDE), 120)
     assert "2 branches, 4 special points" in text
     assert text.index("BP1: mu = -1") < text.index("branch 1") < text.index("BP2: mu = 1, x")
     assert "meets branch 0: BP2" in text
@@ -330,22 +325,12 @@ KEPT = {
 
 def told(tree: Diagram) -> list[object]:
     """All that a diagram tells but for the numbers along its branches."""
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(tree)
     several = tree.meetings, tree.failed, [place.name for place in tree.left]
     births = [(b.depth, b.place and b.place.name, b.image_of) for b in tree.births]
     parents = [b[0].parent and (b[0].parent.label, b[0].parent.z.tobytes()) for b in tree]
     labels = [[p.label for p in branch.special] for branch in tree]
     words = [[str(one) for one in some] for some in several]
-    return [
-        relations(tree),
-        tree.interrupted,
-        births,
-        parents,
-        labels,
-        words,
-        console.export_text(),
-    ]
+    return [relations(tree), tree.interrupted, births, parents, labels, words, printed(tree)]
 
 
 @pytest.mark.parametrize("name", KEPT)

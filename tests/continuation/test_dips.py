@@ -8,7 +8,7 @@ import pytest
 from contbreather.continuation import Branch, Event, Problem, Steps, branch_point, fold, hopf, trace
 from contbreather.continuation.bifurcations.maps import EVENTS, FixedPoint
 
-from .zoo import events_of, scalar
+from .zoo import events_of, rotated, scalar
 
 _, _, DOUBLING, ROTATION = EVENTS
 UNIT = {"m": (-1.0, 1.0)}
@@ -84,14 +84,9 @@ def test_eigenvalues_that_cross_far_from_each_other_are_told_apart_by_their_coun
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4])
 def test_two_close_bifurcations_of_a_map_are_both_found(gap: float) -> None:
-    def turned(u, radius, angle):
-        c, s = radius * np.cos(angle), radius * np.sin(angle)
-        return [c * u[0] - s * u[1], s * u[0] + c * u[1]]
-
     def wheels(u, p):
-        return np.array(
-            [*turned(u[:2], 1 + p["m"], 1.0), *turned(u[2:], 1 + 3 * (p["m"] - gap), 2.2)]
-        )
+        first, second = (1 + p["m"]) * u[:2], (1 + 3 * (p["m"] - gap)) * u[2:]
+        return np.array([*rotated(first, 1.0), *rotated(second, 2.2)])
 
     def flips(u, p):
         return -np.array([(1 + p["m"]) * u[0], (1 + 3 * (p["m"] - gap)) * u[1]]) - u**3

@@ -6,6 +6,7 @@ end meets them, from a road that is not the engine's: a formula, or 30 digits of
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -15,6 +16,7 @@ from typing import Any
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from contbreather.continuation import (
     Branch,
@@ -67,6 +69,12 @@ def scalar(
 ) -> Problem:
     """A problem with one unknown ``x``."""
     return Problem(lambda u, p: np.array([equation(u[0], p)]), {"x": x}, params, **given)
+
+
+def rotated(u: Sequence[Any], angle: float) -> list[Any]:
+    """A vector of the plane turned by an angle, in a map of anybody."""
+    (x, y), c, s = u, math.cos(angle), math.sin(angle)
+    return [c * x - s * y, s * x + c * y]
 
 
 def knowing(problem: Problem, **methods: Callable[..., object]) -> Problem:
@@ -401,6 +409,13 @@ class Counted:
 def counted(problem: Problem) -> tuple[Problem, Counted]:
     counter = Counted(problem.residual)
     return replace(problem, residual=counter), counter
+
+
+def printed(thing: Any, width: int = 200) -> str:
+    """What a console without colours shows."""
+    console = Console(file=io.StringIO(), width=width)
+    console.print(thing)
+    return console.file.getvalue()
 
 
 def events_of(branch: Branch) -> list[Point]:
