@@ -16,7 +16,19 @@ from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted
 
-from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, printed, scalar
+from .zoo import (
+    LORENZ,
+    PITCHFORK,
+    STATIC,
+    Array,
+    Counted,
+    circle_on_axis,
+    imperfect,
+    knowing,
+    logistic,
+    printed,
+    scalar,
+)
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}
@@ -105,10 +117,6 @@ def test_images_are_followed_but_not_switched_on() -> None:
 # --- nothing twice ----------------------------------------------------------------------------
 
 
-def circle_on_axis(x: float, p: Mapping[str, float]) -> float:
-    return x * (x**2 + p["mu"] ** 2 - 1)
-
-
 def test_a_closed_loop_through_two_branch_points_is_there_once() -> None:
     tree = grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}), within=WIDE, depth=5)
     assert len(tree) == 2
@@ -183,9 +191,8 @@ def test_lorenz_from_one_side_finds_the_origin_and_knows_the_other_side() -> Non
 
 def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() -> None:
     """Neither a meeting, with the branch itself, nor an arm that failed."""
-    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     cubic = Problem(lambda x, p: x * (p["r"] - x**2), {"x": 0.0}, {"r": -1.0})
-    for problem, edge, events in ((logistic, 3.0, None), (cubic, 0.0, STATIC)):
+    for problem, edge, events in ((logistic(), 3.0, None), (cubic, 0.0, STATIC)):
         tree = diagram(problem, "r", within={"r": (edge - 1.0, edge)}, events=events)
         assert (len(tree), tree.meetings, tree.failed, tree.left) == (1, (), (), ())
         assert tree[0].special[-1]["r"] == pytest.approx(edge)
@@ -193,8 +200,7 @@ def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() ->
 
 def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
     """A cycle of period 32 is born 1e-5 beside its parent: told apart by the way from the place."""
-    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    tree = diagram(logistic, "r", within={"r": (1.5, 3.5698)}, depth=6)
+    tree = diagram(logistic(), "r", within={"r": (1.5, 3.5698)}, depth=6)
     labels = [branch.problem.label for branch in tree]
     assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 7))]
     assert (tree.meetings, tree.failed, tree.left) == ((), (), ())
@@ -232,7 +238,7 @@ def test_a_bubble_of_doubled_cycles_reaches_from_one_doubling_to_the_other() -> 
 
 
 def test_from_a_cycle_back_to_the_fixed_point_in_its_own_problem() -> None:
-    doubled = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.799455}, {"r": 3.2}, period=2)
+    doubled = logistic(0.799455, 3.2, period=2)
     tree = diagram(doubled, "r", within={"r": (2.0, 3.4)}, depth=1)
     labels = [branch.problem.label for branch in tree]
     assert labels == ["cycle of period 2", "fixed point"]

@@ -24,7 +24,7 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.systems import normal_forms as forms
 
 from .lines import henon
-from .zoo import BRUSSELATOR, LORENZ, Array, rotated, takens, trace_case
+from .zoo import BRUSSELATOR, LORENZ, Array, logistic, rotated, takens, trace_case
 
 # --- the other road ---------------------------------------------------------------------------
 
@@ -181,9 +181,7 @@ def test_coefficient_of_period_doubling_in_the_henon_map(beta: float) -> None:
 def test_coefficient_of_the_logistic_cascade_whatever_the_period(period: int) -> None:
     """For one unknown c is ``G''^2 / 4 + G''' / 6``, with G iterated as an exact polynomial."""
     start = {1: (0.66, 2.9), 2: (0.84, 3.4), 4: (0.88, 3.52)}[period]
-    mine = FixedPoint(
-        lambda x, p: p["r"] * x * (1 - x), {"x": start[0]}, {"r": start[1]}, period=period
-    )
+    mine = logistic(*start, period=period)
     point = trace(mine, "r", within={"r": (2.8, 3.6)}).first("PD")
     mpmath.mp.dps = 30
 

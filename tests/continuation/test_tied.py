@@ -155,10 +155,8 @@ def test_the_domain_of_the_base_ends_the_branch():
 
 @pytest.mark.parametrize("slopes", [None, lambda x, p: np.array([[p["r"] * (1 - 2 * x[0])]])])
 def test_cycles_of_a_tied_map_double_and_double_again(slopes):
-    logistic = cb.FixedPoint(
-        lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5}, jacobian=slopes
-    ).tied({"r": lambda p: 4 * p["s"]}, s=0.625)
-    first = cb.trace(logistic, "s", within={"s": (0.5, 1)}).first("PD")
+    tied = zoo.logistic(jacobian=slopes).tied({"r": lambda p: 4 * p["s"]}, s=0.625)
+    first = cb.trace(tied, "s", within={"s": (0.5, 1)}).first("PD")
     arm = cb.switch(first, within={"s": (0.5, 1)})[0]
     # r = 3 and 1 + sqrt(6)
     assert first["s"] == pytest.approx(0.75, abs=1e-11)

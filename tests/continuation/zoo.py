@@ -30,6 +30,7 @@ from contbreather.continuation import (
     hopf,
     trace,
 )
+from contbreather.continuation.bifurcations.maps import FixedPoint
 
 Array = NDArray[np.float64]
 Known = tuple[str, Mapping[str, float]]  # kind, and values by name
@@ -176,6 +177,11 @@ def imperfect(h: float) -> tuple[Case, Case]:
     )
 
 
+def circle_on_axis(x: float, p: Mapping[str, float]) -> float:
+    """``x (x^2 + mu^2 - 1)``: a circle across the axis."""
+    return x * (x**2 + p["mu"] ** 2 - 1)
+
+
 LINE = Case(
     "line",
     scalar(lambda x, p: x - 2 * p["mu"], 0.0, {"mu": 0.0}),
@@ -183,6 +189,10 @@ LINE = Case(
     (),
     within={"mu": (-1.0, 1.0)},
 )
+
+
+def logistic(x: float = 0.6, r: float = 2.5, **more: Any) -> Problem:
+    return FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": x}, {"r": r}, **more)
 
 
 STIFF = Case(  # the cusp again, its unknown in millions and its parameter in millionths
