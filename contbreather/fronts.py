@@ -52,11 +52,11 @@ class Front(ModuleType):
 def front(name: str, **former: str) -> list[str]:
     """Make a package one of these, by its stub; the names in it that are no packages."""
     package, homes = sys.modules[name], dict[str, str]()
-    with open(f"{package.__file__}i", encoding="utf-8") as stub:  # pathlib is dear to import
-        for line in stub:
-            if line.startswith("from "):  # from .module import held as held
-                _, module, *_, held = line.split()
-                homes[held] = module.removeprefix(".")
+    loader: Any = package.__loader__  # who reads in an archive, too
+    for line in loader.get_data(f"{package.__file__}i").decode().splitlines():
+        if line.startswith("from "):  # from .module import held as held
+            _, module, *_, held = line.split()
+            homes[held] = module.removeprefix(".")
     vars(package).update(_homes=homes, _former=former)
     package.__class__ = Front
     return [held for held, home in homes.items() if home]
