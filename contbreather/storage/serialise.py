@@ -8,6 +8,7 @@ one. Nothing in a dict is ever executed: a kind that nobody entered is refused.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from inspect import isfunction
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -25,7 +26,7 @@ class NotSerialisable(Exception):
 
 _WRITERS: dict[type, tuple[str, Callable[[Any], Content]]] = {}
 _READERS: dict[str, Callable[..., Any]] = {}
-_LATER: list[Callable[[], object]] = []
+_LATER: list[str] = []
 
 
 def serialised(
@@ -54,14 +55,14 @@ def serialised(
     return enter
 
 
-def later(imports: Callable[[], object]) -> None:
-    """Register an import to call before anything is unknown: it enters more kinds."""
-    _LATER.append(imports)
+def later(*modules: str) -> None:
+    """Register modules to import before anything is unknown: they enter more kinds."""
+    _LATER.extend(modules)
 
 
 def _is_known(key: type | str) -> bool:
     while key not in _WRITERS and key not in _READERS and _LATER:
-        _LATER.pop()()
+        import_module(_LATER.pop(0))
     return key in _WRITERS or key in _READERS
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron
 
 import contbreather as cb
+
+from . import zoo
 
 DX, DY, A = 0.008, 0.004, 2.0
 
@@ -45,21 +49,9 @@ def bratu(laplacian: csc_array, road: str = "sparse", lam: float = 0.1) -> cb.Pr
     return cb.Problem(residual, {"u": np.zeros(n)}, {"lam": lam}, jacobian=given)
 
 
-def ignition(n: int, road: str = "sparse") -> cb.Problem:
-    """``u'' + lambda exp(u / (1 + eps u))``: its two folds meet."""
-    laplacian = second(n)
-    diagonal = _diagonal(laplacian)
-
-    def source(u, p):
-        return p["lam"] * np.exp(u / (1 + p["eps"] * u))
-
-    def jacobian(u, p):
-        matrix = laplacian.copy()
-        matrix.data[diagonal] += source(u, p) / (1 + p["eps"] * u) ** 2
-        return matrix.toarray() if road == "dense" else matrix
-
-    start, params = {"u": np.full(n, 1.5)}, {"lam": 5.0, "eps": 0.244}
-    return cb.Problem(lambda u, p: laplacian @ u + source(u, p), start, params, jacobian=jacobian)
+def ignition(n: int) -> cb.Problem:
+    plain = zoo.ignition(second(n).toarray(), u=1.5, lam=5.0, eps=0.244)
+    return replace(plain, jacobian=lambda u, p: csc_array(plain.jacobian(u, p)))
 
 
 def brusselator(n: int, road: str = "sparse", **params: float) -> cb.Problem:

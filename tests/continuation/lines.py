@@ -18,7 +18,7 @@ import pytest
 from contbreather.continuation import Branch, Point, Problem, boundary, trace
 from contbreather.continuation.bifurcations.maps import FixedPoint
 
-from .zoo import ALL, Array, Known, cusp_surface, events_of, takens
+from .zoo import ALL, Array, Known, cusp_surface, events_of, rotated, takens
 
 Params = Mapping[str, float]
 Field = Callable[[Array, Params], Sequence[Any]]
@@ -306,8 +306,7 @@ def _polar(u: Array, p: Params, angle: float = 1.0) -> list[Any]:
     """``w -> exp(i angle) w (1 + m + s |w|^2 - |w|^4)``."""
     square = u[0] ** 2 + u[1] ** 2
     factor = 1 + p["m"] + p["s"] * square - square**2
-    c, s = math.cos(angle), math.sin(angle)
-    return [factor * (c * u[0] - s * u[1]), factor * (s * u[0] + c * u[1])]
+    return [factor * part for part in rotated(u, angle)]
 
 
 def _two_rotations(u: Array, p: Params) -> list[Any]:
@@ -333,14 +332,13 @@ FLIPS = Line(  # ``u -> -(1 + m) u + a u^2 - u^3`` has c = a^2 - 1 at m = 0
 
 def _turning(fold: bool) -> Problem:
     """A rotation that grows with s, beside one multiplier ``1 + h`` (fold) or ``-1 - h`` (flip)."""
-    c, s = math.cos(1.1), math.sin(1.1)
 
     def image(u: Array, p: Params) -> list[Any]:
         x, y, z = u
         square = x * x + y * y
         factor = p["s"] - square + (z if fold else 0)
         last = z + p["h"] - z * z + square if fold else -(1 + p["h"]) * z + z**3
-        return [factor * (c * x - s * y), factor * (s * x + c * y), last]
+        return [*(factor * part for part in rotated((x, y), 1.1)), last]
 
     start, h = {**XY, "z": 0.5 if fold else 0.0}, 0.25 if fold else -0.3
     return of_map(image, start, h=h, s=0.2)
@@ -364,8 +362,7 @@ def _turning_beside_a_crossing(u: Array, p: Params) -> list[Any]:
     """``z -> (1 + h) z - z^2`` beside a rotation that grows with s."""
     x, y, z = u
     factor = p["s"] - x * x - y * y
-    c, s = factor * math.cos(1.1), factor * math.sin(1.1)
-    return [c * x - s * y, s * x + c * y, (1 + p["h"]) * z - z * z]
+    return [*(factor * part for part in rotated((x, y), 1.1)), (1 + p["h"]) * z - z * z]
 
 
 def _pair_and_crossing(kind: str, free: str, other: str) -> Line:

@@ -91,14 +91,18 @@ def test_factors_answer_what_numpy_does(seed: int, lead: float, more: int, weak:
     assert factors.basis.T @ factors.basis == pytest.approx(np.eye(more), abs=1e-12)
 
 
+def weakened(seed: int, more: int, left_over: float) -> tuple[Array, Array]:
+    """A matrix with so much left of its least singular value, and those that it had."""
+    whole = scattered(seed, 14, 14 + more, 2.0)
+    left, sizes, right = np.linalg.svd(whole)
+    return whole - (1 - left_over) * sizes[-1] * np.outer(left[:, -1], right[13]), sizes
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("more", [0, 1])
 def test_one_that_is_singular_to_the_last_digit_loses_one_rank(seed: int, more: int) -> None:
     """Its inverse is rounding in all directions but one: nothing else may be read off it."""
-    n = 14
-    dense = scattered(seed, n, n + more, 2.0)
-    left, sizes, right = np.linalg.svd(dense)
-    dense = dense - sizes[-1] * np.outer(left[:, -1], right[n - 1])
+    dense, sizes = weakened(seed, more, 0.0)
     found = algebra.least_singular(csc_array(dense))
     assert found.size < 1e-14
     assert found.second == pytest.approx(sizes[-2], rel=1e-6)
@@ -107,10 +111,7 @@ def test_one_that_is_singular_to_the_last_digit_loses_one_rank(seed: int, more: 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("more", [0, 1])
 def test_the_weak_end_of_a_large_matrix_is_that_of_a_dense_one(seed: int, more: int) -> None:
-    n = 14
-    dense = scattered(seed, n, n + more, 2.0)
-    left, sizes, right = np.linalg.svd(dense)
-    dense = dense - 0.98 * sizes[-1] * np.outer(left[:, -1], right[n - 1])  # nearly singular
+    dense, _ = weakened(seed, more, 0.02)
     exact, found = algebra.least_singular(dense), algebra.least_singular(csc_array(dense))
     assert found.size == pytest.approx(exact.size, rel=1e-6)
     assert found.second == pytest.approx(exact.second, rel=1e-2)
@@ -119,7 +120,7 @@ def test_the_weak_end_of_a_large_matrix_is_that_of_a_dense_one(seed: int, more: 
         assert abs(one @ other) == pytest.approx(1.0)
     assert abs(found.null @ exact.null.T) == pytest.approx(np.eye(more), abs=1e-9)
     assert dense @ found.right == pytest.approx(found.size * found.left, abs=1e-9)
-    value = np.random.default_rng(seed).normal(size=n)
+    value = np.random.default_rng(seed).normal(size=14)
     assert found.rest(value) == pytest.approx(exact.rest(value), abs=1e-6)
     if not more:
         assert found.sign * found.left @ found.right == pytest.approx(

@@ -24,15 +24,19 @@ def planar() -> cb.Branch:
     return cb.trace(zoo.takens(), "b1", within={"b1": (-1.0, 1.0)}, events=[cb.fold(), cb.hopf()])
 
 
+@pytest.fixture(scope="module")
+def cusp() -> cb.Branch:
+    return cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
+
+
 # --- the curves themselves --------------------------------------------------------------------
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.1, 1.0])
-def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None:
-    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
+def test_cusp_curve_from_either_fold_in_either_direction(largest: float, cusp) -> None:
     steps = cb.Steps(first=0.1 * largest, largest=largest)
-    for point in branch.special[1:3]:
+    for point in cusp.special[1:3]:
         for towards in ("up", "down", "both"):
             for pair in (("mu", "h"), ("h", "mu")):
                 within = {"mu": (-1.0, 2.0), "h": (-2.0, 2.0)}
@@ -40,9 +44,9 @@ def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None
                 assert abs(4 * line["mu"] ** 3 - 27 * line["h"] ** 2).max() < 1e-13
                 assert line["mu"].max() == 2.0
                 if towards == "both":
-                    (cusp,) = zoo.events_of(line)
-                    assert cusp.kind == "CP"
-                    assert max(abs(cusp["mu"]), abs(cusp["h"]), abs(cusp["x"])) < 1e-12
+                    (met,) = zoo.events_of(line)
+                    assert met.kind == "CP"
+                    assert max(abs(met[name]) for name in ("mu", "h", "x")) < 1e-12
 
 
 def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: cb.Branch) -> None:
@@ -89,11 +93,10 @@ def test_third_parameters_keep_their_value_and_can_be_moved() -> None:
 # --- codimension two --------------------------------------------------------------------------
 
 
-def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> None:
+def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names(cusp) -> None:
     events = [cb.fold(), cb.user("x", 0.5), cb.user("mu", 0.3, terminal=True)]
-    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=events[:1]).first("LP")
     within = {"mu": (0.0, 2.0), "x": (-1.0, 1.0)}
-    line = cb.boundary(first, ("mu", "h"), within=within, events=events)
+    line = cb.boundary(cusp.first("LP"), ("mu", "h"), within=within, events=events)
     assert line.began is Stop.EVENT or line.stop is Stop.EVENT
     met = line.first("LP-UZ")
     assert met["mu"] == pytest.approx(0.3, abs=1e-14)
@@ -101,14 +104,13 @@ def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> N
 
 
 @pytest.mark.parametrize("may_jump", [False, True])
-def test_a_jump_that_means_nothing_on_branches_means_nothing_on_boundaries(may_jump: bool) -> None:
+def test_a_jump_that_means_nothing_on_branches_means_nothing_on_boundaries(may_jump, cusp) -> None:
     jumps = cb.Event("PO", lambda q: math.copysign(1.0, q["mu"] - 0.5), may_jump=may_jump)
-    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
-    line = cb.boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[jumps])
+    line = cb.boundary(cusp.first("LP"), ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[jumps])
     assert [point.kind for point in line.doubtful] == ([] if may_jump else ["LP-PO"])
 
 
-def test_a_meeting_located_by_both_loci_is_sharp() -> None:
+def test_a_meeting_located_by_both_loci_is_sharp(cusp) -> None:
     """A fold, where x^2 = mu/3, meets an event with a locus of its own, x = mu^2."""
 
     def conditions(curve, z, extra):
@@ -120,8 +122,7 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
         lambda point: point["x"] - point["mu"] ** 2,
         locus=lambda point: DefiningSystem({}, conditions),
     )
-    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()])
-    line = cb.boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
+    line = cb.boundary(cusp.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
     point = line.first("LP-GR")
     assert point["mu"] == pytest.approx(3 ** (-1 / 3), abs=1e-14)  # mu/3 = mu^4
     other = cb.boundary(point, ("mu", "h"), within={"mu": (0.3, 1.2)}, events=[cb.fold()])
@@ -156,15 +157,25 @@ def test_a_cusp_is_one_in_any_units_and_on_any_mesh(derivative, rows, unit) -> N
     assert not line.doubtful
 
 
-def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
-    locus = DefiningSystem(
-        {},
-        lambda curve, z, extra: np.array([z[0] - 0.5]),
-        derivative=lambda curve, z, extra: np.full((1, z.size), 0.25),
-    )
+@pytest.mark.parametrize(
+    ("conditions", "derivative", "sentence"),
+    [
+        (
+            lambda curve, z, extra: np.array([z[0] - 0.5]),
+            lambda curve, z, extra: np.full((1, z.size), 0.25),
+            r"derivative of the locus does not fit its conditions: its entry \(1, ",
+        ),
+        (
+            lambda curve, z, extra: np.zeros(2),
+            None,
+            "a locus with 0 extra unknowns needs 1 conditions",
+        ),
+    ],
+)
+def test_a_locus_that_does_not_fit_is_refused(conditions, derivative, sentence) -> None:
+    locus = DefiningSystem({}, conditions, derivative)
     event = cb.Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
-    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
-    sentence = r"derivative of the locus does not fit its conditions: its entry \(1, "
+    branch = cb.trace(zoo.CUSP.problem, "h", within={"x": (-1, 1)}, events=[event])
     with pytest.raises(BadInput, match=sentence):
         cb.boundary(branch.first("GR"), ("mu", "h"))
 
@@ -216,17 +227,6 @@ def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_
         cb.boundary(branch.first("LP"), ("null", "h"))
 
 
-def test_a_locus_with_the_wrong_number_of_conditions_is_refused() -> None:
-    bad = cb.Event(
-        "GR",
-        lambda point: point["x"] - 0.5,
-        locus=lambda point: DefiningSystem({}, lambda curve, z, extra: np.zeros(2)),
-    )
-    branch = cb.trace(zoo.cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
-    with pytest.raises(BadInput, match=r"a locus with 0 extra unknowns needs 1 conditions"):
-        cb.boundary(branch.first("GR"), ("mu", "h"))
-
-
 def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
     def residual(u, p):
         return np.array([(1 + p["m"]) * u[0], (2 * p["m"] - 1) * u[1] + p["c"]])
@@ -255,15 +255,15 @@ def test_walls_hold_on_boundaries_and_on_what_continues_them_from_a_file(tmp_pat
 
 
 @pytest.mark.parametrize("apart", [0.02, 0.1, 0.3])
-def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart: float) -> None:
+def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart, cusp) -> None:
     places = {"A": 0.8, "B": 0.8 + apart}
     events = [
         cb.Event(kind, lambda point, at=at: point["mu"] - at, examine=lambda point: "")
         for kind, at in places.items()
     ]
-    first = cb.trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
     steps = cb.Steps(first=1.0, largest=1.0)
-    line = cb.boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)}, events=events, steps=steps)
+    how = {"within": {"mu": (0.5, 2.0)}, "events": events, "steps": steps}
+    line = cb.boundary(cusp.first("LP"), ("mu", "h"), **how)
     for kind, at in places.items():
         assert line.first(f"LP-{kind}")["mu"] == pytest.approx(at, abs=1e-10)
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import contbreather as cb
 from contbreather.continuation import Stop, iterate
 from contbreather.errors import BadInput
 
-from .zoo import ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
+from .zoo import ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, printed, trace_case
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +23,6 @@ def branch() -> cb.Branch:
         CUSP.problem, record={"slope": lambda point: float(point.jacobian()[0, 0])}, label="cusp"
     )
     return trace_case(replace(CUSP, problem=problem), events=[cb.fold(), cb.user("x", 0.2)])
-
-
-def printed(thing) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    console.print(thing)
-    return console.file.getvalue()
 
 
 # --- branches ---------------------------------------------------------------------------------
@@ -80,9 +72,7 @@ def test_a_branch_says_what_it_is(branch: cb.Branch) -> None:
 
 def shown_at(branch: cb.Branch, width: int) -> list[list[str]]:
     """The cells of the printed table."""
-    out = io.StringIO()
-    Console(file=out, width=width, color_system=None).print(branch)
-    rows = [line for line in out.getvalue().splitlines() if line[:1] in "│┃"]
+    rows = [line for line in printed(branch, width).splitlines() if line[:1] in "│┃"]
     return [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows]
 
 
@@ -106,13 +96,11 @@ def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: cb.Branc
 
 def test_a_count_is_blank_where_rounding_decides_it() -> None:
     """At a fold a multiplier is on the circle: the table has no number, the column keeps it."""
-    cusp = cb.Problem(
-        lambda x, p: p["h"] + p["mu"] * x - x**3,
-        {"x": 1.5},
-        {"mu": 1.0, "h": 1.875},
-        record={"count": lambda point: int(point["x"] ** 2 < 1 / 3)},
+    record = {"count": lambda point: int(point["x"] ** 2 < 1 / 3)}
+    counted = replace(CUSP.problem, record=record)
+    branch = cb.trace(
+        counted, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold(), cb.user("x", 0.1)]
     )
-    branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold(), cb.user("x", 0.1)])
     column = [row[3] for row in shown_at(branch, 200)]
     assert column == ["count", "0", "\N{EN DASH}", "1", "\N{EN DASH}", "0"]
     assert set(branch["count"]) == {0, 1}
@@ -299,15 +287,14 @@ def test_a_point_says_what_it_is_to_its_user() -> None:
 
 
 def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> None:
-    walker = iterate(CIRCLE.problem, "mu", events=[cb.fold(), cb.user("x", 0.5)])
-    points = []
-    while True:
-        try:
-            points.append(next(walker))
-        except StopIteration as stopped:
-            end = stopped.value
-            break
-    assert end.stop is Stop.CLOSED
+    ends = []
+
+    def walk():
+        events = [cb.fold(), cb.user("x", 0.5)]
+        ends.append((yield from iterate(CIRCLE.problem, "mu", events=events)))
+
+    points = list(walk())
+    assert [end.stop for end in ends] == [Stop.CLOSED]
     assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
     assert (np.diff([point.arclength for point in points]) > 0).all()
 

@@ -12,13 +12,12 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Stop
-from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
 from contbreather.continuation.walk import checkpoint
 from contbreather.errors import BadInput, Interrupted
 
-from .zoo import CUSP
+from .zoo import CUSP, logistic
 
 FEW = cb.Steps(first=0.1, largest=0.3)
 
@@ -253,7 +252,7 @@ def test_full_disk_ends_no_run_and_loses_no_result(monkeypatch, tmp_path, caplog
 
 def test_cycles_of_a_map_come_back_from_the_map(tmp_path: Path) -> None:
     """The arms of a doubling solve the equations of an iterate, which the map has."""
-    start = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    start = logistic()
     tree = diagram(start, "r", within={"r": (2.4, 3.5)}, depth=2, save=tmp_path / "tree.nc")
     again = cb.load(tmp_path / "tree.nc", problem=start)
     assert [repr(branch) for branch in again] == [repr(branch) for branch in tree]

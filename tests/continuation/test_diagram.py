@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point, load, save
 from contbreather.continuation.algebra.newton import Undefined
@@ -18,7 +16,19 @@ from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted
 
-from .zoo import LORENZ, PITCHFORK, STATIC, Array, Counted, imperfect, knowing, scalar
+from .zoo import (
+    LORENZ,
+    PITCHFORK,
+    STATIC,
+    Array,
+    Counted,
+    circle_on_axis,
+    imperfect,
+    knowing,
+    logistic,
+    printed,
+    scalar,
+)
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}
@@ -107,10 +117,6 @@ def test_images_are_followed_but_not_switched_on() -> None:
 # --- nothing twice ----------------------------------------------------------------------------
 
 
-def circle_on_axis(x: float, p: Mapping[str, float]) -> float:
-    return x * (x**2 + p["mu"] ** 2 - 1)
-
-
 def test_a_closed_loop_through_two_branch_points_is_there_once() -> None:
     tree = grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}), within=WIDE, depth=5)
     assert len(tree) == 2
@@ -185,9 +191,8 @@ def test_lorenz_from_one_side_finds_the_origin_and_knows_the_other_side() -> Non
 
 def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() -> None:
     """Neither a meeting, with the branch itself, nor an arm that failed."""
-    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     cubic = Problem(lambda x, p: x * (p["r"] - x**2), {"x": 0.0}, {"r": -1.0})
-    for problem, edge, events in ((logistic, 3.0, None), (cubic, 0.0, STATIC)):
+    for problem, edge, events in ((logistic(), 3.0, None), (cubic, 0.0, STATIC)):
         tree = diagram(problem, "r", within={"r": (edge - 1.0, edge)}, events=events)
         assert (len(tree), tree.meetings, tree.failed, tree.left) == (1, (), (), ())
         assert tree[0].special[-1]["r"] == pytest.approx(edge)
@@ -195,8 +200,7 @@ def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() ->
 
 def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
     """A cycle of period 32 is born 1e-5 beside its parent: told apart by the way from the place."""
-    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    tree = diagram(logistic, "r", within={"r": (1.5, 3.5698)}, depth=6)
+    tree = diagram(logistic(), "r", within={"r": (1.5, 3.5698)}, depth=6)
     labels = [branch.problem.label for branch in tree]
     assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 7))]
     assert (tree.meetings, tree.failed, tree.left) == ((), (), ())
@@ -234,7 +238,7 @@ def test_a_bubble_of_doubled_cycles_reaches_from_one_doubling_to_the_other() -> 
 
 
 def test_from_a_cycle_back_to_the_fixed_point_in_its_own_problem() -> None:
-    doubled = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.799455}, {"r": 3.2}, period=2)
+    doubled = logistic(0.799455, 3.2, period=2)
     tree = diagram(doubled, "r", within={"r": (2.0, 3.4)}, depth=1)
     labels = [branch.problem.label for branch in tree]
     assert labels == ["cycle of period 2", "fixed point"]
@@ -290,10 +294,7 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
 
 
 def test_the_tree_is_shown_as_it_grew() -> None:
-    tree = grown(ODD, within=WIDE)
-    console = Console(file=io.StringIO(), width=120)
-    console.print(tree)
-    text = console.file.getvalue()
+    text = printed(grown(ODD, within=WIDE), 120)
     assert "2 branches, 4 special points" in text
     assert text.index("BP1: mu = -1") < text.index("branch 1") < text.index("BP2: mu = 1, x")
     assert "meets branch 0: BP2" in text
@@ -330,22 +331,12 @@ KEPT = {
 
 def told(tree: Diagram) -> list[object]:
     """All that a diagram tells but for the numbers along its branches."""
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(tree)
     several = tree.meetings, tree.failed, [place.name for place in tree.left]
     births = [(b.depth, b.place and b.place.name, b.image_of) for b in tree.births]
     parents = [b[0].parent and (b[0].parent.label, b[0].parent.z.tobytes()) for b in tree]
     labels = [[p.label for p in branch.special] for branch in tree]
     words = [[str(one) for one in some] for some in several]
-    return [
-        relations(tree),
-        tree.interrupted,
-        births,
-        parents,
-        labels,
-        words,
-        console.export_text(),
-    ]
+    return [relations(tree), tree.interrupted, births, parents, labels, words, printed(tree)]
 
 
 @pytest.mark.parametrize("name", KEPT)

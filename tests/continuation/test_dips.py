@@ -8,7 +8,7 @@ import pytest
 from contbreather.continuation import Branch, Event, Problem, Steps, branch_point, fold, hopf, trace
 from contbreather.continuation.bifurcations.maps import EVENTS, FixedPoint
 
-from .zoo import events_of, scalar
+from .zoo import events_of, rotated, scalar
 
 _, _, DOUBLING, ROTATION = EVENTS
 UNIT = {"m": (-1.0, 1.0)}
@@ -84,14 +84,9 @@ def test_eigenvalues_that_cross_far_from_each_other_are_told_apart_by_their_coun
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4])
 def test_two_close_bifurcations_of_a_map_are_both_found(gap: float) -> None:
-    def turned(u, radius, angle):
-        c, s = radius * np.cos(angle), radius * np.sin(angle)
-        return [c * u[0] - s * u[1], s * u[0] + c * u[1]]
-
     def wheels(u, p):
-        return np.array(
-            [*turned(u[:2], 1 + p["m"], 1.0), *turned(u[2:], 1 + 3 * (p["m"] - gap), 2.2)]
-        )
+        first, second = (1 + p["m"]) * u[:2], (1 + 3 * (p["m"] - gap)) * u[2:]
+        return np.array([*rotated(first, 1.0), *rotated(second, 2.2)])
 
     def flips(u, p):
         return -np.array([(1 + p["m"]) * u[0], (1 + 3 * (p["m"] - gap)) * u[1]]) - u**3
@@ -116,32 +111,22 @@ def test_four_zeros_of_one_test_in_two_pairs_are_found() -> None:
     assert places == pytest.approx([0.5, 0.501, 0.54, 0.541], abs=1e-10)
 
 
-@pytest.mark.parametrize("lift", [0.0, 1e-4, 1e-2])
-def test_a_test_that_only_comes_close_to_zero_is_no_event(lift: float) -> None:
-    """With a kink as sharp as that of the least of several values."""
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
-    event = Event("VV", lambda point: abs(point["m"] - 0.3) + lift)
-    branch = trace(line, "m", within=UNIT, events=[event])
+@pytest.mark.parametrize(
+    ("test", "low", "touches"),
+    [
+        # with a kink as sharp as that of the least of several values
+        *((lambda m, lift=lift: abs(m - 0.3) + lift, -1.0, not lift) for lift in (0.0, 1e-4, 1e-2)),
+        (lambda m: max(m - 0.3, 0.0) or 0.4, -1.0, False),  # jumps away from zero
+        (lambda m: m or 1.0, 0.0, False),  # approaches it at the edge, where it has no meaning
+    ],
+)
+def test_a_test_that_only_comes_close_to_zero_is_no_event(test, low, touches) -> None:
+    line = scalar(lambda x, p: x - p["m"], 0.73, {"m": 0.73}, domain={"m": (low, 1.0)})
+    branch = trace(line, "m", events=[Event("VV", lambda point: test(point["m"]))])
+    assert branch[0]["m"] == low
     assert events_of(branch) == []
     reasons = [point.detail["reason"] for point in branch.doubtful]
-    assert reasons == (["the test of VV touches zero: none, or two at once"] if not lift else [])
-
-
-def test_a_test_that_jumps_away_from_zero_is_not_said_to_touch_it() -> None:
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
-    event = Event("VV", lambda point: max(point["m"] - 0.3, 0.0) or 0.4)
-    branch = trace(line, "m", within=UNIT, events=[event])
-    assert events_of(branch) == []
-    assert branch.doubtful == ()
-
-
-def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before() -> None:
-    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0}, domain={"m": (0.0, 1.0)})
-    event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the edge itself
-    branch = trace(line.at(x=0.73, m=0.73), "m", events=[event])
-    assert branch[0]["m"] == 0.0
-    assert events_of(branch) == []
-    assert branch.doubtful == ()
+    assert reasons == (["the test of VV touches zero: none, or two at once"] if touches else [])
 
 
 def crossings(gap: float, kind: str) -> tuple[Problem, dict[str, tuple[float, float]]]:

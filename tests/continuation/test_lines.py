@@ -19,7 +19,7 @@ from contbreather.continuation import Point, Stop
 
 from . import lines
 from .lines import eaten
-from .zoo import ALL, Array, events_of
+from .zoo import ALL, Array, events_of, rotated
 
 
 @pytest.mark.parametrize("name", lines.LINES)
@@ -205,13 +205,9 @@ def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() 
 
 
 def test_curves_of_branch_points_go_on_where_null_vectors_turn_by_more_than_a_right_angle() -> None:
-    def turned(x, angle):
-        c, s = math.cos(angle), math.sin(angle)
-        return np.array([c * x[0] - s * x[1], s * x[0] + c * x[1]])
-
     def pitchfork(x, p):  # at m = 0, the left null vector at the angle a and the right one at -2 a
-        u, v = turned(x, 2 * p["a"])
-        return turned([p["m"] * u - u**3, -v], p["a"])
+        u, v = rotated(x, 2 * p["a"])
+        return rotated([p["m"] * u - u**3, -v], p["a"])
 
     mine = cb.Problem(pitchfork, {"x": 0.0, "y": 0.0}, {"m": -0.5, "a": 0.1}, events=ALL)
     point = cb.trace(mine, "m", within={"m": (-1, 1)}).first("BP")

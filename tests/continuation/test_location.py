@@ -218,15 +218,10 @@ def test_a_step_that_would_end_on_a_branch_point_is_shortened() -> None:
 @pytest.mark.parametrize("back", range(1, 6))
 def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt(back: int) -> None:
     """From a point of an arm the same steps lead back to where it set out from."""
-
-    def lorenz(x: Any, p: Any) -> Any:
-        flow = [10 * (x[1] - x[0]), x[0] * (p["r"] - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
-        return np.array(flow)
-
-    within, events = {"r": (0.5, 20)}, [fold(), branch_point(), hopf()]
-    mine = Problem(lorenz, start={"x": 0.0, "y": 0.0, "z": 0.0}, params={"r": 0.6})
-    arms = cb.switch(trace(mine, "r", within=within, events=events).first("BP"), within=within)
-    branch = trace(arms[0][back].problem, "r", within=within, events=events)
+    within = {"r": (0.5, 20)}
+    origin = zoo.LORENZ.problem.at(x=0.0, y=0.0, z=0.0, r=0.6)
+    arms = cb.switch(trace(origin, "r", within=within, events=zoo.ALL).first("BP"), within=within)
+    branch = trace(arms[0][back].problem, "r", within=within, events=zoo.ALL)
     assert [(p.kind, p["r"]) for p in zoo.events_of(branch)] == [("BP", pytest.approx(1.0))]
     assert branch.doubtful == ()
 
@@ -305,15 +300,6 @@ def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     (point,) = zoo.events_of(on_line(event, steps=LONG))
     assert point["mu"] == pytest.approx(math.log(1.5), abs=1e-15)
     assert calls < 40
-
-
-def test_a_test_that_fails_at_the_start_is_a_mistake() -> None:
-    with pytest.raises(BadInput, match=r"no 'nu' at this point; it has \['x', 'mu'\]"):
-        on_line(user("nu", 0.3))
-    with pytest.raises(
-        BadInput, match=r"an Event was expected, fold\(\) for instance, got <function fold"
-    ):
-        on_line(fold)  # not called
 
 
 # --- both ends --------------------------------------------------------------------------------
@@ -413,17 +399,10 @@ def test_events_may_come_from_the_problem_or_a_generator() -> None:
 
 
 def test_a_double_zero_eigenvalue_is_told_from_a_neutral_saddle() -> None:
-    """x' = y, y' = mu + x^2 + x y: fold and Hopf point in one, at mu = 0."""
-
-    def residual(u, p):
-        x, y = u
-        return np.array([y, p["mu"] + x * x + x * y])
-
-    problem = Problem(residual, {"x": -0.5, "y": 0.0}, {"mu": -0.25})
-    branch = trace(
-        problem, "mu", within={"x": (-1.0, 1.0)}, events=[fold(), hopf(), branch_point()]
-    )
-    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-12)
+    """Fold and Hopf point in one, at b1 = 0."""
+    start = zoo.takens().at(x=-0.5, b1=-0.25, b2=0.0)
+    branch = trace(start, "b1", within={"x": (-1.0, 1.0)}, events=zoo.ALL)
+    assert branch.first("LP")["b1"] == pytest.approx(0.0, abs=1e-12)
     for point in (*branch.special, *branch.doubtful):
         assert "neutral" not in point.detail.get("reason", "")
 

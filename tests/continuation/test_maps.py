@@ -15,7 +15,7 @@ from contbreather.continuation.branches.switching import NothingToSwitch, switch
 from contbreather.errors import BadInput
 
 from .lines import PLANE, XY, Params, at, henon, kinds, of_map
-from .zoo import Array
+from .zoo import Array, logistic
 
 
 def plain(u: Array) -> Array:
@@ -66,14 +66,10 @@ def logistic_doubling(period: int, x: float, r: float) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def logistic(x: Array, p: Params) -> Array:
-    return p["r"] * x * (1 - x)
-
-
 @cache
 def cascade(doublings: int) -> tuple[Branch, ...]:
     window = {"r": (2.0, 4.0)}
-    branches = [trace(FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}), "r", within=window)]
+    branches = [trace(logistic(), "r", within=window)]
     for _ in range(doublings):
         (arm,) = switch(branches[-1].first("PD"), within=window)
         branches.append(arm)
@@ -116,26 +112,29 @@ def test_stability_passes_from_cycle_to_cycle() -> None:
             )
 
 
-def test_cycle_of_period_three_is_born_at_its_fold() -> None:
-    start = FixedPoint(logistic, {"x": 0.16}, {"r": 3.84}, period=3)
-    branch = trace(start, "r", within={"r": (3.5, 3.9)})
+def logistic_slope(x: Array, p: Params) -> Array:
+    return np.array([[p["r"] * (1 - 2 * x[0])]])
+
+
+@pytest.mark.parametrize("given", [{}, {"jacobian": logistic_slope}])
+def test_cycle_of_period_three_is_born_at_its_fold(given) -> None:
+    branch = trace(logistic(0.16, 3.84, period=3, **given), "r", within={"r": (3.5, 3.9)})
     at(branch.first("LP"), r=1 + math.sqrt(8))
     cycle = branch[5].solution
     assert cycle.period == 3
-    assert np.allclose(logistic(cycle.points[2], branch[5].params), cycle.points[0], atol=1e-12)
+    x, r = cycle.points[2], branch[5]["r"]
+    assert np.allclose(r * x * (1 - x), cycle.points[0], atol=1e-12)
 
 
 def test_a_cycle_written_with_too_long_a_period_is_known_as_the_shorter_one() -> None:
-    long = FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}, period=6)
+    long = logistic(period=6)
     point = trace(long, "r", within={"r": (2.2, 2.9)})[3]
     small = long.simpler(point)
     assert small.label == "fixed point"
     assert small.at(r=2.5, x=0.6).solve()[1].residual < 1e-14
-    two = trace(
-        FixedPoint(logistic, {"x": 0.799}, {"r": 3.2}, period=4), "r", within={"r": (3.1, 3.4)}
-    )
+    two = trace(logistic(0.799, 3.2, period=4), "r", within={"r": (3.1, 3.4)})
     assert two.problem.simpler(two[3]).label == "cycle of period 2"
-    exact = FixedPoint(logistic, {"x": 0.799}, {"r": 3.2}, period=2)
+    exact = logistic(0.799, 3.2, period=2)
     assert exact.simpler(trace(exact, "r", within={"r": (3.1, 3.4)})[3]) is None
 
 
@@ -182,20 +181,8 @@ def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point(
     assert (kinds(branch), branch.doubtful) == ([], ())
 
 
-def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
-    calls = []
-
-    def slope(x: Array, p: Params) -> Array:
-        calls.append(1)
-        return np.array([[p["r"] * (1 - 2 * x[0])]])
-
-    mine = FixedPoint(logistic, {"x": 0.16}, {"r": 3.84}, period=3, jacobian=slope)
-    branch = trace(mine, "r", within={"r": (3.5, 3.9)})
-    at(branch.first("LP"), r=1 + math.sqrt(8))
-    assert calls
-    wrong = FixedPoint(
-        logistic, {"x": 0.16}, {"r": 3.84}, period=3, jacobian=lambda x, p: slope(x, p) + 0.1
-    )
+def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:
+    wrong = logistic(0.16, 3.84, period=3, jacobian=lambda x, p: logistic_slope(x, p) + 0.1)
     with pytest.raises(BadInput, match="Jacobian that was given does not fit"):
         trace(wrong, "r")
 

@@ -23,7 +23,8 @@ from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.systems import normal_forms as forms
 
-from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
+from .lines import henon
+from .zoo import BRUSSELATOR, LORENZ, Array, logistic, rotated, takens, trace_case
 
 # --- the other road ---------------------------------------------------------------------------
 
@@ -169,15 +170,10 @@ def test_coefficient_of_neimark_sacker_in_three_dimensions() -> None:
 
 @pytest.mark.parametrize("beta", [0.5, -0.3, 0.9])
 def test_coefficient_of_period_doubling_in_the_henon_map(beta: float) -> None:
-    def henon(u: Sequence[Any], alpha: Any, b: Any) -> list[Any]:
-        return [u[1], alpha - b * u[0] - u[1] ** 2]
-
-    mine = FixedPoint(lambda u, p: np.array(henon(u, p["alpha"], p["beta"])), {"x": 0.2, "y": 0.2},
-                      {"alpha": 0.5, "beta": beta})  # fmt: skip
-    point = trace(mine, "alpha", within={"y": (0.0, 2.0)}).first("PD")
+    point = trace(henon(0.5, beta, 0.2), "alpha", within={"y": (0.0, 2.0)}).first("PD")
     exact = sympy.Rational(str(beta))
-    y = (1 + exact) / 2
-    wanted = flip_by_series(lambda u: henon(u, 3 * (1 + exact) ** 2 / 4, exact), [y, y])
+    y, alpha = (1 + exact) / 2, 3 * (1 + exact) ** 2 / 4
+    wanted = flip_by_series(lambda u: [u[1], alpha - exact * u[0] - u[1] ** 2], [y, y])
     assert point.detail["c"] == pytest.approx(wanted, rel=1e-9)
 
 
@@ -185,9 +181,7 @@ def test_coefficient_of_period_doubling_in_the_henon_map(beta: float) -> None:
 def test_coefficient_of_the_logistic_cascade_whatever_the_period(period: int) -> None:
     """For one unknown c is ``G''^2 / 4 + G''' / 6``, with G iterated as an exact polynomial."""
     start = {1: (0.66, 2.9), 2: (0.84, 3.4), 4: (0.88, 3.52)}[period]
-    mine = FixedPoint(
-        lambda x, p: p["r"] * x * (1 - x), {"x": start[0]}, {"r": start[1]}, period=period
-    )
+    mine = logistic(*start, period=period)
     point = trace(mine, "r", within={"r": (2.8, 3.6)}).first("PD")
     mpmath.mp.dps = 30
 
@@ -242,9 +236,7 @@ def test_cubic_coefficient_at_a_cusp_includes_the_slaved_direction() -> None:
 
 
 def test_conservative_systems_have_no_sign() -> None:
-    mine = FixedPoint(lambda u, p: np.array([u[1], p["a"] - p["b"] * u[0] - u[1] ** 2]),
-                      {"x": 0.5, "y": 0.5}, {"a": 1.0, "b": 0.7})  # fmt: skip
-    point = trace(mine, "b", within={"b": (0.5, 1.5)}).first("NS")
+    point = trace(henon(1.0, 0.7, 0.5), "beta", within={"beta": (0.5, 1.5)}).first("NS")
     assert point.detail["criticality"] == "degenerate"
     assert abs(point.detail["d"].real) < 1e-11
 
@@ -257,8 +249,7 @@ def test_a_double_eigenvalue_has_no_simple_normal_form() -> None:
 
 @pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3, math.pi / 2])
 def test_strong_resonances_have_another_normal_form(angle: float) -> None:
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
+    mine = FixedPoint(lambda u, p: rotated(p["s"] * u, angle), {"u": np.zeros(2)}, {"s": 1.0})
     with pytest.raises(Undefined, match="strong resonance"):
         forms.rotation_coefficient(Point(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0])), angle)
 
@@ -304,11 +295,10 @@ def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
 
 def turning(angle: float) -> Point:
     """A Neimark-Sacker point at this angle, with terms of second and third order."""
-    c, s = math.cos(angle), math.sin(angle)
 
     def image(u: np.ndarray, p: dict[str, float]) -> np.ndarray:
-        x, y = u
-        return (1 + p["m"]) * np.array([c * x - s * y + 0.3 * x * x - x**3, s * x + c * y])
+        bent = [0.3 * u[0] ** 2 - u[0] ** 3, 0.0]
+        return (1 + p["m"]) * (np.array(rotated(u, angle)) + bent)
 
     mine = FixedPoint(image, {"x": 0.0, "y": 0.0}, {"m": -0.1})
     return trace(mine, "m", within={"m": (-0.2, 0.2)}).first("NS")
@@ -355,12 +345,10 @@ def test_coefficients_of_functions_that_are_no_polynomials_have_eight_digits() -
 @pytest.mark.parametrize("angle", [0.7, 2.9])
 def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: float) -> None:
     """``z -> e^(i angle) z (1 + m - |z|^2/unit^2)``: d = -2 over the square of the unit."""
-    c, s = math.cos(angle), math.sin(angle)
 
     def image(u: Array, p: Mapping[str, float]) -> list[Any]:
-        x, y = u
-        grow = 1.0 + p["m"] - (x * x + y * y) / unit**2
-        return [grow * (c * x - s * y), grow * (s * x + c * y)]
+        grow = 1.0 + p["m"] - (u @ u) / unit**2
+        return [grow * part for part in rotated(u, angle)]
 
     mine = cb.FixedPoint(image, {"x": 0.0, "y": 0.0}, {"m": -0.31})
     point = cb.trace(mine, "m", within={"m": (-0.4, 0.4)}).first("NS")

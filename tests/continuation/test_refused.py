@@ -17,7 +17,7 @@ import contbreather as cb
 from contbreather.continuation import Event
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import LINE, PITCHFORK, knowing
+from .zoo import LINE, PITCHFORK, knowing, rotated
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -27,9 +27,8 @@ Params = Mapping[str, float]
 
 
 def turning(u: Array, p: Params) -> list[Any]:
-    c, s = math.cos(1.1), math.sin(1.1)
     grow = 1.0 + p["m"] - u[0] ** 2 - u[1] ** 2 + 0.1 * p["k"]
-    return [grow * (c * u[0] - s * u[1]), grow * (s * u[0] + c * u[1])]
+    return [grow * part for part in rotated(u, 1.1)]
 
 
 START = {"x": 0.0, "y": 0.0}
@@ -260,6 +259,9 @@ GIVEN: list[Row] = [
     ),
     # events
     (line, (), {"events": 3}, "events must be a list of them, got 3"),
+    (line, (), {"events": [cb.fold]},  # not called
+     r"an Event was expected, fold\(\) for instance, got <function fold"),
+    (line, (), {"events": [cb.user("nu", 0.3)]}, r"no 'nu' at this point; it has \['x', 'mu'\]"),
     *(
         (measured, (value, since), {}, r"the test of UZ gave .*; one real number was expected")
         for value in (None, 1j, np.array([1.0]), [1.0, 2.0], "a")

@@ -277,6 +277,7 @@ def pattern_without(i: int, j: int) -> np.ndarray:
             {"jacobian": lambda u, p: csr_array((30, 29))},
             r"^the Jacobian is sparse and has shape \(30, 29\); \(30, 30\) was expected$",
         ),
+        ({"jacobian": np.eye(3)}, r"pattern has shape \(3, 3\); \(30, 30\) was expected"),
         (
             {"jacobian": pattern_without(11, 12)},
             r"^the sparsity pattern does not fit the residual: it misses entry \(11, 12\)",
@@ -299,11 +300,6 @@ def test_a_sparse_derivative_in_a_parameter_is_refused() -> None:
     words = r"a dense array of shape \(30,\) was expected: return its toarray\(\)$"
     with pytest.raises(BadInput, match=words):
         cb.trace(column, "lam", within={"lam": (0, 1)})
-
-
-def test_a_pattern_of_the_wrong_shape_is_refused() -> None:
-    with pytest.raises(BadInput, match=r"pattern has shape \(3, 3\); \(30, 30\) was expected"):
-        replace(bratu(second(30)), jacobian=np.eye(3))
 
 
 def test_a_hopf_point_far_up_the_axis_is_seen_among_two_hundred_sparse_unknowns() -> None:

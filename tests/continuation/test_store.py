@@ -532,21 +532,21 @@ def test_hdf5_and_netcdf_of_others_are_refused(path: Path) -> None:
         load(path)
 
 
-def _without(name: str) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        about = json.loads(file["branch1/about_in_json"][()].tobytes())
-        del about[name], file["branch1/about_in_json"]
-        file["branch1/about_in_json"] = np.bytes_(json.dumps(about).encode())
-
-    return change
-
-
 def _put(name: str, values: Any) -> Callable[[h5py.File], None]:
     """A column whose axis is no dimension."""
 
     def change(file: h5py.File) -> None:
         del file[name]
         file[name] = values
+
+    return change
+
+
+def _without(name: str, **other: str) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        about = json.loads(file["branch1/about_in_json"][()].tobytes())
+        del about[name]
+        _put("branch1/about_in_json", np.bytes_(json.dumps({**about, **other}).encode()))(file)
 
     return change
 
@@ -562,15 +562,9 @@ def changed(change: Callable[[h5py.File], None], path: Path) -> None:
 
 
 def test_the_older_name_of_an_end_is_read(branch: Branch, path: Path) -> None:
-    def older(file: h5py.File) -> None:
-        about = json.loads(file["branch1/about_in_json"][()].tobytes())
-        del file["branch1/about_in_json"]
-        file["branch1/about_in_json"] = np.bytes_(json.dumps({**about, "stop": "RIM"}).encode())
-        file["branch1"].attrs["stop"] = "RIM"
-
     save(path, replace(branch, stop=Stop.DOMAIN))
     assert b"RIM" not in path.read_bytes()
-    changed(older, path)
+    changed(_without("stop", stop="RIM"), path)
     assert load(path).stop is Stop.DOMAIN
 
 

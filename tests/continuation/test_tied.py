@@ -16,12 +16,9 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 
+from . import zoo
 
-def brusselator(u, p):
-    x, y = u
-    return np.array([p["A"] + x * x * y - (p["B"] + 1) * x, p["B"] * x - x * x * y])
-
-
+brusselator = zoo.brusselator().residual
 START = {"x": 1.0, "y": 1.5}
 # A by its square, B relative to the Hopf point 1 + A^2: a name that is tied, and a new one
 TIES = {"A": lambda p: p["A"] ** 0.5, "B": lambda p: p["ratio"] * (1 + p["A"])}
@@ -158,10 +155,8 @@ def test_the_domain_of_the_base_ends_the_branch():
 
 @pytest.mark.parametrize("slopes", [None, lambda x, p: np.array([[p["r"] * (1 - 2 * x[0])]])])
 def test_cycles_of_a_tied_map_double_and_double_again(slopes):
-    logistic = cb.FixedPoint(
-        lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5}, jacobian=slopes
-    ).tied({"r": lambda p: 4 * p["s"]}, s=0.625)
-    first = cb.trace(logistic, "s", within={"s": (0.5, 1)}).first("PD")
+    tied = zoo.logistic(jacobian=slopes).tied({"r": lambda p: 4 * p["s"]}, s=0.625)
+    first = cb.trace(tied, "s", within={"s": (0.5, 1)}).first("PD")
     arm = cb.switch(first, within={"s": (0.5, 1)})[0]
     # r = 3 and 1 + sqrt(6)
     assert first["s"] == pytest.approx(0.75, abs=1e-11)

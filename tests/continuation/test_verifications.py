@@ -19,7 +19,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.curve.curve import Curve
 
 from . import lines
-from .zoo import CUSP, LINE, PITCHFORK, TAKENS, Array, trace_case
+from .zoo import CUSP, LINE, PITCHFORK, TAKENS, Array, rotated, trace_case
 
 
 def reason(event: cb.Event, point: Point, **detail: Any) -> str:
@@ -203,12 +203,10 @@ def test_two_multipliers_one_with_two_eigenvectors_are_no_resonance() -> None:
 
 @pytest.mark.parametrize("third", [1.0002, -0.9999, 0.99999])
 def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(third) -> None:
-    c, s = np.cos(1.1), np.sin(1.1)
-
     def image(u: Array, p: lines.Params) -> Any:
         x, y, z = u
         grow = 1 + p["m"] + 0.1 * z
-        return [grow * (c * x - s * y), grow * (s * x + c * y), third * z + x * x]
+        return [*(grow * part for part in rotated((x, y), 1.1)), third * z + x * x]
 
     mine = lines.of_map(image, lines.XYZ, m=-0.31)
     events = [looked_for(mine, "NS")]

@@ -27,8 +27,8 @@ from contbreather.continuation import (
 from contbreather.errors import Interrupted, NotConverged
 
 from . import zoo
+from .zoo import TIP
 
-TIP = 1 / math.sqrt(3)  # of the folds of the cusp case, h = -+ 2 TIP^3
 WIDE = {"mu": (-2.0, 2.0)}
 
 

@@ -6,6 +6,7 @@ end meets them, from a road that is not the engine's: a formula, or 30 digits of
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -15,6 +16,7 @@ from typing import Any
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from contbreather.continuation import (
     Branch,
@@ -28,6 +30,7 @@ from contbreather.continuation import (
     hopf,
     trace,
 )
+from contbreather.continuation.bifurcations.maps import FixedPoint
 
 Array = NDArray[np.float64]
 Known = tuple[str, Mapping[str, float]]  # kind, and values by name
@@ -69,6 +72,12 @@ def scalar(
     return Problem(lambda u, p: np.array([equation(u[0], p)]), {"x": x}, params, **given)
 
 
+def rotated(u: Sequence[Any], angle: float) -> list[Any]:
+    """A vector of the plane turned by an angle, in a map of anybody."""
+    (x, y), c, s = u, math.cos(angle), math.sin(angle)
+    return [c * x - s * y, s * x + c * y]
+
+
 def knowing(problem: Problem, **methods: Callable[..., object]) -> Problem:
     """The same equations in a class of their own, which has these methods."""
     derived = type("Mine", (Problem,), {n: staticmethod(method) for n, method in methods.items()})
@@ -89,18 +98,14 @@ def cusp_surface(x: float, mu: float) -> Problem:
     return scalar(lambda x, p: p["h"] + p["mu"] * x - x**3, x, {"mu": mu, "h": x**3 - mu * x})
 
 
-def _cusp() -> Case:
-    x = 1 / math.sqrt(3)
-    return Case(
-        "cusp",
-        cusp_surface(-0.9, 1.0),
-        "h",
-        (("LP", {"x": -x, "h": 2 * x**3}), ("LP", {"x": x, "h": -2 * x**3})),
-        within={"x": (-2.0, 2.0)},
-    )
-
-
-CUSP = _cusp()
+TIP = 1 / math.sqrt(3)  # of its folds for mu = 1
+CUSP = Case(
+    "cusp",
+    cusp_surface(-0.9, 1.0),
+    "h",
+    (("LP", {"x": -TIP, "h": 2 * TIP**3}), ("LP", {"x": TIP, "h": -2 * TIP**3})),
+    within={"x": (-2.0, 2.0)},
+)
 
 ISOLA = Case(  # with X = x^2, L = l^2: L = 1 - X -+ sqrt(0.8 - 4X), folds where X = 0
     "isola",
@@ -172,6 +177,11 @@ def imperfect(h: float) -> tuple[Case, Case]:
     )
 
 
+def circle_on_axis(x: float, p: Mapping[str, float]) -> float:
+    """``x (x^2 + mu^2 - 1)``: a circle across the axis."""
+    return x * (x**2 + p["mu"] ** 2 - 1)
+
+
 LINE = Case(
     "line",
     scalar(lambda x, p: x - 2 * p["mu"], 0.0, {"mu": 0.0}),
@@ -181,24 +191,22 @@ LINE = Case(
 )
 
 
-def _stiff() -> Case:
-    """The cusp again, its unknown in millions and its parameter in millionths."""
-    x = 1 / math.sqrt(3)
-    return Case(
-        "stiffly scaled",
-        scalar(
-            lambda x, p: 1e6 * p["h"] + 1e-6 * x - (1e-6 * x) ** 3,
-            -0.9e6,
-            {"h": 1e-6 * (0.9 - 0.9**3)},
-            scales={"x": 1e6, "h": 1e-6},
-        ),
-        "h",
-        (("LP", {"x": -1e6 * x, "h": 2e-6 * x**3}), ("LP", {"x": 1e6 * x, "h": -2e-6 * x**3})),
-        within={"x": (-2e6, 2e6)},
-    )
+def logistic(x: float = 0.6, r: float = 2.5, **more: Any) -> Problem:
+    return FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": x}, {"r": r}, **more)
 
 
-STIFF = _stiff()
+STIFF = Case(  # the cusp again, its unknown in millions and its parameter in millionths
+    "stiffly scaled",
+    scalar(
+        lambda x, p: 1e6 * p["h"] + 1e-6 * x - (1e-6 * x) ** 3,
+        -0.9e6,
+        {"h": 1e-6 * (0.9 - 0.9**3)},
+        scales={"x": 1e6, "h": 1e-6},
+    ),
+    "h",
+    tuple((k, {"x": 1e6 * at["x"], "h": 1e-6 * at["h"]}) for k, at in CUSP.known),
+    within={"x": (-2e6, 2e6)},
+)
 
 # --- several unknowns -------------------------------------------------------------------------
 
@@ -411,6 +419,13 @@ class Counted:
 def counted(problem: Problem) -> tuple[Problem, Counted]:
     counter = Counted(problem.residual)
     return replace(problem, residual=counter), counter
+
+
+def printed(thing: Any, width: int = 200) -> str:
+    """What a console without colours shows."""
+    console = Console(file=io.StringIO(), width=width)
+    console.print(thing)
+    return console.file.getvalue()
 
 
 def events_of(branch: Branch) -> list[Point]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .newton import OUT_OF_DOMAIN, Array, Undefined
-from .sparse import row_sizes
+from .sparse import Pattern, row_sizes
 
 Function = Callable[[Array], Array]
 Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
@@ -221,19 +221,27 @@ def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | No
     return (int(row), int(column)) if off[row, column] > 0 else None
 
 
+def wrong_row(function: Function, z: Array, matrix: Any, direction: Array) -> int | None:
+    """The row of a derivative that is furthest off what differences tell along a direction."""
+    wanted, doubt, _ = estimate(lambda t: function(z + t[0] * direction), np.zeros(1), np.ones(1))
+    wrong = misfit((matrix @ direction)[:, None], wanted, doubt)
+    return wrong and wrong[0]
+
+
 def wrong_in_row(
-    function: Function, z: Array, matrix: Any, row: int, direction: Array, pattern: Any = None
+    function: Function, z: Array, matrix: Any, row: int, direction: Array, given: Any
 ) -> str:
-    """The wrong entry of one row of a sparse derivative, by halving the columns that hold it; where
-    a pattern was given, with the columns that it has in this row, the entry that it misses."""
+    """The wrong entry of one row of a derivative, by halving the columns that hold it; where a
+    pattern was given, the entry that it misses."""
 
     def slopes(way: Array) -> tuple[float, float]:
         wanted = differences(lambda t: function(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
 
-    columns = np.arange(z.size)
+    columns, pattern = np.arange(z.size), given if isinstance(given, Pattern) else None
     if pattern is not None:
-        columns = np.setdiff1d(columns[: matrix.shape[0]], pattern)
+        known = pattern.columns[pattern.matrix.indices == row]
+        columns = np.setdiff1d(columns[: matrix.shape[0]], known)
     small = 1e-6 * abs(matrix[[row]]).max()
     # log2(n) differences in place of n, which a large problem has many of
     while columns.size > 1:

@@ -1,3 +1,1 @@
 """Bifurcations of equilibria and of maps."""
-
-from __future__ import annotations

@@ -1,3 +1,1 @@
 """Boundaries, switching and diagrams."""
-
-from __future__ import annotations

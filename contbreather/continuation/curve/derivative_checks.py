@@ -88,17 +88,12 @@ def wrong_entry(curve: Curve, z: Array) -> str:
     # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
     # pattern by which several of them would cancel
     direction = np.maximum(curve.scales, abs(z)) * np.cos(np.arange(z.size))
-    wanted, doubt, _ = derivatives.estimate(
-        lambda t: curve.residual(z + t[0] * direction), np.zeros(1), np.ones(1)
-    )
-    wrong = derivatives.misfit((matrix @ direction)[:, None], wanted, doubt)
-    if wrong is None:
+    row = derivatives.wrong_row(curve.residual, z, matrix, direction)
+    if row is None:
         return ""
     if is_sparse(matrix):
-        pattern, given = curve.problem.jacobian, None
-        if isinstance(pattern, Pattern):
-            given = pattern.columns[pattern.matrix.indices == wrong[0]]
-        return derivatives.wrong_in_row(curve.residual, z, matrix, wrong[0], direction, given)
+        given = curve.problem.jacobian
+        return derivatives.wrong_in_row(curve.residual, z, matrix, row, direction, given)
     wanted, doubt, _ = derivatives.estimate(curve.residual, z, curve.scales)
     if (entry := derivatives.misfit(matrix, wanted, doubt)) is None:
         return ""

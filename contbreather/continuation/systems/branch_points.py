@@ -71,8 +71,7 @@ def crossing(curve: Curve, z: Array) -> Crossing:
         matrix = checked_finite(curve.balanced(curve.jacobian(z)))
         weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
-        turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
-        second = checked_finite(np.stack([w @ change for change in turned]))
+        second = _second_derivatives(curve, z, weak)
         form = second @ null.T  # w^T H_zz on the null space
         # to first order w^T H_z at z + N c + y vanishes on N:  form c = -N w^T H_z - (w^T H_zz y) N
         c = Dense(form).solve(-null @ (w @ matrix) - second @ rest)
@@ -89,6 +88,12 @@ def crossing(curve: Curve, z: Array) -> Crossing:
             return replace(resolved, double=weak.second < GAP * size * float(abs(form).max()))
         previous = correction
     raise Undefined("no branch point was found nearby")
+
+
+def _second_derivatives(curve: Curve, z: Array, weak: LeastSingular) -> Array:
+    """``w^T H_zz`` along each null vector."""
+    turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in weak.plane]
+    return np.asarray(checked_finite(np.stack([weak.left @ change for change in turned])))
 
 
 def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) -> Crossing:
@@ -295,8 +300,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     if weak.size > _lost(matrix, weak):
         raise Undefined(refusal)
     null = weak.plane
-    bent = [curve.balanced(curve.along(z, v * curve.scales)) for v in null]
-    form = np.stack([weak.left @ change for change in bent]) @ null.T
+    form = _second_derivatives(curve, z, weak) @ null.T
     values, axes = np.linalg.eigh((form + form.T) / 2)
     # w^T H_zz tau = 0 along the tangent tau of a curve of branch points: the form is singular
     least = int(abs(values).argmin())

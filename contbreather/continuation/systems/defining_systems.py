@@ -203,45 +203,35 @@ def turning(curve: Curve, z: Array) -> tuple[float, Array, Array]:
     return sign * float(size), row, curve.scales * (kernel @ second[-1])
 
 
-def rank_locus(
-    weak: Callable[[Curve, Array], tuple[float, Array, Array]],
-    jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
-) -> DefiningSystem:
+def rank_locus(weak: Callable[[Curve, Array], tuple[float, Array, Array]]) -> DefiningSystem:
     """The least singular value of a square matrix B is zero: one equation and no unknown.
 
     ``weak(curve, z)`` gives it with the sign of the determinant, and its vectors w and v, in the
     units of the equations and of the unknowns. It is the scalar of a bordered system whose borders
-    are the vectors of each place. B is the part in the unknowns of `jacobian`, the derivative of
-    some equations.
+    are the vectors of each place. B changes as the part in the unknowns of the derivative does.
     """
-    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak, jacobian))
+    return DefiningSystem({}, partial(_least, weak), partial(_slope_of_least, weak))
 
 
 def _least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([weak(curve, z)[0]])
 
 
-def _slope_of_least(
-    weak: Callable[..., Any], jacobian: Callable[..., Matrix], curve: Curve, z: Array, extra: Array
-) -> Array:
+def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
     # sigma' = w^T B' v: as |v| = |w| = 1, what the vectors change by drops out
     _, left, right = weak(curve, z)
-    return along_by_difference(curve, z, left, right, jacobian)[None, :]
+    return along_by_difference(curve, z, left, right)[None, :]
 
 
-def along_by_difference(
-    curve: Curve, z: Array, left: Array, right: Array,
-    jacobian: Callable[[Curve, Array], Matrix] = Curve.jacobian,
-) -> Array:  # fmt: skip
+def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
     """``left @ curve.along(z, right)`` by one central difference, to eight digits: a row of
     Newton's iteration needs no more."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
     places = [z + step * way, z - step * way]
-    if jacobian is Curve.jacobian:
-        curve.prepare(places)
-    there, behind = (left @ jacobian(curve, place) for place in places)
+    curve.prepare(places)
+    there, behind = (left @ curve.jacobian(place) for place in places)
     return np.asarray((there - behind) / (2 * step))
 
 
