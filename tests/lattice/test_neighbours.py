@@ -78,15 +78,6 @@ def test_bonds_of_a_graph_are_as_stiff_as_their_weights(weight: float) -> None:
     assert cb.Lattice.from_graph(graph, weight="other").stiffness[0, 0] == 3.0
 
 
-@pytest.mark.parametrize("sites", [1, 2, 5])
-def test_a_drive_moves_a_ring_as_a_whole(sites: int) -> None:
-    lam, shapes, share = cb.Ring(sites).driven_modes
-    assert lam.tolist() == [0.0]
-    assert shapes.shape == (sites, 1)
-    assert shapes @ share == pytest.approx(np.ones(sites))
-    assert shapes.T @ shapes == pytest.approx(np.eye(1))
-
-
 def test_a_grid_is_known_by_its_bonds() -> None:
     for rows in (2, 3, 5):
         for columns in (2, 3, 4):
