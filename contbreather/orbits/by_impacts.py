@@ -354,10 +354,6 @@ def equations_on(on: Conditions, section: Section) -> OrbitEquations:
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
-read_by("asymmetric breather", ByImpacts.arm)(asymmetric_problem)
-
-
-@read_by("orbit with impacts", ByImpacts.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
@@ -426,11 +422,14 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
     return domain
 
 
+read_by("asymmetric breather", ByImpacts.arm, asymmetric_problem)
+read_by("orbit with impacts", ByImpacts.of, impact_problem)
 # in a file of shooting the first unknowns were the times
 read_by(
     "shooting",
     lambda on, section, x, params: ByImpacts.closest(on.at(params), section, x[: section.count]),
-)(impact_problem)
+    impact_problem,
+)
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,6 @@ from contbreather.storage.serialise import from_dict, serialised
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Any]
-Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -249,14 +248,9 @@ def _driven_from_dict(
     return driven
 
 
-def read_by(kind: str, of: Callable[..., Any]) -> Callable[[Make], Make]:
+def read_by(kind: str, of: Callable[..., Any], problem: Callable[..., Problem]) -> None:
     """Enter what makes a problem of the serialised form of a kind: orbits by `of`."""
-
-    def entered(problem: Make) -> Make:
-        serialised(kind)(partial(_from_dict, of, problem))
-        return problem
-
-    return entered
+    serialised(kind)(partial(_from_dict, of, problem))
 
 
 def _from_dict(
