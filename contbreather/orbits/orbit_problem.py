@@ -21,7 +21,7 @@ from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.continuation.curve.ties import Ties
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Chains
-from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.conditions import Conditions, SpringResponse
 from contbreather.lattice.forcing import peak_of
 from contbreather.lattice.periodic_green import half_period_tables
 from contbreather.orbits.beyond_grazing import past_grazing
@@ -339,10 +339,7 @@ class BreathersAlong:
         drive = self.first.representation.forcing
         if not np.ndim(self.spring):
             return np.array([drive.harmonics], dtype=float)
-        m, *sides = np.array(drive.of.harmonics, dtype=float).T
-        # -F_m/m^2 of the free chain becomes F_m/(spring - m^2)
-        held = m * m / (m * m - self.spring[:, None])
-        return np.stack([np.broadcast_to(m, held.shape), *(held * x for x in sides)], axis=-1)
+        return np.array([SpringResponse(drive.of, s).harmonics for s in self.spring.tolist()])
 
     @cached_property
     def map(self) -> HalfMap:
