@@ -189,11 +189,9 @@ class Ring(UniformLattice):
         -------
         theta, weight, w : ndarray, shape (N//2 + 1,)
         """
-        gamma = check_gamma(gamma)
         j = np.arange(self.sites // 2 + 1)
         weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
-        w = 2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites)
-        return 2.0 * np.pi * j / self.sites, weight, w
+        return 2.0 * np.pi * j / self.sites, weight, self.frequencies(gamma)[: j.size]
 
 
 def lattice_of(given: object) -> UniformLattice:
