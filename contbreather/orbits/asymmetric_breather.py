@@ -119,18 +119,13 @@ class AsymmetricEquations:
         return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
 
-@lru_cache(maxsize=16)
-def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
-    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
-    return _Place(of.forcing, of.lattice, np.frombuffer(unknowns), dict(params))
-
-
 class _Place:
     """Terms of the equations at one point."""
 
     def __init__(
-        self, forcing: Forcing, lattice: UniformLattice, x: FloatArray, params: Params
+        self, of: AsymmetricEquations, unknowns: bytes, given: tuple[tuple[str, float], ...]
     ) -> None:
+        x, params = np.frombuffer(unknowns), dict(given)
         self.p, self.t1, t2, self.c = (float(value) for value in x)
         self.s2 = t2 - math.pi
         self.delta = self.s2 - self.t1
@@ -143,15 +138,19 @@ class _Place:
                 f"t1 = {self.t1:.6g}, t2 = {t2:.6g}: the impact on -1 must follow the one on +1 "
                 "within a period, t1 < t2 < t1 + 2 pi."
             )
-        f = self.forcing = forcing_at(forcing, params)
+        f = self.forcing = forcing_at(of.forcing, params)
         self.f1, self.df1, self.d2f1 = f.motion(self.t1)
         self.f2, self.df2, self.d2f2 = f.motion(self.s2)
         # times off mid period: delta since the impact on the other wall, pi since the site's own
-        answer = periodic_green(lattice, self.gamma, (0,))
+        answer = periodic_green(of.lattice, self.gamma, (0,))
         (value, own), (slope, _) = answer.at([math.pi - self.delta, 0.0])[:2].tolist()
         self.h, self.h_slope = value - own, -slope
         self.pull, self.pull_slope = slope_ratio(answer, self.delta)
         self.ratio, self.ratio_middle, self.ratio_across = divided(f.harmonics, self.t1, self.s2)
+
+
+# kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+_place = lru_cache(maxsize=16)(_Place)
 
 
 def divided(harmonics: Harmonics, t1: float, t2: float) -> tuple[float, float, float]:
