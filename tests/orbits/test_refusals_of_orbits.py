@@ -256,10 +256,7 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
     ("given", "words"),
     [
         ({"k": 1.5}, r"^k = 1\.5: the restitution coefficient must be a number with 0 <= k <= 1"),
-        ({"k": math.nan}, r"^k = nan: the restitution coefficient"),
-        ({"k": "x"}, r"^k = 'x'"),
         ({"gamma": 0.3}, r"^gamma = 0\.3: the coupling must be"),
-        ({"gamma": -0.1}, r"^gamma = -0\.1: the coupling must be"),
         ({"a": -1.0}, r"^a = -1\.0: the amplitude of the forcing must be a finite number > 0"),
         ({"a": 0.0}, r"^a = 0\.0: the amplitude"),
         ({"a": math.inf}, r"^a = inf: the amplitude"),
