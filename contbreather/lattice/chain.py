@@ -19,7 +19,7 @@ from contbreather.lattice.band_averages import (
     means_of_chains,
     quarter_wave,
 )
-from contbreather.lattice.finite import ROWS, PlaneWaves, plane_waves
+from contbreather.lattice.finite import ALL_ALIKE, ROWS, PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
@@ -119,7 +119,7 @@ class Ring(UniformLattice):
 
     sites: int
     spring = 0.0  # closed forms of rings are without
-    uniform = True
+    driven_modes = ALL_ALIKE
     highest_gamma = NUMBERS["gamma"].domain[1]  # of curves
 
     def __new__(cls, *sites: int, **given: Any) -> Ring:
@@ -147,12 +147,6 @@ class Ring(UniformLattice):
 
     drive = springs = dampings = restitutions = masses
     even = True
-
-    @property
-    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The drive moves the ring as a whole."""
-        root = math.sqrt(self.sites)
-        return np.zeros(1), np.full((self.sites, 1), 1.0 / root), np.array([root])
 
     def basis(self, hit: tuple[int, ...]) -> PlaneWaves:
         """The modes that impacts at the sites `hit` can excite."""
@@ -195,11 +189,9 @@ class Ring(UniformLattice):
         -------
         theta, weight, w : ndarray, shape (N//2 + 1,)
         """
-        gamma = check_gamma(gamma)
         j = np.arange(self.sites // 2 + 1)
         weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
-        w = 2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites)
-        return 2.0 * np.pi * j / self.sites, weight, w
+        return 2.0 * np.pi * j / self.sites, weight, self.frequencies(gamma)[: j.size]
 
 
 def lattice_of(given: object) -> UniformLattice:

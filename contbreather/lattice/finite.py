@@ -37,6 +37,9 @@ PER_SITE = {"k": "restitutions", "damping": "dampings", "spring": "springs"}
 ROWS = ("masses", "drive", *PER_SITE.values())
 PACE = "pace"  # the direction in which gamma and spring grow by twice themselves, damping by itself
 NODES = ("mass", "drive", "restitution", "damping", "spring")  # the same of a node of a graph
+# lam, shapes ``(N or 1, K)`` and shares in the drive of the modes that it excites
+DrivenModes = tuple[FloatArray, FloatArray, FloatArray]
+ALL_ALIKE: DrivenModes = np.zeros(1), np.ones((1, 1)), np.ones(1)  # no bond is stretched
 
 
 class Finite(Protocol):
@@ -64,13 +67,9 @@ class Finite(Protocol):
         """True where springs and dampings are the same everywhere, so that modes decouple."""
 
     @property
-    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+    def driven_modes(self) -> DrivenModes: ...
     @property
     def highest_gamma(self) -> float: ...
-    @property
-    def uniform(self) -> bool:
-        """Tell whether a drive without springs moves all sites alike."""
-
     def basis(self, hit: tuple[int, ...]) -> Basis: ...
     def beside(self, n: int) -> tuple[int, ...]:
         """The sites coupled to site n."""
@@ -238,20 +237,17 @@ class Lattice:
         return lam, vectors / root[:, None]
 
     @cached_property
-    def uniform(self) -> bool:
-        # row sums of a lattice that nothing ties to the ground are 0, but for rounding
-        loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
-        return bool(loose and self.even and (self.drive == 1.0).all())
-
-    @cached_property
     def even(self) -> bool:
         return bool((self.springs == 1.0).all() and (self.dampings == 1.0).all())
 
     highest_gamma = math.inf
 
     @cached_property
-    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """lam, shapes at all sites ``(N, K)`` and share in the drive of the modes it excites."""
+    def driven_modes(self) -> DrivenModes:
+        # row sums of a lattice that nothing ties to the ground are 0, but for rounding
+        loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
+        if loose and (self.drive == 1.0).all():
+            return ALL_ALIKE
         lam, shapes = self.spectrum
         share = (self.drive * self.masses) @ shapes
         moved = abs(share) > UNSEEN * max(float(abs(share).max()), UNSEEN)
@@ -502,23 +498,17 @@ def stiffness_of(lattice: Finite) -> sparse.csr_array:
     if isinstance(lattice, Lattice):
         return sparse.csr_array(np.asarray(lattice.stiffness, dtype=float))
     n = np.arange(lattice.sites)
-    return sparse.csr_array(_bonds(n, np.roll(n, -1)), shape=(n.size, n.size))
+    return _joined(n, (n, np.roll(n, -1)))
 
 
-def _bonds(first: Any, second: Any) -> tuple[FloatArray, tuple[Any, Any]]:
-    """Entries of a stiffness matrix by bonds between sites, with their rows and columns; of two
-    bonds between the same sites they add up."""
-    n, other = np.ravel(first), np.ravel(second)
+def _joined(sites: Any, *bonds: tuple[Any, Any]) -> sparse.csr_array:
+    """The stiffness of bonds between sites; of two between the same ones entries add up."""
+    from scipy import sparse
+
+    n, other = (np.concatenate([*map(np.ravel, ends)]) for ends in zip(*bonds, strict=True))
     rows, columns = np.concatenate([n, other, n, other]), np.concatenate([n, other, other, n])
-    return np.repeat([1.0, -1.0], 2 * n.size), (rows, columns)
-
-
-def _matrix_of(sites: int, *bonds: tuple[Any, Any]) -> FloatArray:
-    matrix = np.zeros((sites, sites))
-    for first, second in bonds:
-        entries, where = _bonds(first, second)
-        np.add.at(matrix, where, entries)
-    return matrix
+    entries = np.repeat([1.0, -1.0], 2 * n.size)
+    return sparse.csr_array((entries, (rows, columns)), shape=(sites.size, sites.size))
 
 
 # --- the usual ones -----------------------------------------------------------------------------
@@ -535,7 +525,7 @@ def OpenChain(sites: int, *, ends: str = "free", **more: Any) -> Lattice:
     array([ 2., -1.,  0.])
     """
     n = np.arange(_count("sites", sites))
-    matrix = _matrix_of(n.size, (n[:-1], n[1:]))
+    matrix = _joined(n, (n[:-1], n[1:])).toarray()
     if one_of("ends", ends, ("free", "fixed")) == "fixed":
         matrix[0, 0] += 1.0
         matrix[-1, -1] += 1.0
@@ -558,8 +548,7 @@ def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lat
         kind, bonds = "torus", [(n, np.roll(n, -1, axis)) for axis in (0, 1)]
     else:
         kind, bonds = "grid", [(n[:-1], n[1:]), (n[:, :-1], n[:, 1:])]
-    matrix = _matrix_of(n.size, *bonds)
-    return Lattice(matrix, **{"name": f"{kind} of {size[0]} x {size[1]}", **more})
+    return Lattice(_joined(n, *bonds), **{"name": f"{kind} of {size[0]} x {size[1]}", **more})
 
 
 def _count(name: str, value: Any) -> int:

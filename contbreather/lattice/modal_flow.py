@@ -152,9 +152,7 @@ def driven_modes(
 ) -> tuple[FloatArray, FloatArray, FloatArray, Array, FloatArray]:
     """Harmonics of a drive, or of its derivative, shapes of the modes that it moves, their lam, how
     each harmonic pushes each, and how near to it a mode answers it beyond all bounds."""
-    # where nothing stretches a bond all sites are one
-    modes = (np.zeros(1), np.ones((1, 1)), np.ones(1)) if lattice.uniform else lattice.driven_modes
-    lam, shapes, share = modes
+    lam, shapes, share = lattice.driven_modes
     m, F = forces_of(forcing, by)
     limits = np.where(F != 0.0, 1e-12 * m * m, -1.0)
     return m, shapes, lam[:, None], share[:, None] * F, limits

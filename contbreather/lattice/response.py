@@ -361,18 +361,15 @@ class ModalResponse(Response):
     def swing(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """``e cos wt, e sin wt`` of each mode whose amplitude is an unknown, at sites and times,
         and three derivatives, (4, n, 2 modes)."""
-        modes, w = self._swinging
-        wave = self.basis.at(np.array(sites))[:, modes] * np.exp(np.multiply.outer(times, -1j * w))
+        modes, w = [i for i, _ in self.resonant], np.array([w for _, w in self.resonant])
+        wave: Array = self.basis.at(np.array(sites))[:, modes] * np.exp(
+            np.multiply.outer(times, -1j * w)
+        )
         out = np.empty((4, *wave.shape, 2))
         for order in range(4):
             out[order, ..., 0], out[order, ..., 1] = wave.real, -wave.imag
             wave = -1j * w * wave
         return out.reshape(4, times.size, 2 * w.size)
-
-    @cached_property
-    def _swinging(self) -> tuple[list[int], FloatArray]:
-        """Modes whose amplitude is an unknown, and their frequencies."""
-        return [i for i, _ in self.resonant], np.array([w for _, w in self.resonant])
 
     def gaps(self, by: str = "") -> FloatArray:
         """``T/2 (z - w^2 + i w damping)`` of each, as matrices of the amplitudes, or derivatives:

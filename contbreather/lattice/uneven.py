@@ -203,10 +203,4 @@ def _strengths(medium: Medium, by: str) -> tuple[float, float]:
 
 
 # kept: along a branch in omega, or in what does not concern it, a medium stays as it is
-medium_of = lru_cache(maxsize=64)(Medium)
-
-
-@lru_cache(maxsize=64)
-def modes_of(medium: Medium, radius: float, by: str) -> SiteModes:
-    """Return `Medium.modes`, kept."""
-    return medium.modes(radius, by)
+medium_of, modes_of = lru_cache(maxsize=64)(Medium), lru_cache(maxsize=64)(Medium.modes)

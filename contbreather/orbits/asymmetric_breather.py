@@ -24,7 +24,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import restitution_ratio
-from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.forcing import Forcing, Harmonic, Harmonics, TrigonometricSeries
 from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import so_far_apart
@@ -80,14 +80,14 @@ class AsymmetricEquations:
     def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
         """Derivatives with respect to (p, t1, t2, c), shape (4, 4)."""
         at = self._at(x, params)
-        a, f = at.a, at.forcing
+        a = at.a
         # delta = s2 - t1: t1 moves it by -1, t2 by 1, and either the middle of both by 1/2
         h, pull = 2.0 * at.p * at.h_slope, 4.0 * at.p * at.pull_slope
         middle, across = 0.5 * a * at.ratio_middle, a * at.ratio_across
         return np.array(
             (
                 (2.0 * at.h, 0.5 * a * at.df1 - h, 0.5 * a * at.df2 + h, 0.0),
-                (-at.q, 0.5 * a * f.d2f(at.t1), 0.5 * a * f.d2f(at.s2), 0.0),
+                (-at.q, 0.5 * a * at.d2f1, 0.5 * a * at.d2f2, 0.0),
                 (4.0 * at.pull, middle - across - pull, middle + across + pull, 0.0),
                 (0.0, 0.5 * a * at.df1, -0.5 * a * at.df2, 1.0),
             )
@@ -100,26 +100,16 @@ class AsymmetricEquations:
             means = 0.5 * (at.f1 + at.f2), 0.5 * (at.df1 + at.df2)
             return np.array((*means, at.ratio, -0.5 * (at.f2 - at.f1)))
         if name == "gamma":
-            slope = periodic_green(self.lattice, at.gamma, (0,), by="gamma")
-            h, own = slope.at([math.pi - at.delta, 0.0])[0]
-            pull = slope_ratio(slope, at.delta)[0]
-            h -= own
-            return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
+            answer = periodic_green(self.lattice, at.gamma, (0,), by="gamma")
+            h, own = answer.at([math.pi - at.delta, 0.0])[0]
+            pull, _ = slope_ratio(answer, at.delta)
+            return np.array((2.0 * at.p * (h - own), 0.0, 4.0 * at.p * pull, 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
-
-        def change(t: float, order: int) -> float:
-            return at.a * at.forcing.f_param(name, t, order)
-
-        f1, f2, df1, df2 = (change(t, order) for order in (0, 1) for t in (at.t1, at.s2))
-        # the quotient rounds to EPS/delta, 2e-13 at this bound; what is left out below it is of the
-        # size delta^4/1920, 5e-16
-        if abs(at.delta) > 1e-3:
-            ratio = (df2 - df1) / at.delta
-        else:  # to order delta^4
-            middle = 0.5 * (at.t1 + at.s2)
-            ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
-        return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
+        slope = TrigonometricSeries(at.forcing.slope_harmonics(name))
+        (f1, df1, *_), (f2, df2, *_) = slope.motion(at.t1), slope.motion(at.s2)
+        ratio, *_ = divided(slope.harmonics, at.t1, at.s2)
+        return at.a * np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
 
     def along(self, x: FloatArray, params: Params, way: Params) -> FloatArray:
         """Derivatives along a direction of the parameters, rates by name."""
@@ -129,18 +119,13 @@ class AsymmetricEquations:
         return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
 
-@lru_cache(maxsize=16)
-def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
-    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
-    return _Place(of.forcing, of.lattice, np.frombuffer(unknowns), dict(params))
-
-
 class _Place:
     """Terms of the equations at one point."""
 
     def __init__(
-        self, forcing: Forcing, lattice: UniformLattice, x: FloatArray, params: Params
+        self, of: AsymmetricEquations, unknowns: bytes, given: tuple[tuple[str, float], ...]
     ) -> None:
+        x, params = np.frombuffer(unknowns), dict(given)
         self.p, self.t1, t2, self.c = (float(value) for value in x)
         self.s2 = t2 - math.pi
         self.delta = self.s2 - self.t1
@@ -153,22 +138,26 @@ class _Place:
                 f"t1 = {self.t1:.6g}, t2 = {t2:.6g}: the impact on -1 must follow the one on +1 "
                 "within a period, t1 < t2 < t1 + 2 pi."
             )
-        f = self.forcing = forcing_at(forcing, params)
-        self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
-        self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
+        f = self.forcing = forcing_at(of.forcing, params)
+        self.f1, self.df1, self.d2f1 = f.motion(self.t1)
+        self.f2, self.df2, self.d2f2 = f.motion(self.s2)
         # times off mid period: delta since the impact on the other wall, pi since the site's own
-        answer = periodic_green(lattice, self.gamma, (0,))
+        answer = periodic_green(of.lattice, self.gamma, (0,))
         (value, own), (slope, _) = answer.at([math.pi - self.delta, 0.0])[:2].tolist()
         self.h, self.h_slope = value - own, -slope
         self.pull, self.pull_slope = slope_ratio(answer, self.delta)
-        self.ratio, self.ratio_middle, self.ratio_across = divided(f, self.t1, self.s2)
+        self.ratio, self.ratio_middle, self.ratio_across = divided(f.harmonics, self.t1, self.s2)
 
 
-def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float]:
+# kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+_place = lru_cache(maxsize=16)(_Place)
+
+
+def divided(harmonics: Harmonics, t1: float, t2: float) -> tuple[float, float, float]:
     """``[f'(t2) - f'(t1)]/(t2 - t1)``; and its slopes in their middle and in their distance."""
     middle, half = 0.5 * (t1 + t2), 0.5 * (t2 - t1)
     value = slope = across = 0.0
-    for m, A, B in forcing.harmonics:
+    for m, A, B in harmonics:
         # f'(t2) - f'(t1) = -2 m sin(m half) (A c + B s): the sinc is its quotient, at half = 0 too
         c, s = math.cos(m * middle), math.sin(m * middle)
         share, change = sinc(m * half)

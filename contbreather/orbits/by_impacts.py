@@ -354,10 +354,6 @@ def equations_on(on: Conditions, section: Section) -> OrbitEquations:
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
-read_by("asymmetric breather", ByImpacts.arm)(asymmetric_problem)
-
-
-@read_by("orbit with impacts", ByImpacts.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
@@ -426,11 +422,14 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
     return domain
 
 
+read_by("asymmetric breather", ByImpacts.arm, asymmetric_problem)
+read_by("orbit with impacts", ByImpacts.of, impact_problem)
 # in a file of shooting the first unknowns were the times
 read_by(
     "shooting",
     lambda on, section, x, params: ByImpacts.closest(on.at(params), section, x[: section.count]),
-)(impact_problem)
+    impact_problem,
+)
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------
@@ -530,11 +529,6 @@ def _in_order(orbit: Orbit) -> float:
 # the forced motion of that site: p chi = 1 - a f(phi), p (q + 2 h') = a f'(phi), chi = -2 h(0).
 
 
-def _closure(h: FloatArray, k: float) -> tuple[float, float]:
-    """chi and q + 2 h' of the closure."""
-    return -2.0 * float(h[0, 0, 0]), restitution_ratio(k) + 2.0 * float(h[1, 0, 0])
-
-
 def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     """Symmetric orbits of one impacting site of a finite lattice, by descending p: `BadInput` in
     resonance, a mode with an odd whole number for its frequency, without damping.
@@ -544,7 +538,8 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     check_possible(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
     response = impact_equations(section, on.forcing, on.lattice, on.walls).response(on.params)
-    chi, loss = _closure(response.interactions(np.zeros(1)), float(on.at_sites("k", site)))
+    h, slope, *_ = response.interactions(np.zeros(1))[:, 0, 0].tolist()
+    chi, loss = -2.0 * h, restitution_ratio(float(on.at_sites("k", site))) + 2.0 * slope
     series = response.harmonics(site)
     moved = any(A or B for _, A, B in series)
     cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}

@@ -35,7 +35,6 @@ from contbreather.orbits.section import (
     ImpossibleSequence,
     Section,
     Sequenced,
-    checked_impacts,
 )
 from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
@@ -254,7 +253,7 @@ def _guess(
     seed: Any,
     overrides: dict[str, Any],
     lattice: Finite | None,
-    sequence: Sequence[tuple[int, int]] | None,
+    sequence: Any,
     turns: int,
     sign: int | None,
     t: float,
@@ -273,7 +272,7 @@ def _guess(
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         # times tell nothing of a symmetry: without a word on it the whole period is shot
-        section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
+        section = Section(sequence, turns, sign or 1).placed(lattice)
         guess = partial(from_times, seed, section)
     else:
         listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
@@ -314,7 +313,7 @@ def _conditions(overrides: Mapping[str, Any], lattice: Finite, seed: Any) -> Con
 
 
 def from_state(
-    state: Any, time: float, sequence: Sequence[Any] | None, turns: int, sign: int, on: Conditions
+    state: Any, time: float, sequence: Any, turns: int, sign: int, on: Conditions
 ) -> ByImpacts:
     """A state of the lattice, simulated over one section: its impacts in order."""
     # dear to import
@@ -367,12 +366,10 @@ def _beginning(course: Sequence[Impact], wanted: Sequenced) -> int | None:
     return next((i for i in range(2 * m) if impacts[i : i + m] == wanted), None)
 
 
-def _start(
-    course: Sequence[Impact], sequence: Sequence[Any] | None, lattice: Finite, words: str
-) -> int:
+def _start(course: Sequence[Impact], sequence: Any, lattice: Finite, words: str) -> int:
     if sequence is None:  # the first on the wall at +1, by choice
         return next((i for i, impact in enumerate(course) if impact.wall > 0), 0)
-    wanted = Section(checked_impacts(sequence)).placed(lattice).impacts
+    wanted = Section(sequence).placed(lattice).impacts
     if (first := _beginning(course, wanted)) is not None:
         return first
     m = len(course) // 3
@@ -398,9 +395,7 @@ def from_times(times: Mapping[str, float], section: Section, on: Conditions) -> 
     return ByImpacts.closest(on, section, t)
 
 
-def from_orbit(
-    orbit: Orbit, sequence: Sequence[Any] | None, sign: int | None, on: Conditions
-) -> ByImpacts:
+def from_orbit(orbit: Orbit, sequence: Any, sign: int | None, on: Conditions) -> ByImpacts:
     """Put an orbit under conditions of a finite lattice, opened up or by its half if asked for."""
     if sign == -1 and not orbit.symmetric:
         raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
@@ -412,9 +407,9 @@ def from_orbit(
     return ByImpacts.closest(on, section, orbit.times, orbit.impulses)
 
 
-def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ByImpacts:
+def _otherwise(orbit: Orbit, on: Conditions, sequence: Any) -> ByImpacts:
     """Begin a seed with another impact; or put the same times at other sites."""
-    section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
+    section = replace(orbit.section, impacts=sequence).placed(on.lattice)
     m = orbit.section.count
     if section.count != m:
         raise BadInput(

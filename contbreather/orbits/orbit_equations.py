@@ -221,7 +221,10 @@ class OrbitEquations:
 class _Place:
     """Responses and forced motion at the impacts, at one set of unknowns and parameters."""
 
-    def __init__(self, of: OrbitEquations, x: FloatArray, params: Params) -> None:
+    def __init__(
+        self, of: OrbitEquations, unknowns: bytes, given: tuple[tuple[str, float], ...]
+    ) -> None:
+        x, params = np.frombuffer(unknowns), dict(given)
         self.a = float(params["a"])
         restitution_ratio(float(params["k"]))
         if not (math.isfinite(self.a) and np.isfinite(x).all()):
@@ -235,15 +238,7 @@ class _Place:
             self.f = self.f + self.swing @ self.amplitudes
 
 
-@lru_cache(maxsize=16)
-def _place(of: OrbitEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> _Place:
-    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
-    return _Place(of, np.frombuffer(unknowns), dict(params))
-
-
-@lru_cache(maxsize=256)
-def impact_equations(
-    section: Section, forcing: Forcing, lattice: Any, walls: Walls, resonant: Resonant = ()
-) -> OrbitEquations:
-    """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
-    return OrbitEquations(section, forcing, lattice, walls, resonant)
+# kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+_place = lru_cache(maxsize=16)(_Place)
+# kept: what they derive from the sequence serves a whole branch
+impact_equations = lru_cache(maxsize=256)(OrbitEquations)

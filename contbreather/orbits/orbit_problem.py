@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.continuation.curve.ties import Ties
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Chains
-from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.conditions import Conditions, SpringResponse
 from contbreather.lattice.forcing import peak_of
 from contbreather.lattice.periodic_green import half_period_tables
 from contbreather.orbits.beyond_grazing import past_grazing
@@ -41,7 +41,6 @@ from contbreather.storage.serialise import from_dict, serialised
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Any]
-Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -249,14 +248,9 @@ def _driven_from_dict(
     return driven
 
 
-def read_by(kind: str, of: Callable[..., Any]) -> Callable[[Make], Make]:
+def read_by(kind: str, of: Callable[..., Any], problem: Callable[..., Problem]) -> None:
     """Enter what makes a problem of the serialised form of a kind: orbits by `of`."""
-
-    def entered(problem: Make) -> Make:
-        serialised(kind)(partial(_from_dict, of, problem))
-        return problem
-
-    return entered
+    serialised(kind)(partial(_from_dict, of, problem))
 
 
 def _from_dict(
@@ -345,10 +339,7 @@ class BreathersAlong:
         drive = self.first.representation.forcing
         if not np.ndim(self.spring):
             return np.array([drive.harmonics], dtype=float)
-        m, *sides = np.array(drive.of.harmonics, dtype=float).T
-        # -F_m/m^2 of the free chain becomes F_m/(spring - m^2)
-        held = m * m / (m * m - self.spring[:, None])
-        return np.stack([np.broadcast_to(m, held.shape), *(held * x for x in sides)], axis=-1)
+        return np.array([SpringResponse(drive.of, s).harmonics for s in self.spring.tolist()])
 
     @cached_property
     def map(self) -> HalfMap:

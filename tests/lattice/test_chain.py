@@ -156,15 +156,3 @@ def test_no_mean_exists_outside_the_attenuation_zone(lattice, asked, gamma):
     if hasattr(lattice, name):
         with pytest.raises(BadInput, match="gamma"):
             getattr(lattice, name)(gamma, *more)
-
-
-def test_chi_is_the_paper_s_sum():
-    """(10), summed as printed."""
-    with mp.workdps(25):
-        for gamma in (0.12, 0.2499):
-            g = mp.mpf(gamma)
-            total = mp.nsum(
-                lambda m, g=g: 1 / mp.sqrt((2 * m + 1) ** 4 - 4 * g * (2 * m + 1) ** 2), [0, mp.inf]
-            )
-            assert abs(CHAIN.chi(gamma) / (4 / mp.pi * total) - 1) < 5e-16
-    assert CHAIN.chi(0.12) == pytest.approx(2.06787397039377, abs=5e-15)

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from contbreather.lattice import InfiniteChain, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import neighbour_peak, symmetric
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
@@ -54,6 +55,14 @@ def in_phase() -> Orbit:
     """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
     seed, on = {"t1": -2.94, "t2": -2.94}, {"a": 0.5, "gamma": 0.03, "k": 0.8, "sites": 7}
     return orbit_at(shooting(seed, sequence=((1, 1), (4, 1)), symmetric=True, **on))
+
+
+@cache
+def one_wall() -> Orbit:
+    """The middle one of three sites, between springs and with one wall."""
+    on = {"a": 0.9, "gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
+    chain = {"lattice": OpenChain(3), "walls": {1: (None, 0.6)}}
+    return orbit_at(shooting({"t1": 2.6}, sequence=[(1, 1)], **chain, **on))
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import mpmath as mp
 import pytest
@@ -11,22 +12,15 @@ TERMS = 8  # of the expansion in 1/s^2 that is summed in closed form (Clausen fu
 DIRECT = 60  # harmonics summed one by one: (2*60)^-16 < 1e-33
 
 
+@cache
 def chi_of(gamma):
     """(10) as printed, extrapolated."""
-    gamma = mp.mpf(gamma)
-    return (
-        4
-        / mp.pi
-        * mp.nsum(
-            lambda m: 1 / mp.sqrt((2 * m + 1) ** 4 - 4 * gamma * (2 * m + 1) ** 2), [0, mp.inf]
-        )
-    )
-
-
-@cache
-def _chi(gamma):
     with mp.workdps(30):
-        return chi_of(gamma)
+        total = mp.nsum(
+            lambda m: 1 / mp.sqrt((2 * m + 1) ** 4 - 4 * mp.mpf(gamma) * (2 * m + 1) ** 2),
+            [0, mp.inf],
+        )
+        return 4 / mp.pi * total
 
 
 def coefficient(gamma, n, s):
@@ -90,7 +84,7 @@ def flight_of(gamma, n, s):
 
 def root_of(a, gamma, k, *, upper=True):
     """p and phi of (11) by the quadratic for p; the phase by the arccosine, not by (13)."""
-    a, k, chi = mp.mpf(a), mp.mpf(k), _chi(gamma)
+    a, k, chi = mp.mpf(a), mp.mpf(k), chi_of(gamma)
     q = (1 - k) / (1 + k)
     disc = mp.sqrt(chi**2 - (chi**2 + q**2) * (1 - a**2))
     p = (chi + (disc if upper else -disc)) / (chi**2 + q**2)
@@ -100,10 +94,4 @@ def root_of(a, gamma, k, *, upper=True):
 @pytest.fixture(scope="session")
 def paper():
     """The oracles by name; use inside `mp.workdps(30)`."""
-
-    class Paper:
-        chi = staticmethod(_chi)
-        flight = staticmethod(flight_of)
-        root = staticmethod(root_of)
-
-    return Paper
+    return SimpleNamespace(chi=chi_of, flight=flight_of, root=root_of)

@@ -17,7 +17,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of
-from contbreather.orbits.constructors import asymmetric, symmetric_roots
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
@@ -351,10 +351,6 @@ def _half(**more: Any) -> Any:
     ("make", "says"),
     [
         (lambda: cb.symmetric(**ON, forcing=LOPSIDED), NEEDS),
-        (lambda: cb.symmetric(**ON, forcing=LOPSIDED, lattice=cb.Ring(6), damping=0.1), NEEDS),
-        (lambda: cb.symmetric(**ON, forcing=LOPSIDED, spring=0.1), NEEDS),
-        (lambda: symmetric_roots(**ON, forcing=LOPSIDED), NEEDS),
-        (lambda: asymmetric(0.8, 0.04, 0.8, forcing=LOPSIDED), NEEDS),
         (lambda: cb.zones(k=0.8, forcing=LOPSIDED), NEEDS),
         (lambda: cb.orbits.find_symmetric("a", (0.5, 0.8), gamma=0.1, k=0.8, forcing=LOPSIDED),
          "has a mean: nothing holds an infinite chain against it; take a finite lattice"),

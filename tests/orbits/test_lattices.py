@@ -348,7 +348,6 @@ def test_one_wall_ends_where_the_other_is_touched() -> None:
 def test_impossible_walls_are_refused() -> None:
     on = {"a": 0.75, "gamma": 0.03, "k": 0.7, "spring": 0.3}
     for walls, sequence, more, says in (
-        ((1, -1), [(0, 1)], {}, "low < high"),
         ("ab", [(0, 1)], {}, "low < high"),
         ((-1e-9, 1e-9), [(0, 1)], {}, "everything scales with them.*in a larger or smaller unit"),
         ({2: (None, 1e5)}, [(0, 1)], {}, "walls.2. = .* from 1e-06 to 10000 away"),

@@ -22,9 +22,10 @@ import contbreather as cb
 from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.constructors import asymmetric
-from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit import Orbit
 from tests.stability.by_hand import apart
 
+from .by_hand import one_wall
 from .field import FieldOf
 
 # --- cases --------------------------------------------------------------------------------------
@@ -54,15 +55,6 @@ def weighted_graph() -> cb.Lattice:
     return cb.Lattice.from_graph(
         graph, masses=rng.uniform(0.6, 1.6, 5), drive=rng.uniform(0.8, 1.2, 5)
     )
-
-
-def one_wall() -> Orbit:
-    return orbit_at(
-        cb.shooting(
-            {"t1": 2.6}, lattice=cb.OpenChain(3), sequence=[(1, 1)], walls={1: (None, 0.6)},
-            a=0.9, gamma=0.03, k=0.7, spring=2.3, damping=0.1,
-        )
-    )  # fmt: skip
 
 
 HARMONICS = cb.Fourier({1: -1.0, 3: 0.3}, {3: 0.1})

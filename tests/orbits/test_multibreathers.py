@@ -121,11 +121,6 @@ def test_what_ends_it_is_named_with_its_coupling() -> None:
     assert 0 < below.admissibility().margin < 1e-2
 
 
-def test_too_weak_a_forcing_is_said() -> None:
-    with pytest.raises(cb.NoSolution, match="too weak"):
-        cb.multibreather([0], a=1e-3, gamma=0.03, k=0.8, lattice=cb.Ring(9))
-
-
 def test_catalogue_counts_every_choice_once() -> None:
     """Burnside for the dihedral group of a ring; a path graph has one reflection."""
 
@@ -173,8 +168,6 @@ def test_an_orbit_of_other_parameters_stands_for_no_site() -> None:
     half = cb.Lattice(cb.OpenChain(2).stiffness, drive=[0.5, 1.0])
     two = cb.multibreather({0: alone, 1: "upper"}, a=1.0, gamma=0.0, k=0.8, lattice=half)
     assert abs(two.times - alone.times[0]).min() < 1e-9
-    with pytest.raises(cb.BadInput, match=r"impact \(9, 1\): no such site"):
-        cb.multibreather({9: alone}, lattice=cb.Ring(9), **AT)
 
 
 def test_catalogue_says_what_exists_and_what_is_stable() -> None:

@@ -48,8 +48,6 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
     (([0.1, 0.2], [0.1, 0.2]), {"sites": 3}, "the state has 2 sites, but sites = 3 was asked for"),
     ((["a"], [0.1]), {"sites": 1}, r"a state is a pair \(u, v\) of rows of numbers"),
     (([0.1, 0.2], [0.1]), {}, r"rows of equal length; shapes \(2,\) and \(1,\)"),
-    (([0.1, math.nan], [0.1, 0.2]), {}, r"u\[1\] = nan of the state is not finite"),
-    (([0.1, 0.1], [math.inf, 0.2]), {}, r"v\[0\] = inf of the state is not finite"),
     (([0.1, 0.2], [0.1, 0.2]), {"gamma": None}, "this seed does not know gamma: give them by name"),
     (
         ([0.0], [0.0]),
@@ -256,10 +254,7 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
     ("given", "words"),
     [
         ({"k": 1.5}, r"^k = 1\.5: the restitution coefficient must be a number with 0 <= k <= 1"),
-        ({"k": math.nan}, r"^k = nan: the restitution coefficient"),
-        ({"k": "x"}, r"^k = 'x'"),
         ({"gamma": 0.3}, r"^gamma = 0\.3: the coupling must be"),
-        ({"gamma": -0.1}, r"^gamma = -0\.1: the coupling must be"),
         ({"a": -1.0}, r"^a = -1\.0: the amplitude of the forcing must be a finite number > 0"),
         ({"a": 0.0}, r"^a = 0\.0: the amplitude"),
         ({"a": math.inf}, r"^a = inf: the amplitude"),

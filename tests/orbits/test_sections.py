@@ -61,9 +61,6 @@ def test_half_a_symmetric_section_is_unfolded_upside_down() -> None:
         ((TWO, True), r"turns = True: periods are"),
         ((TWO, 1, 0), r"sign must be 1 or -1, got 0"),
         ((TWO, 1, 2), r"sign must be 1 or -1, got 2"),
-        ((TWO, 2, -1), r"a symmetric orbit of period 4 pi: .* n = 2 was given"),
-        ((((0, 0),),), r"walls? "),
-        ((3,), r"pairs"),
     ],
 )
 def test_sections_that_cannot_be_are_refused(given, words) -> None:
@@ -75,9 +72,6 @@ def test_sites_of_a_section_are_looked_up_on_its_lattice() -> None:
     own = Section(((-1, 1), (2, -1)))
     assert own.placed(cb.Ring(5)).impacts == ((4, 1), (2, -1))
     assert own.placed(cb.InfiniteChain()) is own
-    for n in (5, -5, 7):
-        with pytest.raises(BadInput, match="no such site on the ring of 5; sites are"):
-            Section(((n, 1),)).placed(cb.Ring(5))
     assert Section(((4, 1),)).placed(cb.Ring(5)).impacts == ((4, 1),)
     assert Section(((-4, 1),)).placed(cb.Ring(5)).impacts == ((1, 1),)
 

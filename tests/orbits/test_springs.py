@@ -14,6 +14,12 @@ from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability.one_impact import window
 
 
+def at_pitchfork(b: cb.Orbit) -> float:
+    """The momentum that theory has there: ``1/p = chi - 2 sigma - q^2/tau``."""
+    chain, q = InfiniteChain(b.spring), (1 - b.k) / (1 + b.k)
+    return 1 / (chain.chi(b.gamma) - 2 * chain.sigma(b.gamma) - q * q / chain.tau(b.gamma))
+
+
 def branch_in_a(spring: float, gamma: float, k: float = 0.8) -> cb.Branch:
     start = cb.symmetric(0.5 * (1 - spring), gamma, k, spring=spring)
     return cb.trace(start, "a", within={"a": (0.01, 1.5)}, towards="both")
@@ -36,9 +42,8 @@ def test_amplitude_fold_and_pitchfork_are_those_of_the_theory(spring, gamma, k) 
 @pytest.mark.parametrize(("spring", "gamma", "k"), [(0.02, 0.02, 0.8), (0.1, 0.005, 0.4)])
 def test_the_pitchfork_depends_on_the_loss_where_springs_hold_the_chain(spring, gamma, k) -> None:
     branch = branch_in_a(spring, gamma, k)
-    fork, chain, q = branch.first("PF"), InfiniteChain(spring), (1 - k) / (1 + k)
-    inverse = chain.chi(gamma) - 2 * chain.sigma(gamma) - q * q / chain.tau(gamma)
-    assert fork["p"] == pytest.approx(1 / inverse, abs=1e-10)
+    fork = branch.first("PF")
+    assert fork["p"] == pytest.approx(at_pitchfork(fork.solution), abs=1e-10)
     counts = [
         cb.symmetric(fork["a"] + e, gamma, k, spring=spring).stability().unstable
         for e in (-1e-6, 1e-6)
@@ -101,15 +106,12 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
         assert np.ptp(line["spring"]) > 0.01
         for point in line:
             b = point.base_point.solution
-            chain = InfiniteChain(b.spring)
             assert b.residual < 1e-11
             if kind == "LP":
                 least = smallest_amplitude(b.gamma, b.k, spring_response(b.forcing, b.spring))
                 assert b.a == pytest.approx(least, abs=1e-10)
             elif kind == "PF":
-                q = 1 / 9
-                inverse = chain.chi(0.02) - 2 * chain.sigma(0.02) - q * q / chain.tau(0.02)
-                assert b.p == pytest.approx(1 / inverse, abs=1e-9)
+                assert b.p == pytest.approx(at_pitchfork(b), abs=1e-9)
             else:
                 assert neighbour_peak(b)[1] == pytest.approx(1, abs=1e-9)
     point = next(p for p in branch_in_a(0.3, 0.05).special if p.kind == "NS")
@@ -166,9 +168,7 @@ def test_the_curve_of_pitchforks_begins_without_a_spring(pair) -> None:
     assert line["spring"][[0, -1]] == pytest.approx([0, 0.05], abs=1e-15)
     for point in line[1:]:
         b = point.base_point.solution
-        chain, q = InfiniteChain(b.spring), 1 / 9
-        inverse = chain.chi(b.gamma) - 2 * chain.sigma(b.gamma) - q * q / chain.tau(b.gamma)
-        assert b.p == pytest.approx(1 / inverse, abs=1e-10)
+        assert b.p == pytest.approx(at_pitchfork(b), abs=1e-10)
 
 
 def test_pitchforks_begin_like_the_root_of_the_spring() -> None:

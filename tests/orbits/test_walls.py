@@ -106,10 +106,6 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
     (fold,) = (point for line in ended for point in line.special if point.kind == "NS-LP")
     assert min(line["p"].min() for line in ended) > fold["p"] - 1e-9
     assert min(line["p"].min() for line in beyond) < fold["p"] - 0.01
-    several = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
-    ended = cb.zones(k=0.8, forcing=several, within=within)
-    inner = [point for line in ended["NS"] for point in list(line)[1:-1]]
-    assert {point.base_point.solution.representation.family for point in inner} == {"upper"}
 
 
 # --- rings ------------------------------------------------------------------------------------

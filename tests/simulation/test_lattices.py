@@ -15,6 +15,7 @@ import contbreather as cb
 import contbreather.simulation as sim
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit import orbit_at
+from tests.orbits.by_hand import one_wall
 from tests.orbits.field import Field, dense
 
 PI = math.pi
@@ -51,28 +52,21 @@ def orbit_on(name):
         start = {"t1": ring.phi % (2 * PI), "t2": (ring.phi + PI) % (2 * PI)}
         sequence = sorted([(1, 1), (1, -1)], key=lambda one: start["t1" if one[1] > 0 else "t2"])
         times = dict(zip(("t1", "t2"), sorted(start.values()), strict=True))
-        return orbit_at(cb.shooting(times, sequence=sequence, **shared)), shared
-    return cb.symmetric(site=1, **shared), shared
-
-
-def one_wall():
-    on = {"a": 0.9, "gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
-    on |= {"lattice": cb.OpenChain(3), "walls": {1: (None, 0.6)}}
-    return orbit_at(cb.shooting({"t1": 2.6}, sequence=[(1, 1)], **on)), on
+        return orbit_at(cb.shooting(times, sequence=sequence, **shared))
+    return cb.symmetric(site=1, **shared)
 
 
 @pytest.mark.parametrize("name", [*LATTICES, "one wall"])
 def test_shot_orbit_comes_back_with_its_impacts_and_its_multipliers(name):
-    orbit, on = one_wall() if name == "one wall" else orbit_on(name)
-    t0 = 0.37
+    orbit, t0 = one_wall() if name == "one wall" else orbit_on(name), 0.37
     state = orbit.state(t=t0)
-    run = sim.simulate(state, periods=1, t0=t0, **on)
+    run = sim.simulate(orbit, periods=1, t0=t0)
     assert np.abs(np.subtract(run.final, state)).max() < 1e-11
     times = sorted(one.time % (2 * PI) for one in orbit.hits)
     assert np.allclose(np.sort(run.impacts["phase"]), times, rtol=0, atol=1e-11)
     own = np.sort(np.abs(np.linalg.eigvals(sim.variation(run))))
     assert np.allclose(own, np.sort(np.abs(orbit.multipliers())), rtol=0, atol=1e-6)
-    middle = sim.simulate(state, periods=0.3, t0=t0, **on)
+    middle = sim.simulate(orbit, periods=0.3, t0=t0)
     there = orbit.state(t=t0 + 0.6 * PI)
     assert np.abs(np.subtract(middle.final, there)).max() < 1e-11
 
