@@ -72,6 +72,19 @@ def turn_of_energy(point: Point) -> float:
     return float(places[1] @ change)
 
 
+def _turn_beside_folds(point: Point) -> float:
+    """The same times how the free parameter moves: at its folds, next to where the energy turns,
+    there is no pole. Of a point that is on a curve in two parameters neither is known."""
+    base = point.base_point
+    places = equations_of(base).longer(base.x, base.params)
+    if places is None or base.tangent is None:
+        return turn_of_energy(point)
+    curve, along = base.curve, base.direction
+    row, right = curve.metric * along, np.eye(1, base.curve.size, places[0])[0]
+    way, _ = curve.factors(base.z, row).correction(right, row)
+    return float(places[1] @ (along[-1] * way[:-1] - way[-1] * along[:-1]))
+
+
 # --- on the circle ------------------------------------------------------------------------------
 
 
@@ -212,6 +225,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
+    turn = replace(turn, test=_turn_beside_folds)
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(

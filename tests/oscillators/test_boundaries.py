@@ -170,6 +170,20 @@ def test_pairs_that_a_symmetry_keeps_apart_hide_no_collision() -> None:
         assert ((abs(abs(mu) - 1) > 1e-3) & (abs(mu.imag) > 1e-3)).sum() == off
 
 
+def test_the_energy_turns_next_to_a_fold() -> None:
+    """Within one step of a walk in the coupling: where it turns, so it does in the frequency."""
+    chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=cb.Ring(3))
+    start = cb.breather(chain, {2: 1}, omega=0.802, params={"c": 0.024})
+    branch = cb.trace(start, "c", within={"c": (0.02, 0.1)}, towards="up")
+    turn, fold = (point for point in branch.special if point.kind == "LP")
+    assert 0 < fold["c"] - turn["c"] < 1e-5
+    assert "said" in turn.detail
+    assert "said" not in fold.detail
+    for h in (-1e-5, 1e-5):
+        beside = turn.problem.at(omega=turn["omega"] + h).solve(tolerance=1e-12)[0]
+        assert beside.solution.energy > turn["energy"] + 1e-6
+
+
 def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
     """A hard breather at a corner: pairs of opposite signature exchange their order, and between
     there is less instability than rounding, nowhere any multiplier off the circle."""
