@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from flint import arb, arb_poly
 
@@ -23,13 +22,6 @@ from contbreather.certified.balls import Ball, subintervals
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 FARTHEST = 400  # sites looked at one by one
-
-
-class Proven(NamedTuple):
-    """True and False are proved, None is neither; the reason says what was found or is missing."""
-
-    holds: bool | None
-    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -136,14 +128,15 @@ def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
 # --- all sites ----------------------------------------------------------------------------------
 
 
-def admissible(values: Mapping[str, Ball]) -> Proven:
-    """Test whether all sites keep off the walls at all times, except site 0 at its impacts.
+def admissible(values: Mapping[str, Ball]) -> tuple[bool | None, str]:
+    """Test whether all sites keep off the walls at all times, except site 0 at its impacts. True
+    and False are proved, None is neither; with it goes what was found or is missing.
 
     Far sites are bounded together: from site N on, ``|u_n| <= a max |f| + p reach(N)``. The sites
     before N are settled one by one.
     """
     if not values["p"] > 0:
-        return Proven(None, "that the impact has p > 0 is not proved")
+        return None, "that the impact has p > 0 is not proved"
     drive = far_field(values)
     pieces = 12 * drive.highest  # to half a period of the highest harmonic, before any is halved
     holds, when = inside(motion_enclosure(values, 0), pieces)
@@ -160,14 +153,14 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
     for n in range(1, FARTHEST):
         room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
-            return Proven(True)
+            return True, ""
         holds, when = below(motion_enclosure(values, n), arb(1), pieces)
         if holds is not True:
             return _verdict(holds, f"site {n}", when)
-    return Proven(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
+    return None, f"sites beyond {FARTHEST}: the far field is too close to the walls"
 
 
-def _verdict(holds: bool | None, what: str, when: float) -> Proven:
+def _verdict(holds: bool | None, what: str, when: float) -> tuple[bool | None, str]:
     if holds is False:
-        return Proven(False, f"{what} goes through a wall, {when + HALF:.9g} after an impact")
-    return Proven(None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact")
+        return False, f"{what} goes through a wall, {when + HALF:.9g} after an impact"
+    return None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact"

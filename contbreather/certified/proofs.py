@@ -132,11 +132,11 @@ def certify_point(
 
 def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     """Prove that it keeps off the walls; if it may, count its multipliers."""
-    verdict = admissible(values)
-    entries: dict[str, Any] = {"admissible": verdict.holds}
-    if verdict.holds is False:
-        return {**entries, "reason": verdict.reason}
-    missing = [] if verdict.holds else [f"whether it is admissible: {verdict.reason}"]
+    holds, reason = admissible(values)
+    entries: dict[str, Any] = {"admissible": holds}
+    if holds is False:
+        return {**entries, "reason": reason}
+    missing = [] if holds else [f"whether it is admissible: {reason}"]
     if kind:
         missing.append("how many multipliers are outside the circle: one is on it")
     else:
@@ -275,13 +275,13 @@ def _reach(
 def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     """Add the proofs about all breathers of a tile."""
     values = scaled_values({**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))})
-    clear = admissible(values)
-    if not clear.holds:
-        why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"
-        return replace(piece, admissible=clear.holds, why=why)
-    count = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
-    why = f"how many multipliers are outside the circle: {count.reason}" if count.reason else ""
-    return replace(piece, admissible=True, unstable=count.unstable, why=why)
+    holds, reason = admissible(values)
+    if not holds:
+        why = "" if holds is False else f"whether breathers are admissible: {reason}"
+        return replace(piece, admissible=holds, why=why)
+    unstable, reason = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
+    why = f"how many multipliers are outside the circle: {reason}" if reason else ""
+    return replace(piece, admissible=True, unstable=unstable, why=why)
 
 
 def _cover(

@@ -44,9 +44,8 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 from math import comb
-from typing import NamedTuple
 
-from flint import arb, arb_mat, arb_poly
+from flint import acb, arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.balls import (
@@ -60,18 +59,6 @@ from contbreather.certified.balls import (
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
-
-
-class ProvenCount(NamedTuple):
-    """Number of multipliers outside, or None with the reason."""
-
-    unstable: int | None
-    reason: str = ""
-
-
-class Rectangle(NamedTuple):
-    real: Ball
-    imag: Ball
 
 
 # --- sums over aliases --------------------------------------------------------------------------
@@ -119,57 +106,55 @@ class Circle:
             R, B, C = R + sign / w, B + 1 / (s * w), C + 1 - s / w
         return R / arb.pi(), B / arb.pi(), C / arb.pi()
 
-    def value(self, nu: Ball, h: Ball, *, band: bool) -> Rectangle:
-        """F where ``h`` is given by its modulus: ``-i h`` on the band, ``h`` beyond."""
+    def value(self, nu: Ball, h: acb) -> acb:
         c, d = 1 + self.k, (1 - self.k) / 2
         R, B, C = self.lattice_sums(nu)
-        beta, turn = self.b - c * c * C, c * R
-        real, imag = d * d - turn * turn + B * beta, 2 * d * turn
-        re = (2 * c * nu * turn + beta + c * c * nu * nu * B) / arb.pi()  # -Re L/pi
-        im = -2 * c * d * nu / arb.pi()
-        x, y = (h * imag, -h * real) if band else (h * real, h * imag)
-        return Rectangle(x + re, im + y)
+        beta, turn = self.b - c * c * C, acb(d, c * R)
+        L = acb(0, 2) * c * nu * turn - beta - c * c * nu * nu * B
+        return h * (turn * turn + B * beta) - L / arb.pi()
 
-    def on_band(self, low: float, high: float) -> Rectangle:
+    def on_band(self, low: float, high: float) -> acb:
         """``nu = 2 sqrt(gamma) sin(pi x/2)``, x from 0 to 1."""
         s, c = (hull(low, high) / 2).sin_cos_pi()
         edge = 2 * square_root(self.gamma)
         nu = edge * s
-        return self.value(nu, nu * edge * c.nonnegative_part(), band=True)
+        return self.value(nu, acb(0, -nu * edge * c.nonnegative_part()))
 
-    def beyond(self, low: float, high: float) -> Rectangle:
+    def beyond(self, low: float, high: float) -> acb:
         """``nu = 2 sqrt(gamma) + x (1 - 2 sqrt(gamma))``, x from 0 to 1."""
         x, edge = hull(low, high), 2 * square_root(self.gamma)
         nu = edge + x * (1 - edge)
-        return self.value(nu, nu * square_root(x * (1 - edge) * (nu + edge)), band=False)
+        return self.value(nu, acb(nu * square_root(x * (1 - edge) * (nu + edge))))
 
 
 # --- the turning --------------------------------------------------------------------------------
 
 
-def _off_zero(
-    curve: Callable[[float, float], Rectangle], low: float, high: float
-) -> Rectangle | None:
+def _off_zero(curve: Callable[[float, float], acb], low: float, high: float) -> acb | None:
     """Enclosure of a curve over an arc, None where that holds 0."""
     rectangle = curve(low, high)
-    return None if all(part.contains(0) for part in rectangle) else rectangle
+    return None if rectangle.contains(0) else rectangle
 
 
-def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
-    """Isolated multipliers of the half map outside the unit circle, a pair counting two."""
+def count(gamma: Ball, k: Ball, b: Ball) -> tuple[int | None, str]:
+    """Isolated multipliers of the half map outside the unit circle, a pair counting two; None with
+    the reason where that is not proved."""
     circle = Circle.of(gamma, k, b)
-    rectangles: list[Rectangle] = []
+    rectangles: list[acb] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
         # 16 balls before any is halved, 26 halvings: the last ones settle 1e-9 of an arc
         for _, _, rectangle in subintervals(16, 26, partial(_off_zero, curve)):
             if rectangle is None:
-                return ProvenCount(None, f"D may vanish on the circle {name}")
+                return None, f"D may vanish on the circle {name}"
             rectangles.append(rectangle)
     points = [
-        complex(*(nearest_float(x.intersection(y)) for x, y in zip(*pair, strict=True)))
-        for pair in pairwise(rectangles)
+        complex(
+            nearest_float(one.real.intersection(other.real)),
+            nearest_float(one.imag.intersection(other.imag)),
+        )
+        for one, other in pairwise(rectangles)
     ]
     ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))
-    return ProvenCount(1 - round(turning / math.pi))
+    return 1 - round(turning / math.pi), ""

@@ -26,6 +26,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.errors import ContbreatherError
 from contbreather.flows import Collocation, Cycle, cycle_of
+from tests.flows.test_cycle import variational
 from tests.stability.by_hand import apart
 
 Array = NDArray[Any]
@@ -139,19 +140,11 @@ def beside_event(orbit: Cycle) -> tuple[float, Array]:
 
 def independent(system: System, orbit: Cycle) -> NDArray[np.complex128]:
     """Its multipliers by `solve_ivp`."""
-    t0, x0 = beside_event(orbit)
-    t1, n = t0 + orbit.period, system.n
-    if system.wall is not None:
-        found = [by_differences(system, x0, t0, t1, aside) for aside in ASIDE]
-        return min(pairwise(found), key=lambda pair: apart(*pair))[1]
-
-    def both(t: float, y: Array) -> Array:
-        x, m = y[:n], y[n:].reshape(n, n)
-        rows = [np.imag(system.f(t, x + 1e-30j * unit, {})) / 1e-30 for unit in np.eye(n)]
-        return np.concatenate([np.array(system.f(t, x, {})), (np.array(rows).T @ m).ravel()])
-
-    start = np.concatenate([x0, np.eye(n).ravel()])
-    return np.linalg.eigvals(solve_ivp(both, (t0, t1), start, **EXACT).y[n:, -1].reshape(n, n))
+    if system.wall is None:
+        return variational(lambda t, x, p: np.array(system.f(t, x, p)), orbit)
+    t, x = beside_event(orbit)
+    found = [by_differences(system, x, t, t + orbit.period, aside) for aside in ASIDE]
+    return min(pairwise(found), key=lambda pair: apart(*pair))[1]
 
 
 def by_differences(system: System, x0: Array, t0: float, t1: float, aside: float) -> Array:

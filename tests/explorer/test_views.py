@@ -227,11 +227,9 @@ def test_the_profile_shows_the_site_that_impacts_at_its_wall_and_small_lattices_
         assert list(view.sites.data["n"]) == list(range(size))
 
 
-def test_multipliers_are_those_of_half_a_period_of_the_ring_or_of_the_own_lattice() -> None:
+def test_the_band_is_that_of_half_a_period_of_the_ring_or_of_the_own_lattice() -> None:
     view = views.MultipliersView(LIGHT)
     view.show(B, 100)
-    same(view.dots.data["x"] + 1j * view.dots.data["y"], B.multipliers(sites=100, half=True))
-    assert view.figure.title.text.strip() == "over half a period, ring of 100"
     edge = np.exp(2j * np.pi * 0.08**0.5)  # exp(+-i pi w), w up to 2 sqrt(gamma)
     ends = [xs[-1] + 1j * ys[-1] for xs, ys in rows(view.band, "xs", "ys")]
     assert ends == pytest.approx([edge, edge.conjugate()])

@@ -33,9 +33,9 @@ def langford(t, x, p):
     ]
 
 
-def variational(f, orbit: Cycle, names: int) -> np.ndarray:
+def variational(f, orbit: Cycle) -> np.ndarray:
     """Multipliers by DOP853 and differences of the vector field: another road."""
-    n = names
+    n = len(orbit.multipliers)
 
     def both(t, y):
         x, m = y[:n], y[n:].reshape(n, n)
@@ -65,7 +65,7 @@ def relaxation() -> Cycle:
 def test_multipliers_are_those_of_an_independent_integration(relaxation: Cycle) -> None:
     band = cycle_of(cb.cycle(roessler, BEGIN, {**BAND, "c": 2.5}, settle=150))
     for f, orbit in ((roessler, band), (van_der_pol, relaxation)):
-        wanted = variational(f, orbit, len(orbit.multipliers))
+        wanted = variational(f, orbit)
         assert orbit.multipliers == pytest.approx(wanted, abs=1e-7 * abs(wanted[0]))
 
 
@@ -123,7 +123,7 @@ def test_units_do_not_decide_what_is_a_fold() -> None:
     assert branch.special[2]["w"] / pace == pytest.approx(1.42305610, abs=1e-8)
     assert not branch.doubtful
     for fold in branch.special[1:3]:
-        assert abs(variational(f, fold.solution, 2) - 1).min() < 1e-6
+        assert abs(variational(f, fold.solution) - 1).min() < 1e-6
 
 
 @pytest.mark.parametrize("size", [1e-7, 1.0, 1e7])
@@ -204,7 +204,7 @@ def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
     (double,) = cb.switch(first, within=window)
     second = double.first("PD")
     assert second["period"] == pytest.approx(2 * first["period"], rel=5e-3)
-    again = variational(roessler, second.solution, 3)
+    again = variational(roessler, second.solution)
     assert abs(again + 1).min() < 1e-5
     (four,) = cb.switch(second, within=window)
     assert four.first("PD")["c"] > second["c"]
@@ -285,45 +285,40 @@ def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> Non
     assert double.detail["reason"] == "two multipliers are -1, with two eigenvectors"
 
 
+def forced(t, x, p):
+    """A van der Pol oscillator."""
+    return [x[1], 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * np.cos(p["w"] * t)]
+
+
+def driven(t, x, p):
+    """The same, by a circle that turns."""
+    growth = 1 - x[2] ** 2 - x[3] ** 2
+    push = 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * x[2]
+    return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
+
+
 def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
-    """A forced van der Pol oscillator: at R1 the equations are those of a fold, too."""
-
-    def forced(t, x, p):
-        return [x[1], 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * np.cos(p["w"] * t)]
-
-    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.085, "A": 0.5}, Collocation(intervals=8)
-    locked = cb.cycle(forced, start, params, period=force, settle=60, collocation=few)
-    point = cb.trace(locked, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
-    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.085)}, towards="down")
-    assert line[-1].kind == "R1"
-    assert abs(line[-1].solution.multipliers - 1) == pytest.approx(0, abs=1e-4)
-    assert not line.doubtful
-
-
-def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does() -> None:
-    """The same oscillator, driven by a circle that turns: its trivial multiplier and that of the
-    fold are a pair at 1 all along the folds beyond."""
-
-    def driven(t, x, p):
-        growth = 1 - x[2] ** 2 - x[3] ** 2
-        push = 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * x[2]
-        return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
-
-    start = {"x": 0.8, "v": 2.0, "c": 1.0, "s": 0.0}
-    few = Collocation(intervals=10)
-    cycle = cb.cycle(driven, start, {"w": 1.085, "A": 0.5}, settle=60, collocation=few)
-    point = cb.trace(cycle, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
-    window = {"w": (1.05, 1.085)}
-    tori = cb.boundary(point, ("w", "A"), within=window, towards="down")
-    assert [place.kind for place in tori.special] == ["EP", "R1"]
-    assert tori[-1]["angle"] == pytest.approx(0, abs=1e-9)
-    # the forced flow, whose resonance is located with no trivial multiplier about
-    resonance = {"w": 1.0736909324, "A": 0.3165821692}
-    folds = cb.boundary(tori[-1], ("w", "A"), within=window)
-    for end in (tori[-1], folds.first("R1")):
-        found = [end[name] for name in resonance]
-        assert found == pytest.approx([*resonance.values()], abs=1e-8)
-    assert not (*tori.doubtful, *folds.doubtful)
+    """At R1 the equations are those of a fold, too. Without forcing the curve ends at the same
+    place, and the trivial multiplier and that of the fold are a pair at 1 all along the folds."""
+    start, params, window = {"x": 0.8, "v": 2.0}, {"w": 1.085, "A": 0.5}, {"w": (1.05, 1.085)}
+    lines = []
+    for f, more, how, intervals in (
+        (forced, {}, {"period": force}, 8),
+        (driven, {"c": 1.0, "s": 0.0}, {}, 10),
+    ):
+        few = Collocation(intervals=intervals)
+        cycle = cb.cycle(f, start | more, params, settle=60, collocation=few, **how)
+        point = cb.trace(cycle, "A", within={"A": (0.33, 0.5)}, towards="down").first("NS")
+        lines.append(cb.boundary(point, ("w", "A"), within=window, towards="down"))
+        assert [place.kind for place in lines[-1].special] == ["EP", "R1"]
+        assert lines[-1][-1]["angle"] == pytest.approx(0, abs=1e-9)
+    resonance, end = (line[-1] for line in lines)
+    assert abs(resonance.solution.multipliers - 1) == pytest.approx(0, abs=1e-4)
+    lines.append(cb.boundary(end, ("w", "A"), within=window))
+    for found in (end, lines[-1].first("R1")):
+        for name in params:
+            assert found[name] == pytest.approx(resonance[name], abs=1e-8)
+    assert not [place for line in lines for place in line.doubtful]
 
 
 def turning(t, u, p):

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, FHN, RADIUS, fitzhugh_nagumo, half_turned
+from .zoo import CASES, FHN, RADIUS, bautin, fitzhugh_nagumo, half_turned
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -188,13 +188,7 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
 
 def test_folds_of_cycles_end_where_a_fold_of_amplitudes_does() -> None:
     """r' = r (mu + s r^2 - r^4): folds are mu = -s^2/4, r^2 = s/2."""
-
-    def f(t, x, p):
-        square = x[0] ** 2 + x[1] ** 2
-        growth = p["mu"] + p["s"] * square - square**2
-        return [growth * x[0] - x[1], x[0] + growth * x[1]]
-
-    cycles = cb.cycle(f, {"x": 0.94, "y": 0.0}, {"mu": -0.1, "s": 1.0}, settle=30)
+    cycles = cb.cycle(bautin, {"x": 0.94, "y": 0.0}, {"mu": -0.1, "s": 1.0}, settle=30)
     fold = cb.trace(cycles, "mu", within={"mu": (-0.4, -0.05)}).first("LP")
     line = cb.boundary(fold, ("s", "mu"), within={"s": (-1, 2)}, towards="down")
     ends_at_generalised_hopf(line, {"s": 0.0, "mu": 0.0})

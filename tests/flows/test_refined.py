@@ -32,10 +32,6 @@ def refined(ring) -> cb.Branch:
     return branch
 
 
-def test_a_branch_on_a_finer_mesh_begins_at_the_parameter_that_was_given(refined) -> None:
-    assert refined[0]["mu"] == 0.5
-
-
 def test_a_branch_on_a_finer_mesh_gets_its_equations_back_from_a_file(tmp_path, ring, refined):
     cb.save(tmp_path / "ring.nc", refined)
     again = cb.load(tmp_path / "ring.nc", problem=ring)

@@ -171,10 +171,10 @@ enter(
 )  # fmt: skip
 
 
-# Bautin: r' = r (mu + r^2 - r^4) has a fold of cycles at mu = -1/4, r^2 = 1/2.
+# Bautin: r' = r (mu + s r^2 - r^4) has a fold of cycles at mu = -s^2/4, r^2 = s/2.
 def bautin(t: Any, x: Any, p: Any) -> Any:
     r2 = x[0] ** 2 + x[1] ** 2
-    growth = p["mu"] + r2 - r2**2
+    growth = p["mu"] + p["s"] * r2 - r2**2
     return [growth * x[0] - x[1], x[0] + growth * x[1]]
 
 
@@ -186,7 +186,7 @@ def along_bautin(at: Any) -> Pairs:
 
 enter(
     "bautin",
-    cycle(bautin, {"x": 0.94, "y": 0.0}, {"mu": -0.1}, settle=30),
+    cycle(bautin, {"x": 0.94, "y": 0.0}, {"mu": -0.1, "s": 1.0}, settle=30),
     "mu", (-0.4, -0.05), (("LP", -0.25),), along_bautin,
 )  # fmt: skip
 

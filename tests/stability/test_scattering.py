@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
 from contbreather.stability import OverReflection, ns_points
-from tests.stability.by_hand import b_of, det_by_modes, pitchfork_b
+from tests.stability.by_hand import b_of, det_by_modes, even_half_map, pitchfork_b
 from tests.stability.half import amplified, half_multipliers, over_reflection, over_reflects
 
 
@@ -53,15 +53,21 @@ def test_a_wave_once_round_the_ring_closes_on_itself():
 
 
 @pytest.mark.parametrize(
-    ("gamma", "k", "b"), [(0.08, 0.8, 0.468), (0.2, 0.4, -0.7), (0.03, 0.6, 0.3)]
+    ("gamma", "k", "b", "spring"),
+    [(0.08, 0.8, 0.468, 0.0), (0.2, 0.4, -0.7, 0.0), (0.03, 0.6, 0.3, 0.0), (0.05, 0.8, 0.5, 0.2)],
 )
-def test_long_rings_grow_as_the_largest_gain_says(gamma, k, b):
-    worst = over_reflection(gamma, k, b)
+def test_long_rings_grow_as_the_largest_gain_says(gamma, k, b, spring):
+    worst = over_reflection(gamma, k, b, spring)
     scaled = []
     for sites in (400, 800):
-        size = np.abs(half_multipliers(Ring(sites), gamma, k, b))
+        size = np.abs(np.linalg.eigvals(even_half_map(sites, spring, gamma, k, b)))
         scaled.append(sites * (size[size < 1.01].max() - 1))
     assert 2 * scaled[1] - scaled[0] == pytest.approx(worst.growth, rel=2e-2, abs=1e-6)
+    assert worst.over_reflecting == over_reflects(gamma, k, b, spring)
+    assert not over_reflects(gamma, 1.0, b, spring)
+    if worst.over_reflecting:
+        gain = amplified(gamma, worst.nu, k, b, spring)[0]
+        assert gain == pytest.approx(math.exp(worst.gain))
 
 
 @pytest.mark.parametrize("gamma", [1e-6, 0.02, 0.0965, 0.12, 0.24])

@@ -14,15 +14,7 @@ from contbreather.stability import ns_points, stability
 from contbreather.stability.one_impact import HalfMap, window
 from tests.lattice.by_hand import response
 from tests.stability.by_hand import even_half_map, slope
-from tests.stability.half import (
-    D,
-    amplified,
-    on_arc,
-    over_reflection,
-    over_reflects,
-    unstable_count,
-    unstable_multipliers,
-)
+from tests.stability.half import D, on_arc, unstable_count, unstable_multipliers
 
 NAMES = ("chi", "eta", "sigma", "psi", "tau")
 SPRUNG = [(0.2, 0.05), (0.05, 0.2), (0.6, 0.09), (0.9, 0.02), (1e-3, 0.1)]
@@ -95,7 +87,7 @@ def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) ->
 def test_isolated_multipliers_are_those_of_a_long_ring() -> None:
     rng = np.random.default_rng(11)
     seen = set()
-    for i in range(16):
+    for i in range(30):
         spring = rng.uniform(0.01, 0.7) * (i % 3 > 0)
         gamma, k, b = rng.uniform(0.01, 0.24) * (1 - spring), rng.uniform(0, 1), rng.uniform(-3, 4)
         chain = InfiniteChain(spring)
@@ -107,7 +99,8 @@ def test_isolated_multipliers_are_those_of_a_long_ring() -> None:
         ring = np.linalg.eigvals(even_half_map(240, spring, gamma, k, b))
         ring, far = ring[abs(ring) > 1.08], mu[abs(mu) > 1.08]
         assert ring.size == far.size
-        assert all(abs(ring - one).min() < 1e-7 for one in far)
+        off = [abs(ring - one).min() for one in far]
+        assert all(np.array(off) < np.where(abs(far) > 1.6, 1e-10 * abs(far), 1e-7))
     assert seen >= {0, 1, 2}
 
 
@@ -151,21 +144,6 @@ def test_neimark_sacker_points_are_on_the_arc_with_their_slopes() -> None:
         pairs = [unstable_count(gamma, k, b + e, chain).pairs for e in (-1e-7, 1e-7)]
         assert sorted(pairs) == [0, 1]
     assert stability(gamma, k, 0.5 * sum(b for _, b in points), chain).unstable >= 2
-
-
-def test_long_rings_grow_as_the_scattering_says() -> None:
-    gamma, k, b, spring = 0.05, 0.8, 0.5, 0.2
-    worst = over_reflection(gamma, k, b, spring)
-    assert worst.over_reflecting
-    assert over_reflects(gamma, k, b, spring)
-    assert amplified(gamma, worst.nu, k, b, spring)[0] == pytest.approx(math.exp(worst.gain))
-    grown = [
-        sites * (abs(np.linalg.eigvals(even_half_map(sites, spring, gamma, k, b))).max() - 1)
-        for sites in (200, 400)
-    ]
-    assert grown[1] == pytest.approx(worst.growth, rel=0.05)
-    assert abs(grown[1] - worst.growth) < abs(grown[0] - worst.growth)
-    assert not over_reflects(gamma, 1.0, b, spring)
 
 
 def test_no_spring_is_the_limit_of_a_weak_one() -> None:
