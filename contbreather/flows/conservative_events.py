@@ -85,6 +85,14 @@ def _turn_beside_folds(point: Point) -> float:
     return float(places[1] @ (along[-1] * way[:-1] - way[-1] * along[:-1]))
 
 
+def _examine_turn(found: Examined, point: Point) -> Examined:
+    base = point.base_point
+    # where an arm leaves its branch the parameter turns, and the test vanishes with it
+    if base.tangent is not None and abs(base.direction[-1]) < NEAR:
+        return NOTHING
+    return examine_place(1.0, found, point)
+
+
 # --- on the circle ------------------------------------------------------------------------------
 
 
@@ -225,7 +233,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    turn = replace(turn, test=_turn_beside_folds)
+    turn = replace(turn, test=_turn_beside_folds, examine=partial(_examine_turn, beside))
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(

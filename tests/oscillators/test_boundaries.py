@@ -184,6 +184,16 @@ def test_the_energy_turns_next_to_a_fold() -> None:
         assert beside.solution.energy > turn["energy"] + 1e-6
 
 
+@pytest.mark.parametrize("V", ["u**2/2 - u**4/8", "(1 - exp(-u))**2/2"])
+def test_no_energy_turns_where_an_arm_leaves_its_branch(V) -> None:
+    """A breather of one of two sites grows into the motion of both, and back on the other."""
+    pair = cb.Oscillators(V=V, W="c*r**2/2", lattice=cb.OpenChain(2))
+    start = cb.breather(pair, {0: 1}, omega=0.8, params={"c": 0.02})
+    branch = cb.trace(start, "c", within={"c": (0.01, 0.6)}, towards="up")
+    assert [point.kind for point in branch.special] == ["EP", "BP", "EP"]
+    assert not branch.doubtful
+
+
 def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
     """A hard breather at a corner: pairs of opposite signature exchange their order, and between
     there is less instability than rounding, nowhere any multiplier off the circle."""
