@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import dense, is_sparse
+from ..continuation.algebra.sparse import Dense, Factors, dense, is_sparse
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import meeting, unresolved
 from ..continuation.curve.curve import Curve
@@ -28,7 +28,6 @@ from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined,
 from .cycle_problem import Cycle
 from .equations import equations_of
 
-_LOST = 1e-9  # relative singular value of a matrix that has lost rank
 _STEP = 1e-5  # of differences along solutions, in the metric of a curve
 NEAR = 1e-6  # how far off its place the index of a located event may be
 _MET = 1e-5  # the form of a unit vector that has no sign; and the overlap of two that is none
@@ -58,31 +57,20 @@ def event_at(place: float, kind: str, test: Any, found: Examined, **how: Any) ->
 
 def turn_of_energy(point: Point) -> float:
     """Solve for the change of the energy along the family at given parameters, for a change of the
-    period: it vanishes where a pair is at +1 and branches do not cross."""
-    base = point.base_point
+    period: it vanishes where a pair is at +1 and branches do not cross. On a walk it is times how
+    the free parameter moves, at the folds of which it has no pole then."""
+    base, curve = point.base_point, point.base_point.curve
     if (places := equations_of(base).longer(base.x, base.params)) is None:
         return math.nan
-    matrix, right = base.curve.in_unknowns(base.z), np.eye(1, base.curve.size, places[0])[0]
-    if is_sparse(matrix):
-        change = solved(matrix, right, "a fold in the period")
-    else:  # where branches cross the shortest change is well defined; at a fold there is none
-        change = np.linalg.lstsq(matrix, right, rcond=_LOST)[0]
-        if abs(matrix @ change - right).max() > math.sqrt(_LOST):
-            return math.inf
+    right, along = np.eye(1, curve.size, places[0])[0], base.tangent
+    if along is None:
+        matrix = curve.in_unknowns(base.z)
+        change = (Factors if is_sparse(matrix) else Dense)(matrix).least(right)
+    else:
+        row = curve.metric * along
+        way, _ = curve.factors(base.z, row).correction(right, row)
+        change = along[-1] * way[:-1] - way[-1] * along[:-1]
     return float(places[1] @ change)
-
-
-def _turn_beside_folds(point: Point) -> float:
-    """The same times how the free parameter moves: at its folds, next to where the energy turns,
-    there is no pole. Of a point that is on a curve in two parameters neither is known."""
-    base = point.base_point
-    places = equations_of(base).longer(base.x, base.params)
-    if places is None or base.tangent is None:
-        return turn_of_energy(point)
-    curve, along = base.curve, base.direction
-    row, right = curve.metric * along, np.eye(1, base.curve.size, places[0])[0]
-    way, _ = curve.factors(base.z, row).correction(right, row)
-    return float(places[1] @ (along[-1] * way[:-1] - way[-1] * along[:-1]))
 
 
 def _examine_turn(found: Examined, point: Point) -> Examined:
@@ -97,8 +85,8 @@ def _examine_turn(found: Examined, point: Point) -> Examined:
 
 
 def signatures(orbit: Cycle) -> tuple[Array, Array]:
-    """The indices that are on the unit circle, and the Krein signatures of their pairs: +1 or -1, 0
-    where they are not known."""
+    """List the indices that are on the unit circle, and the Krein signatures of their pairs: +1 or
+    -1, 0 where they are not known."""
     indices = orbit.indices
     on = indices.real[(indices.imag == 0) & (abs(indices.real) < 1)]
     matrix, form = orbit.index_form
@@ -138,7 +126,7 @@ def _meeting(point: Point) -> tuple[float, float]:
 
 
 def _in_order(point: Point) -> Array:
-    """Sums of the signatures of pairs from each to the last, in the order of their indices. Where
+    """Sum the signatures of pairs from each to the last, in the order of their indices. Where
     two leave the axis together one of these changes by 1, and by 2 where they come past each other,
     however close together the two events are. From the first on, which may leave at -1, none is
     taken. Without signatures how many have left the axis."""
@@ -170,7 +158,7 @@ def _examine_collision(point: Point) -> Examined:
 
 
 def _nearest(point: Point, values: NDArray[Any], middle: float) -> tuple[int, NDArray[np.intp]]:
-    """How often a matrix has each index, and which eigenvalues belong to the two nearest pairs."""
+    """Tell how often a matrix has each index, and which eigenvalues belong to the nearest two."""
     each = len(values) // (point.base_point.solution.indices.size + 1)
     return each, abs(values - middle).argsort()[: 2 * each]
 
@@ -233,7 +221,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
     turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    turn = replace(turn, test=_turn_beside_folds, examine=partial(_examine_turn, beside))
+    turn = replace(turn, examine=partial(_examine_turn, beside))
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(
