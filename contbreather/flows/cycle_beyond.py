@@ -16,7 +16,6 @@ from ..continuation.algebra.newton import Array, Undefined, newton
 from ..continuation.branches.switching import Seed, SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Point
-from ..continuation.curve.problem import Problem
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations, equations_of
 from .flow import Flow, Wall, contact_of, flow_between, slid_along, system_of
@@ -111,21 +110,22 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     parts[-1] = turned_back(parts[-1], turns)
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
     made = made if more else once(made, pieces, p)
-    height = partial(_height, hit[0].until, flow if more else 0)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
     contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
-    margins = partial(height, part), contacts
-    row = made.layout.lengths[1] if more and short else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
+    margins = partial(_height, hit[0].until, flow if more else 0, part), contacts
+    row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
+    if more and not short:  # the rebound, along its way: in a plane the parameter turns there
+        row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]
+    return _switching(point, made, row, margins if more else margins[::-1], weight)
 
 
 def _switching(
-    point: Point, made: FlowEquations, row: int, margins: Sequence[Margin]
+    point: Point, made: FlowEquations, row: Any, margins: Sequence[Margin], weight: Any = 1.0
 ) -> SwitchingProblem:
-    """Solve for the cycle beyond with one of its unknowns, or the parameter, as it is there."""
-    problem: Problem = point.curve.problem.of_flows(made, point.params, "cycle")
-    curve = Curve(problem, point.curve.free)
-    along = np.eye(curve.start.size)[row]
+    """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there."""
+    curve = Curve(point.curve.problem.of_flows(made, point.params, "cycle"), point.curve.free)
+    along = np.zeros(curve.start.size)
+    along[row] = weight
     solution = newton(curve, curve.start, along)
     if not solution.converged:
         raise Undefined(

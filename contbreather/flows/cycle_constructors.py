@@ -24,7 +24,7 @@ from .conservation import Conservation, Quantities, Unfolded, quantities_of, ref
 from .cycle_events import events_of_cycle, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of
 from .equations import FlowEquations
-from .flow import Filippov, Flow, period_at, refuse_false_period, value_at
+from .flow import Filippov, Flow, period_at, refuse_false_period, value_over
 from .functions import Function, Params, values
 from .initial_motion import Motion, refuse_rest, sampled_orbit, simulated_orbit
 from .integrate import flows_of
@@ -140,7 +140,7 @@ def cycle(
     if period is not None:
         if not callable(period):
             number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
-        forcing = partial(_length, period)
+        forcing = partial(value_over, period)
     path: Any = flows_of(with_jacobian(flows, jacobian), period)
     # a system that decides by its state which flow comes next has none that nothing ends
     listed = path if isinstance(path, tuple) else ()
@@ -286,10 +286,6 @@ def state_names(start: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
         name: tuple(f"{name}{i}" for i in range(np.size(value))) if np.ndim(value) else (name,)
         for name, value in start.items()
     }
-
-
-def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
-    return value_at(period, p)
 
 
 # --- from a motion to the orbit -------------------------------------------------------------------

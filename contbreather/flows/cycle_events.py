@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from .conservative_events import conservative_events
 from .cycle_beyond import LEAVES, SHORTEST
 from .cycle_problem import Cycle
 from .equations import FlowEquations, equations_of
-from .flow import Clock, flow_between, slid_along, system_of
+from .flow import Clock, flow_between, slid_along, system_of, value_at, value_over
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
@@ -142,8 +142,7 @@ def _fold_locus(point: Point) -> DefiningSystem:
 
 
 _PLAIN = fold()
-_FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
-_CIRCLE = linked(_FOLD)
+_CIRCLE = linked(replace(_PLAIN, locus=_fold_locus, examine=_examine_fold))
 _CROSSING = crossing_event(_CIRCLE.meetings("BP"))
 BRANCH_POINT = replace(
     _CROSSING,
@@ -201,6 +200,11 @@ def _event(kind: str, margins: Callable[[Cycle], Iterable[Margin]]) -> Event:
     return Event(kind, nearest, locus=nearest.locus, examine=nearest.examine, ends="domain")
 
 
+def _goes_round(equations: FlowEquations) -> bool:
+    """Tell whether beyond the end of its one flow an orbit is where it began."""
+    return equations.smooth and not moves(equations.flows[0])
+
+
 @dataclass(frozen=True, eq=False)
 class _Reached:
     """A wall, and how fast it changes along the flow, at a place of a flow: at an unknown one both
@@ -211,10 +215,11 @@ class _Reached:
     wall: Function
     place: float | None  # 1 the end of the flow
     rows: slice  # which of both vanish there
-    since: Function | None = None  # in place of `place` a time after the beginning
+    since: float | Callable[[Params], Any] | None = None  # instead, a time after the beginning
 
     def system(self, **extra: float) -> DefiningSystem:
-        return DefiningSystem(extra, self.conditions, self.derivative)
+        inside = {} if _goes_round(self.equations) else dict.fromkeys(extra, (0.0, 1.0))
+        return DefiningSystem(extra, self.conditions, self.derivative, domain=inside)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         x, p = z[: curve.size], curve.params(z)
@@ -226,22 +231,22 @@ class _Reached:
         x, p, names = z[: curve.size], curve.params(z), curve.free
         s = self._place(extra, x, p)
         t, state = self.equations.place(self.flow, s, x, p)
-        local = self._both(t, state, p, names)[1]
-        n = state.size + 1  # of the state and the time
+        local, n = self._both(t, state, p, names)[1], state.size + 1  # and the time
         total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
         total[:, curve.size : -1] += local[:, n:]
         if self.since is not None:  # s = since / T
             long = self.equations.layout.lengths[self.flow]
             total[:, long] -= total[:, -1] * s / x[long]
-            slope = slopes(self.since, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+            ignored = partial(value_over, self.since)
+            slope = slopes(ignored, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
             total[:, curve.size : -1] += np.outer(total[:, -1], slope / x[long])
         return total[self.rows] if self.place is None else total[self.rows, :-1]
 
     def _place(self, extra: Array, x: Array, p: Params) -> float:
         if self.since is not None:
-            ignored = values(self.since, 0.0, np.zeros((1, 1)), p)[0, 0]
-            return float(ignored / x[self.equations.layout.lengths[self.flow]])
-        return float(extra[0]) if self.place is None else self.place
+            return float(value_at(self.since, p) / x[self.equations.layout.lengths[self.flow]])
+        around = extra % 1.0 if _goes_round(self.equations) else extra
+        return float(around[0]) if self.place is None else self.place
 
     def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
         """Evaluate both at a time and a state, and their derivatives, in parameters too."""
@@ -356,8 +361,8 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
         system = partial(reached(None, slice(2)).system, touch=touch.place)
         if touch.guard == "until" and touch.place == flow.ignored(orbit.params) / duration > 0.0:
-            system = partial(reached(touch.place, slice(1), since=flow.ignored_at).system)
-        elif touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
+            system = partial(reached(touch.place, slice(1), since=flow.ignore).system)
+        elif touch.place in (0.0, 1.0) and not _goes_round(orbit.equations):
             system = partial(reached(touch.place, slice(1)).system)
         said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
         yield Margin(touch.clearance, system, said, touch.flow, touch.guard)

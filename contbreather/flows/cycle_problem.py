@@ -255,8 +255,7 @@ def _trivial(point: Point) -> float:
 
 
 def _extreme(name: str, sign: float, point: Point) -> float:
-    value: float = point.solution.extreme(name, sign)
-    return value
+    return float(point.solution.extreme(name, sign))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -63,6 +63,10 @@ def value_at(value: Any, p: Params) -> Any:
     return value(p) if callable(value) else value
 
 
+def value_over(value: Any, t: Any, x: Any, p: Params) -> Any:
+    return value_at(value, p)
+
+
 @dataclass(frozen=True)
 class Flow:
     """A vector field, the condition that ends it, and a reset: one piece of a periodic orbit.
@@ -167,10 +171,6 @@ class Flow:
     def ignored(self, p: Params) -> Any:
         """Evaluate how long `until` does not count."""
         return value_at(self.ignore, p)
-
-    def ignored_at(self, t: Any, x: Any, p: Params) -> Any:
-        """The same as a function that is differentiated."""
-        return self.ignored(p) + 0.0 * t
 
     def walled(self, walls: Iterable[Wall]) -> Flow:
         """Add walls, but for those it has."""

@@ -251,3 +251,24 @@ def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None
     for flows in ((cb.Flow(field, until=right),), (HIT, HIT), (cb.Flow(field),) * 2):
         with pytest.raises(cb.BadInput, match="a wall is met by a flow with `until` and `reset`"):
             cb.Flow(field, walls=[flows])
+
+
+def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
+    """Van der Pol's cycle has a wall moved into it. In a plane what an impact takes off the
+    velocity is a later time: the orbit goes on as one that hits, and back."""
+
+    def van_der_pol(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], 0.5 * (1 - x[0] ** 2) * x[1] - x[0]]
+
+    hit = cb.Flow(
+        van_der_pol, until=lambda t, x, p: p["g"] - x[0], reset=lambda t, x, p: [x[0], -0.7 * x[1]]
+    )
+    free = cb.cycle(cb.Flow(van_der_pol, walls=(hit,)), {"x": 2.0, "v": 0.0}, {"g": 2.3}, settle=99)
+    window = {"g": (1.0, 2.5)}
+    grazing = cb.trace(free, "g", within=window).first("GR")
+    (hits,) = cb.switch(grazing, within=window)
+    assert [(end.kind, end["g"]) for end in hits.special] == [
+        ("EP", pytest.approx(grazing["g"], abs=1e-7)), ("EP", 1.0)
+    ]  # fmt: skip
+    vanishing = cb.trace(hits[2].problem, "g", within=window, towards="both").first("VI")
+    assert vanishing["g"] == pytest.approx(hits[0]["g"], abs=1e-9)

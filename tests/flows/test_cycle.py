@@ -409,6 +409,33 @@ def test_a_wall_that_is_touched_ends_the_branch_where_a_period_begins_too(lag: f
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
 
 
+def test_the_curve_of_a_touch_goes_round_with_the_forcing() -> None:
+    """The phase of the linear response passes that at which a period begins at w = 0.93."""
+    free = cb.Flow(
+        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(p["w"] * t + 1.0)],
+        walls=(lambda t, x, p: 1 - x[0],),
+    )
+    start, params = {"x": 0.0, "v": 0.0}, {"F": 0.5, "w": 1.5}
+    forced = cb.cycle(free, start, params, period=lambda p: TAU / p["w"], settle=200)
+    touch = cb.trace(forced, "F", within={"F": (0.1, 3)}).first("GR")
+    line = cb.boundary(touch, ("w", "F"), within={"w": (0.3, 2)}, events=())
+    assert line["touch"].min() < 0.0 < line["touch"].max()
+    assert line["F"] == pytest.approx(np.hypot(1 - line["w"] ** 2, 0.2 * line["w"]), abs=1e-9)
+
+
+def test_the_curve_of_a_touch_ends_where_its_flow_does() -> None:
+    """x = t up to 1, and the wall (x - c)^2 + h: no touch is beyond 0 < c < 1."""
+    ramp = cb.Flow(
+        lambda t, x, p: [1.0 + 0 * x[0]], until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0 * x[0]], walls=(lambda t, x, p: (x[0] - p["c"]) ** 2 + p["h"],),
+    )  # fmt: skip
+    saw = cb.cycle(ramp, {"x": 0.0}, {"c": 0.4, "h": 1.0}, settle=5)
+    touch = cb.trace(saw, "h", within={"h": (-1, 2)}).first("GR")
+    line = cb.boundary(touch, ("c", "h"), within={"c": (-1, 2)}, events=())
+    assert [line[0]["c"], line[-1]["c"]] == pytest.approx([0.0, 1.0], abs=1e-9)
+    assert line.reason == "the domain of touch ends at 1"
+
+
 @pytest.mark.parametrize(
     ("name", "limit"),  # y' = a - y from b on for a time of 1
     [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
