@@ -1,11 +1,12 @@
 """Packages that fetch what they hold when it is asked for first, as SPEC 1 has it.
 
-Their names stand in the `__init__.pyi` beside them, which type checkers read as well.
+A package lists its names here; type checkers read them in the `__init__.pyi` beside it.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -49,14 +50,11 @@ class Front(ModuleType):
         return sorted(self._homes)
 
 
-def front(name: str, **former: str) -> list[str]:
-    """Make a package one of these, by its stub; the names in it that are no packages."""
-    package, homes = sys.modules[name], dict[str, str]()
-    loader: Any = package.__loader__  # who reads in an archive, too
-    for line in loader.get_data(f"{package.__file__}i").decode().splitlines():
-        if line.startswith("from "):  # from .module import held as held
-            _, module, *_, held = line.split()
-            homes[held] = module.removeprefix(".")
+def front(name: str, modules: Mapping[str, str], **former: str) -> list[str]:
+    """Make a package one of these: `modules` have the names that are fetched from each, and "" its
+    own packages. Returns the names."""
+    package = sys.modules[name]
+    homes = {held: module for module, names in modules.items() for held in names.split()}
     vars(package).update(_homes=homes, _former=former)
     package.__class__ = Front
     return [held for held, home in homes.items() if home]
