@@ -220,8 +220,10 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     """List the events of pairs of multipliers, with that of crossing branches among them."""
     plain, beside = fold(), {"said": "a fold in the energy, not in the period"}
     lp = replace(plain, locus=partial(meeting, plain, dict))
-    turn = event_at(1.0, "LP", turn_of_energy, beside, may_jump=True)
-    turn = replace(turn, examine=partial(_examine_turn, beside))
+    turn = Event(
+        "LP", turn_of_energy, locus=partial(followed, turn_of_energy),
+        examine=partial(_examine_turn, beside), may_jump=True,
+    )  # fmt: skip
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
     kc = Event(
