@@ -116,7 +116,8 @@ class _Radau(Collocation):
         # zeros of P_m - P_(m-1)
         difference = np.zeros(self.points + 1)
         difference[-2:] = -1.0, 1.0
-        nodes = 0.5 + 0.5 * np.polynomial.legendre.legroots(difference)
+        # all of them real, whatever their type: from numpy 2.5 on that is complex
+        nodes = 0.5 + 0.5 * np.polynomial.legendre.legroots(difference).real
         nodes[-1] = 1.0
         return np.asarray(nodes)
 
