@@ -11,6 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Branch, Problem
+from contbreather.continuation.curve.curve import Curve
 
 from .zoo import TRANSCRITICAL
 
@@ -214,3 +215,16 @@ def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pit
     (kinds, values), (fine_kinds, fine_values) = (zip(*one, strict=True) for one in found)
     assert kinds == fine_kinds == ("EP", "BP", "BP", "LP", "EP")
     np.testing.assert_allclose(values, fine_values, rtol=0, atol=3e-3)  # of the meshes
+
+
+def test_corrections_that_repeat_themselves_divide_by_nothing() -> None:
+    """Where a quarter of the last digit is left of an equation, no correction moves it, and each is
+    the one before: by Broyden's update the next is without bound."""
+    far = Problem(lambda x, p: [x[0] - 1e8 - math.sin(p["p"])], {"x": 1e8}, {"p": 0.0})
+    curve, at_p = Curve(far, ("p",)), np.array([0.0, 1.0])
+    tangent, _ = curve.tangent_at(curve.start, at_p)
+    for size in np.linspace(0.1, 0.5, 40):
+        guess = curve.start + size * tangent
+        with np.errstate(all="raise"):
+            solved = curve.solved_near(curve.start, guess, at_p, 1e-25)
+        assert solved.residual <= np.spacing(1e8)
