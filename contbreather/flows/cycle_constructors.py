@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -128,81 +128,44 @@ def cycle(
     >>> round(oscillator.start["period"], 9)
     6.663286859
     """
-    scheme, forcing, wanted = collocation or Collocation(), None, None
+    scheme = collocation or Collocation()
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
-    conserved = {} if conserves is None else quantities_of(conserves)
-    if conserved:
-        one_of("fixed", fixed, ("period", next(iter(conserved))))
-        if period is not None:
-            period, wanted = None, number("period", period, 1e-300, 1e300, "a positive time")
-    elif fixed != "period":
-        raise BadInput(f"fixed = {brief(fixed)} is of what is conserved: say so by conserves=")
-    if period is not None:
-        if not callable(period):
-            number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
-        forcing = partial(value_over, period)
-    path: Any = flows_of(with_jacobian(flows, jacobian), period)
-    # a system that decides by its state which flow comes next has none that nothing ends
-    listed = path if isinstance(path, tuple) else ()
-    endless = [i for i, flow in enumerate(listed) if flow.until is None]
-    if len(listed) > 1 and endless:
-        raise BadInput(f"flow {endless[0]} of {len(listed)} has no `until`: nothing ends it")
-    alone = path[0] if endless else None
+    conserved, period, wanted = _held(conserves, fixed, period)
+    forcing = None if period is None else partial(value_over, period)
+    system: Any = flows_of(with_jacobian(flows, jacobian), period)
     if isinstance(start, tuple):
-        pieces, names = sampled_orbit(alone, start, params)
-        angles = Angles.of(wraps, names)
-        arrays = dict[str, tuple[str, ...]]()
-        _, params = named_state(dict.fromkeys(names, 0.0), params, *conserved)
-        size = shift = 0.0
+        begun = _sampled(_endless(system), start, params, conserved, wraps)
     else:
-        (state, params), arrays = named_state(start, params, *conserved), state_names(start)
-        names = tuple(chain.from_iterable(arrays.values()))
-        size = float(abs(state).max())
-        angles = Angles.of(wraps, names)
-        length = None if forcing is None else period_at(forcing, params)
-        # what does not fit, and a false period, before a simulation goes astray
-        slides = isinstance(path, Filippov)
-        check, begun = (path.begin, path.flows[:2]) if slides else (path[0].check, path[:1])
-        check(t0, state, params)
-        refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
-        angles = angles.checked(path, t0, state, params)
-        parts, pieces = simulated_orbit(path, alone, params, (t0, state), length, settle, angles)
-        alone = None if parts[0].until else parts[0]  # also where conditions are not met any more
-        # in the first period, or at no time at all
-        shift = pieces[0][1]
-        shift = shift if length is None else math.floor(shift / length + 1e-9) * length
-    turns = 1
+        begun = _simulated(system, start, params, conserved, wraps, forcing, (t0, settle))
+    (path, pieces, params), turns = begun[:3], 1
     if forcing is not None:
         whole = sum(b - a for _, a, b in pieces)
         turns = max(1, round(whole / period_at(forcing, params)))
-    if alone is not None:  # each period as exact as a single one
+    if path[0].until is None:  # each period as exact as a single one
         motion, *ends = pieces[0]
-        parts = (angles.taken_from(alone, np.diff(motion(np.array(ends)))[:, 0]),)
+        moved = np.diff(motion(np.array(ends)))[:, 0]
+        path = (begun.angles.taken_from(path[0], moved),)
         scheme = replace(scheme, intervals=turns * scheme.intervals)
 
     def fit(scheme: Collocation) -> tuple[TrajectorySegment, ...]:
         return tuple(
-            replace(flight, start=flight.start - shift)
-            for flight in _resolved(scheme, parts, params, pieces)
+            replace(flight, start=flight.start - begun.shift)
+            for flight in _resolved(scheme, path, params, pieces)
         )
 
     flights = fit(scheme)
-    parts = tuple(
-        flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
+    path = tuple(
+        flow.struck(flight.last, params) for flow, flight in zip(path, flights, strict=True)
     )
-    refuse_false_period(parts, [flight.states.T for flight in flights], forcing, params)
-    equations = FlowEquations(
-        parts, flights, forcing, turns, names, sizes_of(flights), arrays=arrays
-    )
+    refuse_false_period(path, [flight.states.T for flight in flights], forcing, params)
+    sizes = sizes_of(flights)
+    equations = FlowEquations(path, flights, forcing, turns, begun.parts, sizes)
     if conserved:
         equations, params = _conserving(equations, conserved, params)
     equations = sparse_where_large(equations, params)
-    if events is None:
-        events = events_of_cycle(equations)
-    problem_at = partial(
-        CycleProblem.of, params=params, events=tuple(events), label=label or "cycle"
-    )
-    closed = _closed(equations, problem_at, params, size, fit)
+    wished = tuple(events_of_cycle(equations) if events is None else events)
+    problem_at = partial(CycleProblem.of, params=params, events=wished, label=label or "cycle")
+    closed = _closed(equations, problem_at, params, begun.size, fit)
     if wanted is not None:
         try:
             closed = closed.having("period").at(period=wanted).solve(tolerance=1e-12)[0]
@@ -213,6 +176,75 @@ def cycle(
                 residual=error.residual,
             ) from error
     return closed.having(fixed) if conserved else closed
+
+
+def _held(conserves: Any, fixed: str, period: Any) -> tuple[Quantities, Any, float | None]:
+    """Read what is conserved, the period of a forcing, and that of an orbit of a family."""
+    positive = partial(number, "period", period, 1e-300, 1e300)
+    if conserves is None:
+        if fixed != "period":
+            raise BadInput(f"fixed = {brief(fixed)} is of what is conserved: say so by conserves=")
+        if period is not None and not callable(period):
+            positive("a positive time, or a function of p")
+        return {}, period, None
+    conserved = quantities_of(conserves)
+    one_of("fixed", fixed, ("period", next(iter(conserved))))
+    return conserved, None, None if period is None else positive("a positive time")
+
+
+class _Begun(NamedTuple):
+    """Flows, and a motion along them that all but closes."""
+
+    flows: tuple[Flow, ...]
+    pieces: list[Motion]
+    params: dict[str, float]
+    parts: dict[str, tuple[str, ...]]  # of `FlowEquations`
+    angles: Angles
+    size: float = 0.0  # of the state from which it was simulated
+    shift: float = 0.0  # by how much later than the orbit, in whole periods of a forcing
+
+
+def _endless(path: Any) -> Flow | None:
+    """The flow that nothing ends, which has none beside it."""
+    # a system that decides by its state which flow comes next has none
+    listed = path if isinstance(path, tuple) else ()
+    endless = [i for i, flow in enumerate(listed) if flow.until is None]
+    if len(listed) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(listed)} has no `until`: nothing ends it")
+    return listed[0] if endless else None
+
+
+def _sampled(
+    flow: Flow | None, samples: tuple[Any, Any], params: Mapping[str, float],
+    conserved: Quantities, wraps: Mapping[str, float] | None,
+) -> _Begun:  # fmt: skip
+    alone, pieces, names = sampled_orbit(flow, samples, params)
+    angles, state = Angles.of(wraps, names), dict.fromkeys(names, 0.0)
+    _, params = named_state(state, params, *conserved)
+    return _Begun((alone,), pieces, params, state_names(state), angles)
+
+
+def _simulated(
+    path: Any, start: Mapping[str, Any], params: Mapping[str, float], conserved: Quantities,
+    wraps: Mapping[str, float] | None, forcing: Any, times: tuple[float, float],
+) -> _Begun:  # fmt: skip
+    """Simulate from a state at a time, and for how long it is to settle."""
+    alone, (t0, settle) = _endless(path), times
+    (state, params), parts = named_state(start, params, *conserved), state_names(start)
+    angles = Angles.of(wraps, chain.from_iterable(parts.values()))
+    length = None if forcing is None else period_at(forcing, params)
+    # what does not fit, and a false period, before a simulation goes astray
+    slides = isinstance(path, Filippov)
+    check, begun = (path.begin, path.flows[:2]) if slides else (path[0].check, path[:1])
+    check(t0, state, params)
+    refuse_false_period(begun, [state[:, None]] * len(begun), forcing, params)
+    angles = angles.checked(path, t0, state, params)
+    # without an end also where conditions are not met any more
+    flows, pieces = simulated_orbit(path, alone, params, (t0, state), length, settle, angles)
+    # in the first period, or at no time at all
+    shift = pieces[0][1]
+    shift = shift if length is None else math.floor(shift / length + 1e-9) * length
+    return _Begun(flows, pieces, params, parts, angles, float(abs(state).max()), shift)
 
 
 def _conserving(

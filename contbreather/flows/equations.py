@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from operator import attrgetter
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
@@ -149,10 +150,9 @@ class FlowEquations:
     start: tuple[TrajectorySegment, ...]  # the orbit at which all began: meshes and first guesses
     period: Callable[..., Any] | None  # (t, x, p), of which p is used; None if it is autonomous
     turns: int  # over how many of these periods it closes
-    states: tuple[str, ...]  # their names, for those who look at orbits
+    parts: Mapping[str, tuple[str, ...]]  # what has columns, states or arrays of these, by name
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     conservation: Conservation | None = None
-    arrays: Mapping[str, tuple[str, ...]] | None = None  # of several states that have columns
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
     orbits: Any = field(default_factory=WeakValueDictionary, init=False)  # that somebody has
 
@@ -179,9 +179,8 @@ class FlowEquations:
         return self.period is None
 
     @property
-    def parts(self) -> Mapping[str, tuple[str, ...]]:
-        """What has columns: states, or arrays of these."""
-        return self.arrays or {name: (name,) for name in self.states}
+    def states(self) -> tuple[str, ...]:
+        return tuple(chain.from_iterable(self.parts.values()))
 
     @property
     def smooth(self) -> bool:

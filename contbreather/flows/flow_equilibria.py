@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -128,8 +127,7 @@ def _born(point: Point) -> SwitchingProblem:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
     problem: Any = point.curve.problem
-    arrays = state_names(problem.start)
-    names = tuple(chain.from_iterable(arrays.values()))
+    parts = state_names(problem.start)
     omega = float(point["omega"])
     matrix = first_columns(point.jacobian(), rest.size)
     if is_sparse(matrix):
@@ -149,7 +147,7 @@ def _born(point: Point) -> SwitchingProblem:
     for amplitude in _AMPLITUDES:
         flight = fitted(problem.collocation, 0.0, period, partial(wave, amplitude * size))
         flows, sizes = (problem.flow,), sizes_of([flight])
-        equations = FlowEquations(flows, (flight,), None, 1, names, sizes, arrays=arrays)
+        equations = FlowEquations(flows, (flight,), None, 1, parts, sizes)
         equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)
         curve = Curve(CycleProblem.of(equations, params, events, "cycle"), (free,))

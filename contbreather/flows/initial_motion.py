@@ -223,8 +223,8 @@ def refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = False
 
 def sampled_orbit(
     flow: Flow | None, samples: tuple[Any, Any], params: Params
-) -> tuple[list[Motion], tuple[str, ...]]:
-    """Interpolate samples of one period."""
+) -> tuple[Flow, list[Motion], tuple[str, ...]]:
+    """Interpolate samples of one period of a flow that nothing ends."""
     from scipy.interpolate import CubicSpline
 
     if flow is None:
@@ -239,4 +239,4 @@ def sampled_orbit(
         )
     flow.check(float(t[0]), x[:, 0], params)
     whole = CubicSpline(t, x, axis=1), float(t[0]), float(t[-1])
-    return [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
+    return flow, [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))

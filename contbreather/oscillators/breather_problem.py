@@ -126,7 +126,7 @@ def whole_orbit(
     energies, states = quantities_of(half.chain.energy), flights[0].states.T
     flow = Flow(Unfolded.near(half.chain, {"lambda": energies["energy"]}, states))
     kept = Conservation(energies, half.held, np.empty((0, len(states))), "omega")
-    whole = FlowEquations((flow,), flights, None, 1, half.states, half.sizes, kept)
+    whole = FlowEquations((flow,), flights, None, 1, half.parts, half.sizes, kept)
     return sparse_where_large(whole, p)
 
 
@@ -478,7 +478,8 @@ def discretised(
     if not chain.dissipative:
         kind, period = (SparseHalfOrbit if len(names) >= FEW else HalfOrbit), half_period
     flows = tuple(flows) or (Flow(chain, reset=None if chain.dissipative else resting),)
-    return kind(flows, tuple(flights), period, turns, names, sizes)
+    parts = {name: (name,) for name in names}
+    return kind(flows, tuple(flights), period, turns, parts, sizes)
 
 
 @serialised("breather")
