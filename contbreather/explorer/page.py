@@ -76,7 +76,9 @@ class Page:
         self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(label="special point", width=120)
         self.point = pn.widgets.IntSlider(label="point", width=120)
-        self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
+        self.shown = pn.widgets.CheckBoxGroup(
+            label="curves", inline=True, sizing_mode="stretch_width", stylesheets=[style.WRAPPED]
+        )
         self.remove = forms.button(
             "Remove curve", lambda: explorer.remove(self.curve.value), width=120
         )
