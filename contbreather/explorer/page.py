@@ -334,7 +334,7 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("equations", "this curve has none here: only its columns are known")]
+        sentences = [("motion", "drawn of breathers between walls that came with their equations")]
     else:
         sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
