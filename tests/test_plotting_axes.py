@@ -186,6 +186,7 @@ def test_both_arms_of_a_pitchfork_of_profiles_are_seen(mode: int) -> None:
     assert low == pytest.approx(-high, rel=1e-5)
     assert high > 0.3
     assert plot(rest, *arms, y="norm(u)").axes.get_ylabel() == "norm(u)"
+    assert plot_diagram([rest, *arms], y="norm(u)").axes.get_ylabel() == "norm(u)"
 
 
 def test_a_line_is_broken_where_the_largest_entry_changes_its_sign_in_a_jump() -> None:
