@@ -121,6 +121,8 @@ def chord(
         for i, past in enumerate(steps):
             dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
+            if along == 1.0:  # as long as that one still, where rounding is all there is
+                return None
             # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
             step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
         moved = curve.length(step)
