@@ -87,6 +87,14 @@ def test_arms_that_asymmetry_does_not_part_are_drawn_by_a_time() -> None:
     assert "asymmetry" not in doubled.names
 
 
+def test_a_branch_that_turns_back_is_not_drawn_upon_itself() -> None:
+    """Beside its arms: dashes of its lower half upon those beyond the pitchfork look solid."""
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.05, 0.95)})
+    ax = plot(branch, *cb.switch(branch.first("PF"))).axes
+    lower, upper = [line.get_ydata() for line in curves(ax) if line.get_linestyle() == "--"]
+    assert lower.min() > upper.max() + 1.0
+
+
 def test_with_what_is_beyond_grazing_momenta_are_drawn() -> None:
     within = {"a": (0.9, 0.95)}
     ring = cb.symmetric(0.9, 0.05, 0.8, damping=0.02, lattice=cb.Ring(9))
@@ -186,6 +194,7 @@ def test_both_arms_of_a_pitchfork_of_profiles_are_seen(mode: int) -> None:
     assert low == pytest.approx(-high, rel=1e-5)
     assert high > 0.3
     assert plot(rest, *arms, y="norm(u)").axes.get_ylabel() == "norm(u)"
+    assert plot_diagram([rest, *arms], y="norm(u)").axes.get_ylabel() == "norm(u)"
 
 
 def test_a_line_is_broken_where_the_largest_entry_changes_its_sign_in_a_jump() -> None:

@@ -460,6 +460,18 @@ def test_a_spectrum_crosses_where_the_branch_bifurcates() -> None:
     np.testing.assert_allclose(np.sort(real), np.sort(-2 * bent["x"]), atol=1e-9)
 
 
+def test_of_a_map_multipliers_are_drawn_which_cross_the_circle_where_it_doubles() -> None:
+    """That of the logistic map is 2 - r; its equations F - x have one less, -2 at the doubling."""
+    logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    branch = cb.trace(logistic, "r", within={"r": (2.5, 3.5)})
+    ax = plots.plot_spectrum(branch).axes
+    r, mu = _dots(ax)
+    assert ax.get_ylabel() == r"$|\mu|$"
+    np.testing.assert_allclose(mu, abs(2 - r), atol=1e-9)
+    ax = plots.plot_multipliers(branch[-1]).axes
+    assert [word.get_text() for word in ax.texts if word.get_text()] == ["\N{MINUS SIGN}1.5000"]
+
+
 def _dots(ax) -> tuple:
     lines = [line for line in ax.get_lines() if line.get_marker() == "."]
     return tuple(np.concatenate([line.get_data()[i] for line in lines]) for i in (0, 1))

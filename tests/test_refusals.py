@@ -287,9 +287,12 @@ CASES += [
     (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
     (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
     (lambda: cb.zones(k=0.8, lattice=Ring(3), site="x"), "^site = 'x': a whole number was"),
-    (
-        lambda: cb.plot(cb.trace(problem(), "mu", steps=cb.Steps(most=2)), ax=3),
-        "^matplotlib Axes to draw in were expected",
+    *(
+        (
+            lambda bad=bad: cb.plot(cb.trace(problem(), "mu", steps=cb.Steps(most=2)), ax=bad()),
+            "^matplotlib Axes to draw in were expected",
+        )
+        for bad in (lambda: 3, lambda: cb.plotting.new_figure()[0])
     ),
     (lambda: cb.simulation.Sample(sites=()), "one site or several were expected"),
     (lambda: cb.zones(k=[]), "got none"),

@@ -76,7 +76,9 @@ class Page:
         self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(label="special point", width=120)
         self.point = pn.widgets.IntSlider(label="point", width=120)
-        self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
+        self.shown = pn.widgets.CheckBoxGroup(
+            label="curves", inline=True, sizing_mode="stretch_width", stylesheets=[style.WRAPPED]
+        )
         self.remove = forms.button(
             "Remove curve", lambda: explorer.remove(self.curve.value), width=120
         )
@@ -332,7 +334,7 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("equations", "this curve has none here: only its columns are known")]
+        sentences = [("motion", "drawn of breathers between walls that came with their equations")]
     else:
         sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)

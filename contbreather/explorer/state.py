@@ -114,7 +114,7 @@ class PageState:
             return "a", "p"
         start = first.problem.start  # a period before the orbit of a cycle without its equations
         unknowns = sorted(start, key=lambda name: np.ndim(start[name]))
-        usual = ((first.free,), (*first.curve.varied[1:], "p", *unknowns))
+        usual = ((first.free,), (*first.curve.varied[1:], "p", *first.problem.shown, *unknowns))
         x, y = (
             next((name for name in (chosen, *names, *offered) if name in offered), "")
             for chosen, names in zip(self.axes, usual, strict=True)

@@ -52,6 +52,7 @@ table { font-size: 13px; border-collapse: collapse; margin-bottom: 6px; }
 th, td { padding: 0 12px 0 0; } td { font-variant-numeric: tabular-nums; }
 pre { font-size: 12px; white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0; }
 """
+WRAPPED = ".bk-input-group { flex-wrap: wrap; }"  # many boxes in more than one line
 FOCUSED = ":focus-visible { outline: 3px solid #3d8bfd !important; }"  # of all buttons alike
 # the first time a page follows what the system of its reader prefers
 FOLLOW = """

@@ -72,8 +72,9 @@ def _title(words: str, letters: int) -> str:
 
 
 def letter(name: str) -> str:
+    size = "SMALL" if name.islower() else "CAPITAL"  # which `lookup` does not tell by the name
     try:
-        return lookup(f"GREEK SMALL LETTER {name}")
+        return lookup(f"GREEK {size} LETTER {name}")
     except KeyError:
         return name
 

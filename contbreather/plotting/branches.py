@@ -512,7 +512,11 @@ def plot_diagram(
         branches, y = [with_columns(branch, **{name: y}) for branch in branches], name
     y = _ordinate(branches) if y is None else y
     check_kind(y, str, "the name of a column, or a function of a point,")
-    drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
+    drawable = [
+        branch
+        for branch in branches
+        if branch.problem.normed(y) or {*ordinates(branch, y)} <= {*branch.names}
+    ]
     shown = [refined(branch, 60) for branch in drawable]  # points, for a smooth line
     if not shown:
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})

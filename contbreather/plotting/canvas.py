@@ -158,7 +158,7 @@ class Drawn(list["Artist"]):
     """
 
     def __init__(self, axes: Any) -> None:
-        if isinstance(axes, type) or not hasattr(axes, "get_children"):
+        if isinstance(axes, type) or not hasattr(axes, "get_lines"):
             raise BadInput(f"matplotlib Axes to draw in were expected, got {kind_of(axes)}")
         self.axes, self._before = axes, set(axes.get_children())
 

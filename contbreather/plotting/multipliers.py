@@ -41,7 +41,7 @@ def plot_multipliers(
     ax: Axes | None = None,
 ) -> Drawn:
     """Draw the Floquet multipliers of a breather on a ring, of an orbit on its own lattice, of a
-    motion that returns, or of a cycle of flows.
+    motion that returns, or of a cycle of flows or of a map.
 
     The unit circle, the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for the
     half map; on the circle ``exp(-damping pi)`` with damping), all 2N multipliers of the ring, and
@@ -52,7 +52,7 @@ def plot_multipliers(
 
     Parameters
     ----------
-    breather : Orbit, simulation.PeriodicMotion, flows.Cycle, or a Point of a branch of these
+    breather : Orbit, simulation.PeriodicMotion, flows.Cycle, a cycle of a map, or a Point of these
         Of a conservative one pairs with the Krein signature -1 are open circles.
     sites : int, optional
         Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
@@ -89,9 +89,9 @@ def draw_multipliers(
     if not hasattr(orbit, "multipliers") or isinstance(orbit, type | Branch | Problem):
         raise no_orbit(orbit, "an orbit or a cycle")
     paired = False
-    if isinstance(orbit, Cycle | PeriodicMotion):
+    if not isinstance(orbit, Orbit):
         _not_of_cycles(sites, half)
-        mu = orbit.others if isinstance(orbit, Cycle) else orbit.multipliers
+        mu = _own(orbit)
         if isinstance(orbit, Cycle) and orbit.paired:  # where pairs meet rounding moves them apart
             paired = True
             root = np.sqrt(orbit.indices**2 - 1)
@@ -112,7 +112,8 @@ def draw_multipliers(
     shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
     reach = max(1.6, 1.1 * float(np.abs(shown).max()))  # with room for words outside the circle
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
+    squares = isinstance(orbit, Orbit | PeriodicMotion) and not half
+    name = r"$\mu^2$" if squares else r"$\mu$"
     axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
     _dots(axes, mu, shown, alone)
     on, signs = signatures(orbit) if paired else (np.empty(0), np.empty(0))
@@ -137,11 +138,15 @@ def name_multipliers(
     ))  # fmt: skip
 
 
+def _own(orbit: Any) -> Array:
+    return np.asarray(orbit.others if isinstance(orbit, Cycle) else orbit.multipliers)
+
+
 def _not_of_cycles(sites: int | None, half: bool) -> None:
     if sites is not None or half:
         raise BadInput(
-            "sites= and half= are about lattices; a cycle of flows, or a motion that returns, has "
-            "its multipliers"
+            "sites= and half= are about lattices; a cycle of flows, or of a map, or a motion that "
+            "returns, has its multipliers"
         )
 
 
@@ -160,7 +165,7 @@ def plot_spectrum(
     Parameters
     ----------
     branch : Branch
-        Of orbits or cycles, or of anybody's equilibria.
+        Of orbits or cycles, of flows or maps, or of anybody's equilibria.
     x : str, optional
         The free parameter unless given.
     sites : int, optional
@@ -186,18 +191,18 @@ def plot_spectrum(
     if len(branch.curve.free) > 1:
         raise BadInput("a boundary has two parameters; take a branch in one of them")
     first = solution_of(branch[0])
-    of_orbits = isinstance(first, Orbit | Cycle)
-    if isinstance(first, Orbit) and first.lattice.sites is None and sites is None:
-        sites = 40
-    elif isinstance(first, Cycle):
+    of_orbits = hasattr(first, "multipliers")
+    if not isinstance(first, Orbit):
         _not_of_cycles(sites, half)
+    elif first.lattice.sites is None and sites is None:
+        sites = 40
     x = branch.free if x is None else x
 
     def spectrum(point: Point) -> Array:
-        if isinstance(first, Cycle):
-            return np.abs(point.solution.others)
-        if of_orbits:
+        if isinstance(first, Orbit):
             return np.sort(np.abs(point.solution.multipliers(sites=sites, half=half)))
+        if of_orbits:
+            return np.abs(_own(point.solution))
         return np.sort(point.curve.spectrum(point.z).real)
 
     values = np.array([spectrum(point) for point in branch])

@@ -71,9 +71,10 @@ def plot(
     x, y : str, optional
         Columns. By default the free parameter of the first branch, and the first unknown (on a
         boundary the other parameter; of cycles the first state; of breathers p, half the momentum
-        of an impact, but with arms among them the asymmetry or t1, whichever tells them apart). An
-        array unknown is drawn by its entry of largest size, with its sign; ``"norm(u)"`` is its
-        norm. ``plot(branch, "a", "p")`` says the same.
+        of an impact, but with arms among them the asymmetry or t1, whichever tells them apart and
+        lays no branch that turns back upon itself). An array unknown is drawn by its entry of
+        largest size, with its sign; ``"norm(u)"`` is its norm. ``plot(branch, "a", "p")`` says the
+        same.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given. Axes that show other columns
         are refused.

@@ -340,6 +340,9 @@ def _sentences(error: ValidationError) -> Iterator[Fault]:
                 yield place, f"unknown here{_guess(place)}"
             case "value_error":
                 yield place, str(mistake["ctx"]["error"])
+            case "model_type":
+                table = f"[{place[0]}{'.NAME' * bool(place[1:])}]"
+                yield place, f"a table {table} was expected, got {brief(mistake['input'])}"
             case _:
                 yield place, f"{mistake['msg']}, got {brief(mistake['input'])}"
 

@@ -99,6 +99,21 @@ def weakened(seed: int, more: int, left_over: float) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_beside_a_core_that_is_singular_to_the_last_digit_the_other_null_vector_is_known(
+    seed: int,
+) -> None:
+    """One null vector has nothing but the first unknowns, the other none of them."""
+    one, other, here = matrices(seed, n=6)
+    left, right = np.linalg.qr(one)[0], np.linalg.qr(other)[0]
+    matrix = np.zeros((12, 14))
+    matrix[:6, :6], matrix[6:, 6:12] = left[:, 1:] @ right[1:], np.eye(6) + 0.1 * here
+    matrix[:6, 12:], matrix[6:, 13] = left[:, :1], 1.0
+    rows, x = np.random.default_rng(seed).normal(size=(2, 14)), np.arange(14.0)
+    found = sparse.Factors(matrix).solve(np.append(matrix @ x, rows @ x), rows)
+    np.testing.assert_allclose(found, x, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("more", [0, 1])
 def test_one_that_is_singular_to_the_last_digit_loses_one_rank(seed: int, more: int) -> None:
     """Its inverse is rounding in all directions but one: nothing else may be read off it."""

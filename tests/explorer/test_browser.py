@@ -286,6 +286,12 @@ FITS = "(one => one.scrollWidth <= one.clientWidth)" + MAIN
 
 
 def test_it_fits_its_window_wide_and_narrow(tab: Tab) -> None:
+    """Also with more curves than have room for their boxes beside each other."""
+    boxes = tab.page.get_by_role("checkbox")
+    tab.press("Show")
+    while (count := boxes.count()) < 9:
+        tab.press("Continue")
+        boxes.nth(count).wait_for()
     assert tab.page.evaluate(FITS)
     tab.page.set_viewport_size({"width": 700, "height": 1000})
     tab.page.wait_for_function(f"(one => one.scrollHeight > 2000){MAIN}")  # below each other

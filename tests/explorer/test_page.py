@@ -484,3 +484,13 @@ def test_a_fork_is_drawn_by_a_size_first_and_by_what_all_its_curves_have() -> No
         assert (page.x.value, page.y.value) == ("a", "p")
         shared = set.intersection(*({*curve.names} for curve in curves))
         assert {"a", "p", "unstable"} <= {*page.y.options} <= shared
+
+
+def test_breathers_of_oscillators_are_drawn_by_their_size_not_a_fixed_parameter() -> None:
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(3))
+    b = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})
+    family = cb.trace(b, "omega", within={"omega": (1.4, 1.6)}, events=(), steps=cb.Steps(most=3))
+    page = Page(Explorer(family))
+    assert (page.x.value, page.y.value) == ("omega", "max|u|")
+    page.explorer.choose_point("given1", 1)
+    assert "between walls" in page.words.html

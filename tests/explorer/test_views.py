@@ -135,6 +135,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     assert {*views.MARKS.values()} <= {*MarkerType}
     for name in ("gamma", "phi", "mu", "nu"):
         assert unicodedata.name(views.letter(name)) == f"GREEK SMALL LETTER {name.upper()}"
+        assert views.letter(name.title()) == views.letter(name).upper()
 
 
 def test_the_legend_says_which_curve_a_colour_is_and_what_dashes_mean(branch: Any) -> None:

@@ -235,15 +235,14 @@ class Factors:
         # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
-        most = abs(self.null).max(initial=0.0)
-        # an unknown that moves so much with the last ones is set apart in their place
-        if width > n and (not self.exact or most > 1e3):
-            from scipy.linalg import qr
-
-            # for each null vector an unknown that it moves most, and no other does: each pivot is
-            # the column with most in it that those before do not span
-            order = qr(self.null.T, mode="r", pivoting=True)[1]
-            apart = np.sort(order[: width - n])
+        for _ in range(width - n):
+            moves = abs(self.null)
+            if self.exact and not moves.max() > 1e3:
+                break
+            # an unknown that moves so much with one of the last is set apart in its place; one at a
+            # time, for beside what a singular L moves all else in null vectors is rounding
+            most, last = np.unravel_index(moves.argmax(), moves.shape)
+            apart = np.sort(np.append(np.delete(self._apart, last), most))
             self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
     def _factorise(self, order: NDArray[Any]) -> None:
