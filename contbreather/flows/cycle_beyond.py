@@ -105,7 +105,10 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         parts, pieces = _added(hit, walls, flows, flights, touch - part * short, short, turns)
     else:
         touch = flights[0].last + (part * flights[1].duration if short else 0.0)
-        parts, pieces = _removed(hit, flows, flights)
+        # the flows before and after, which may be one, are joined
+        joined, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
+        passed, parts = flights[: len(hit) + 1], [joined.walled([hit]), *rest]
+        pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
     made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
@@ -228,16 +231,6 @@ def _added(
         before = replace(whole, start=earlier, states=whole.states - turns)
         return parts, _refitted([before, whole], [joints[-1] - whole.duration, *joints])
     return [*parts, *flows], [*_refitted([whole], [whole.start, *joints, whole.last]), *rest]
-
-
-def _removed(
-    hit: tuple[Flow, ...], flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
-) -> tuple[list[Flow], list[TrajectorySegment]]:
-    """Join the flows before and after a contact, which may be one."""
-    first, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
-    passed = flights[: len(hit) + 1]
-    joined = _refitted(passed, [passed[0].start, passed[-1].last])
-    return [first.walled([hit]), *rest], [*joined, *flights[len(hit) + 1 :]]
 
 
 def _refitted(

@@ -268,6 +268,12 @@ def _conserving(
     across = np.linalg.svd(null - null @ along.T @ along)[2][: count - 1]
     kept = Conservation(conserved, first, across)
     named = dict(zip(kept.lambdas, conserved.values(), strict=True))
+    normals = [way[0] / np.linalg.norm(way) for way in kept.gradients(states[:, :1], params)]
+    if np.linalg.cond(normals) > 1 / _ALMOST:  # at one place of an orbit, as all along it
+        raise BadInput(
+            f"{' and '.join(conserved)} have gradients along the orbit that depend on each other: "
+            "a symmetry only shifts it along itself; give one of them"
+        )
     flows = (replace(flow, f=Unfolded.near(flow.f, named, states)),)
     return replace(equations, flows=flows, conservation=kept), {**params, first: energy}
 
@@ -430,14 +436,15 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
     """Refuse an orbit with others beside it: with a second multiplier that is so near 1."""
     with suppress(Undefined):
         orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
-        if error is None and (orbit.paired or not orbit.equations.condensed):
-            return  # isolated by what is held, or too large to be asked
+        if error is None and not orbit.equations.condensed:
+            return  # too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
-        if solved and abs(orbit.others - 1).min(initial=math.inf) <= near:
+        others = orbit.indices if orbit.paired else orbit.others
+        if solved and abs(others - 1).min(initial=math.inf) <= near:
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
-                "1: it is one of a family, as where energy is conserved (say so by conserves=), "
+                "1: it is one of a family, as where something is conserved (say so by conserves=), "
                 f"or at a bifurcation (take other parameters){_unforced(orbit.equations)}",
                 residual=float(abs(left).max()),
             ) from error

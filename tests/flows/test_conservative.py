@@ -398,6 +398,36 @@ def test_what_is_not_conserved_is_refused_with_a_sentence(words, how) -> None:
         backbone(**how)
 
 
+def of_dimer(x: Any, p: Any) -> Any:
+    """The energy of two sites of the discrete nonlinear Schroedinger equation."""
+    return -(x[0] * x[1] + x[2] * x[3] + ((x[:2] ** 2 + x[2:] ** 2) ** 2).sum(0) / 4)
+
+
+def dimer(start: tuple[float, ...], **conserves: Any) -> Any:
+    def f(t: Any, x: Any, p: Any) -> Any:
+        (a, b), size = (x[:2], x[2:]), x[:2] ** 2 + x[2:] ** 2
+        return np.concatenate([-b[::-1] - size * b, a[::-1] + size * a])
+
+    names = dict(zip(("a0", "a1", "b0", "b1"), start, strict=True))
+    return cb.cycle(f, names, {"q": 1.0}, conserves={"energy": of_dimer, **conserves})
+
+
+def test_a_wave_that_a_symmetry_only_shifts_along_itself_conserves_one_quantity() -> None:
+    """Both sites alike, A exp(i (1 + A^2) t): a phase is a time. With the norm as well its
+    multipliers were those of an equilibrium, or 1.03, without a word."""
+    wave, norm = (0.6, 0.6, 0.0, 0.0), lambda x, p: (x**2).sum(0) / 2
+    with pytest.raises(cb.BadInput, match=r"energy and norm have gradients .* give one of them"):
+        dimer(wave, norm=norm)
+    period, (index,) = 2 * np.pi / 1.36, cb.flows.cycle_of(dimer(wave)).indices
+    assert index == pytest.approx(np.cos(2 * np.sqrt(1 - 0.36) * period), abs=1e-9)
+
+
+def test_a_family_in_something_more_than_the_energy_is_refused_where_it_starts() -> None:
+    """Its branch had one point, and MX, where the norm was not given."""
+    with pytest.raises(cb.NotConverged, match="a second multiplier is 1: it is one of a family"):
+        dimer((2.0, 1.0, 0.0, 0.0))
+
+
 def test_a_parameter_that_damps_is_not_traced() -> None:
     damped = cb.cycle(
         lambda t, x, p: [x[1], -x[0] - x[0] ** 3 - p["d"] * x[1]],
