@@ -233,6 +233,20 @@ def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None
     assert np.allclose(line["p"] * np.hypot(q, 2 * sigma), line["a"], rtol=1e-10)
 
 
+def test_curves_by_second_derivatives_reach_the_edges_of_the_restitution() -> None:
+    """Of folds of two sites that move alike, k = 0; of branch points of a whole period, k = 1."""
+    two = cb.multibreather([0, 1], a=0.5, gamma=0.01, k=0.3, lattice=cb.Ring(2))
+    folds = cb.trace(two, "a", within={"a": (0.3, 0.6)}).first("LP")
+    plastic = cb.boundary(folds, ("a", "k"), within={"k": (0, 0.4)}, towards="up")
+    whole = cb.shooting(cb.symmetric(0.65, 0, 0.9, lattice=cb.Ring(1)), symmetric=False)
+    forks = cb.trace(whole, "a", within={"a": (0.6, 0.7)}).first("BP")
+    elastic = cb.boundary(forks, ("k", "a"), within={"k": (0.8, 1)}, towards="up")
+    in_closed_form = 1 / math.hypot(1, math.pi / 2), 4 / (math.pi**2 - 4)
+    for line, k, a in zip((plastic, elastic), (0.0, 1.0), in_closed_form, strict=True):
+        assert (line[-1].kind, line[-1]["k"]) == ("EP", k), line.reason
+        assert abs(line[-1]["a"] - a) < 1e-9
+
+
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
 def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(pair: tuple[str, str]):
     start = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "gamma").first("NS")

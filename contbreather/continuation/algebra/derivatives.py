@@ -9,6 +9,7 @@ import functools
 import math
 import warnings
 from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -90,10 +91,21 @@ def along(
 
     The first step is relative to the entries that the vector moves; an idle one of size 100 says
     nothing about it. With `ahead` all places are on the side to which the vector points, for a
-    function with a kink in z. Raises `Undefined` where the function has no value to these sides.
+    function with a kink in z; at an edge of its domain they are on the side that has values.
+    Raises `Undefined` where it has none.
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
-    here = function(z)
+    first, here = 2e-3 / max(size, 1e-300), function(z)
+
+    def has_value(h: float) -> bool:
+        with suppress(*OUT_OF_DOMAIN):
+            function(z + h * vector)
+            return True
+        return False
+
+    # not by shorter steps to both: at an edge of 1 these would end when rounding takes them to 1
+    if side := 0 if ahead else has_value(first) - has_value(-first):
+        return side * along(function, z, side * vector, scales, ahead=True)
     # a change that is smaller, relative to the function, is measured by the function
     floor = 1e-2 * size * row_sizes(here, scales) + 1e-300
 
@@ -108,7 +120,6 @@ def along(
 
     # an estimate belongs to the next lower order: a change of 1e-6 between two orders is an error
     # of 1e-11
-    first = 2e-3 / max(size, 1e-300)
     return extrapolated(difference, apart, first, 1e-6, ratio=2 if ahead else 4)[0]
 
 

@@ -29,7 +29,7 @@ from ..algebra.linear_algebra import (
     inverses_between,
     least_singular,
 )
-from ..algebra.newton import Array
+from ..algebra.newton import Array, Undefined
 from ..algebra.sparse import Dense, Matrix, above, beside, eliminated_as, is_large
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
@@ -224,14 +224,17 @@ def _slope_of_least(weak: Callable[..., Any], curve: Curve, z: Array, extra: Arr
 
 
 def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Array:
-    """``left @ curve.along(z, right)`` by one central difference, to eight digits: a row of
-    Newton's iteration needs no more."""
+    """``left @ curve.along(z, right)`` by one central difference where there are values to both
+    sides, to eight digits: a row of Newton's iteration needs no more."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = 1e-5 / max(size, 1e-300)  # one of two null vectors may vanish
     places = [z + step * way, z - step * way]
-    curve.prepare(places)
-    there, behind = (left @ curve.jacobian(place) for place in places)
+    try:
+        curve.prepare(places)
+        there, behind = (left @ curve.jacobian(place) for place in places)
+    except Undefined:
+        return left @ curve.along(z, way)
     return np.asarray((there - behind) / (2 * step))
 
 
