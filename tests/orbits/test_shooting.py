@@ -11,7 +11,6 @@ import mpmath as mp
 import networkx
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import contbreather as cb
 from contbreather.checks import brief
@@ -32,30 +31,6 @@ from .field import Field
 
 RING = 20
 AT = {"gamma": 0.04, "k": 0.8}
-
-
-# --- second ways -------------------------------------------------------------------------------
-
-
-class BruteForce(Field):
-    """A lattice between impacts by dense matrix exponentials: no modes, no linearisation."""
-
-    def __init__(self, lattice, on: Conditions) -> None:
-        super().__init__(lattice, on)
-        one, zero = np.eye(self.sites), np.zeros((self.sites, self.sites))
-        self.A = np.block([[zero, one], [-self.matrix, -on.damping * one]])
-
-    def driven(self, t: float) -> np.ndarray:
-        u = np.zeros((2, self.sites))
-        for m, A, B in self.on.forcing.harmonics:
-            dynamic = self.matrix + (1j * m * self.on.damping - m * m) * np.eye(self.sites)
-            c = np.linalg.solve(dynamic, -m * m * complex(A, -B) * self.on.a * self.drive)
-            wave = c * np.exp(1j * m * t)
-            u += np.array([wave.real, (1j * m * wave).real])
-        return u.ravel()
-
-    def fly(self, x: np.ndarray, t: float, s: float) -> np.ndarray:
-        return expm(self.A * s) @ (x - self.driven(t)) + self.driven(t + s)
 
 
 # --- orbits that many tests look at -------------------------------------------------------------
@@ -143,13 +118,13 @@ def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, 
     equations, on = equations_on(lattice, section, on)
     x = unknowns(equations, on)
     orbit = Orbit(ByImpacts.of(on, section, x, on.params))
-    brute, sites = BruteForce(lattice, on), np.arange(lattice.sites)
+    brute, sites = Field(lattice, on), np.arange(lattice.sites)
     start = float(orbit.times.min()) - 0.1
     now, t = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)]), start
     beyond, resets = np.empty((2, section.count))
     for j in np.argsort(orbit.times):
         site, wall = section.impacts[j]
-        now, t = brute.fly(now, t, orbit.times[j] - t), float(orbit.times[j])
+        now, t = brute.flown(t, now, orbit.times[j] - t), float(orbit.times[j])
         speed = now[lattice.sites + site] + 0.5 * orbit.impulses[j]
         beyond[j] = now[site] - wall
         resets[j] = speed + 0.5 * (1 - on.k) / (1 + on.k) * orbit.impulses[j]
@@ -157,7 +132,7 @@ def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, 
         there = orbit.motion.states(sites, t)
         assert now == pytest.approx(np.concatenate(there[:2]), abs=1e-10)
     end = start + section.length
-    closed = brute.fly(now, t, end - t)
+    closed = brute.flown(t, now, end - t)
     first = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)])
     assert closed == pytest.approx(section.sign * first, abs=1e-10)
     left = equations.residual(x, on.params)
