@@ -19,11 +19,10 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.by_impacts import ByImpacts, impact_problem
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
-from contbreather.orbits.orbit_equations import OrbitEquations
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, shifted, simpler_than
 
-from .by_hand import derivatives, in_phase, orbit_from, two_impacts
+from .by_hand import in_phase, orbit_from, two_impacts
 
 TWO = Section(((0, 1), (0, -1)))
 RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
@@ -54,28 +53,6 @@ def test_two_impacts_are_the_closed_form_of_asymmetric_breathers(sites, gamma, k
     assert orbit.asymmetry == pytest.approx(-2 * d, abs=close)
     assert orbit.impacts[0].time == pytest.approx(t1, abs=close)
     assert sites is None or orbit.residual < 1e-14
-
-
-CASES = [  # finite lattices are shot
-    (((0, 1), (0, -1)), 1, None, 0.1),
-    (((0, 1), (2, 1), (0, -1), (2, -1)), 1, RICH, 0.1),
-    (((0, 1), (0, -1), (0, 1), (0, -1)), 2, None, 0.05),
-]
-
-
-@pytest.mark.parametrize(("sequence", "periods", "forcing", "gamma"), CASES)
-def test_derivatives_are_those_of_the_residual(sequence, periods, forcing, gamma):
-    rng = np.random.default_rng(0)
-    own = {} if forcing is None else {"forcing": forcing}
-    equations = OrbitEquations(Section(sequence, periods), lattice=InfiniteChain(), **own)
-    m = len(sequence)
-    times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
-    impulses = -equations.walls * rng.uniform(1, 2, m)
-    x = np.concatenate([times, impulses, rng.normal(size=len(equations.section.hit))])
-    params = {"a": 0.7, "gamma": gamma, "k": 0.6, **equations.forcing.params}
-    for name, found, wanted in derivatives(equations, x, params, 4e-5):
-        assert np.abs(found - wanted).max() < (1e-8 if name else 1e-9) * np.abs(wanted).max()
-    assert len(equations.named(x)) == equations.size == x.size
 
 
 def test_mean_impulses_tilt_the_chain_between_two_sites():
