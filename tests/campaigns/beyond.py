@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
-from contbreather.lattice.finite import stiffness_of
-from tests.campaigns.uneven import OwnChain
+from tests.orbits.field import Field
 
 ENDLESS = 41  # sites of a ring in place of the infinite chain: its tails are gone by then
 
@@ -30,9 +30,7 @@ def flown(orbit):
     lattice = orbit.lattice if sites else cb.Ring(ENDLESS)
     N, middle = lattice.sites, ENDLESS // 2
     named = np.arange(N) if sites else (np.arange(N) + middle) % N - middle
-    every = np.ones((3, N)) * [[orbit.k], [orbit.damping], [orbit.spring]]
-    stiff, ones = stiffness_of(lattice).todense(), np.ones(N)
-    chain = OwnChain(stiff, orbit.a, orbit.gamma, *every, ones, [(-1, 1)] * N, lattice.drive)
+    chain = Field(lattice, replace(orbit.conditions, lattice=lattice))
 
     def at(t):
         u, v, _ = orbit.motion.states(named, t)
@@ -40,8 +38,8 @@ def flown(orbit):
 
     hits, off, first = [], 0.0, float(orbit.times.min()) - 1e-3 * math.pi
     for half in first + math.pi * np.arange(2 * orbit.section.turns):
-        end, _, its = chain.after(half, at(half), math.pi)
-        hits += [(int(named[site]), wall) for site, wall in its]
+        end, its, _ = chain.run(at(half), half, half + math.pi)
+        hits += [(int(named[site]), wall) for site, _, wall, _ in its]
         off = max(off, float(abs(end - at(half + math.pi)).max()))
     return off, hits
 

@@ -17,91 +17,14 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
 from contbreather.orbits.constructors import orbit_at, shooting
+from tests.orbits.field import Field
 from tests.stability.by_hand import apart
 
-Array = NDArray[Any]
-PERIOD = 2 * np.pi
-FINE = 512  # steps of a period in which impacts are looked for
 RETURNS, ALIKE = 1e-10, 1e-6  # of states; of multipliers, relative above 1
-
-
-class OwnChain:
-    """``m (u'' + c u' + s u) + gamma L u = -m d a cos t`` and ``u' -> -k u'``, all by sites."""
-
-    def __init__(
-        self, L: Any, a: float, gamma: float, k: Any, c: Any, s: Any, m: Any, walls: Any, d: Any = 1
-    ):
-        n = self.n = len(L)
-        pull = gamma * np.asarray(L) / np.reshape(m, (-1, 1)) + np.diag(s)
-        self.A = np.block([[np.zeros((n, n)), np.eye(n)], [-pull, -np.diag(c)]])
-        self.force = np.concatenate([np.zeros(n), -a * d * np.ones(n)])
-        self.k, (self.low, self.high) = k, np.transpose(walls)
-        self.forced = np.linalg.solve(1j * np.eye(2 * n) - self.A, self.force)
-        self.step = expm(PERIOD / FINE * self.A)
-
-    def field(self, t: float, y: Array) -> Array:
-        return self.A @ y + self.force * np.cos(t)
-
-    def particular(self, t: float) -> Array:
-        return (self.forced * np.exp(1j * t)).real
-
-    def flown(self, t: float, y: Array, h: float) -> Array:
-        return self.particular(t + h) + expm(h * self.A) @ (y - self.particular(t))
-
-    def after(
-        self, t: float, y: Array, span: float = PERIOD
-    ) -> tuple[Array, Array, list[tuple[int, int]]]:
-        """The state some time later, the derivative of that in the state, and the impacts, each by
-        its site and its wall."""
-        end, n, M = t + span, self.n, np.eye(2 * self.n)
-        hits: list[tuple[int, int]] = []
-        while end - t > 1e-13:
-            h = min(PERIOD / FINE, end - t)
-            E = self.step if h == PERIOD / FINE else expm(h * self.A)
-            late = self.particular(t + h) + E @ (y - self.particular(t))
-            behind = [i for i in range(n) if self._beyond(late, i) > 0.0]
-            # or a site that turns within the step, between two places inside of its walls
-            turning = np.flatnonzero(y[n:] * late[n:] < 0.0) if not behind else []
-            near = [int(i) for i in turning if self._beyond(late, i) > -h]
-            deepest = {i: self._turn(t, y, h, i) for i in near}
-            behind += [i for i, x in deepest.items() if self._beyond(self.flown(t, y, x), i) > 0.0]
-            if not behind:
-                t, y, M = t + h, late, E @ M
-                continue
-            h, site = min((self._when(t, y, deepest.get(i, h), int(i)), int(i)) for i in behind)
-            y, M, t = self.flown(t, y, h), expm(h * self.A) @ M, t + h
-            R = np.eye(2 * n)
-            R[n + site, n + site] = -self.k[site]
-            before, back = self.field(t, y), R @ y
-            M = (
-                R + np.outer(self.field(t, back) - R @ before, np.eye(2 * n)[site]) / y[n + site]
-            ) @ M
-            hits.append((site, 1 if y[n + site] > 0.0 else -1))
-            y = back
-            # inside its walls, whatever rounding says, and so is another that hits at this time
-            y[:n] = np.clip(y[:n], self.low + 4e-16, self.high - 4e-16)
-        return y, M, hits
-
-    def _beyond(self, y: Array, site: int) -> float:
-        return float(max(y[site] - self.high[site], self.low[site] - y[site]))
-
-    def _turn(self, t: float, y: Array, h: float, site: int) -> float:
-        """When a site turns round within a step."""
-        return float(brentq(lambda x: self.flown(t, y, x)[self.n + site], 0.0, h, xtol=1e-15))
-
-    def _when(self, t: float, y: Array, h: float, site: int) -> float:
-        """When a site meets the wall that it is behind after a time h."""
-        late = self.flown(t, y, h)[site]
-        wall = self.high[site] if late > self.high[site] else self.low[site]
-        when = brentq(lambda x: self.flown(t, y, x)[site] - wall, 0.0, h, xtol=1e-15, rtol=1e-14)
-        return float(when)
 
 
 def random_chain(rng: np.random.Generator, spread: float) -> dict[str, Any]:
@@ -126,26 +49,14 @@ def random_chain(rng: np.random.Generator, spread: float) -> dict[str, Any]:
     return on
 
 
-def own(on: dict[str, Any], orbit: cb.Orbit) -> OwnChain:
-    """The chain of these arguments, from what was given and not from what became of it."""
-    lattice, n = on["lattice"], on["lattice"].sites
-    L: Any = getattr(lattice, "stiffness", None)
-    if L is None:  # of a ring
-        L = 2 * np.eye(n) - np.roll(np.eye(n), 1, 0) - np.roll(np.eye(n), -1, 0)
-    rows = (np.broadcast_to(on.get(name, 0.0), n) for name in ("k", "damping", "spring"))
-    walls = on.get("walls") or {}
-    pairs = [walls.get(i, (-1.0, 1.0)) for i in range(n)]
-    return OwnChain(L, on["a"], on["gamma"], *rows, np.ones(n) * lattice.masses, pairs)
-
-
-def checked(on: dict[str, Any], orbit: cb.Orbit) -> str:
+def checked(orbit: cb.Orbit) -> str:
     """Verdict on an orbit: right, or what is wrong with it."""
     if orbit.admissibility().margin < 0.0:
         return "behind a wall"
     t = float(orbit.times[0]) - 0.3
     u, v = orbit.state(t=t)
     start = np.concatenate([u, v])
-    end, M, hits = own(on, orbit).after(t, start)
+    end, hits, M = Field(orbit.lattice, orbit.conditions).run(start, t, t + 2 * np.pi)
     if len(hits) != len(orbit.hits):
         return f"WRONG: {len(hits)} impacts, not {len(orbit.hits)}"
     # what grows over a period makes rounding grow
@@ -170,7 +81,7 @@ def answer(rng: np.random.Generator, number: int) -> str:
             orbit = orbit_at(shooting(orbit, symmetric=False, walls=on["walls"], inadmissible=True))
     except ContbreatherError as refused:
         return f"{type(refused).__name__}"
-    return checked(on, orbit)
+    return checked(orbit)
 
 
 def main(count: int, seed: int) -> int:

@@ -1,20 +1,14 @@
-"""Coefficients of normal forms against another road: the homological equation, order by order.
-
-The other road substitutes ``x = x0 + q w + q* w* + h20 w^2 + h11 w w* + ...`` into the equations,
-expanded exactly by sympy, and compares powers of w at 30 digits. It knows neither the formulas with
-inverse matrices nor differences.
-"""
+"""Coefficients of normal forms: known ones, in coordinates in which they are not seen."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
-import sympy
 
 import contbreather as cb
 from contbreather.continuation import Point, Problem, hopf, trace
@@ -24,157 +18,78 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.systems import normal_forms as forms
 
 from .lines import henon
-from .zoo import BRUSSELATOR, LORENZ, Array, logistic, rotated, takens, trace_case
+from .zoo import Array, brusselator, logistic, rotated, takens
 
-# --- the other road ---------------------------------------------------------------------------
+Field = Callable[[Array, Mapping[str, float]], Any]
 
-W, V = sympy.symbols("w v")  # w and w*
-
-
-def exactly(value: Any) -> Any:
-    """A number of mpmath, or a vector of them, for sympy with all its digits."""
-    if isinstance(value, mpmath.matrix):
-        return [exactly(one) for one in value]
-    if not isinstance(value, mpmath.mpf | mpmath.mpc):
-        return sympy.sympify(value)
-    real, imaginary = (mpmath.nstr(part, 30) for part in (value.real, value.imag))
-    return sympy.Float(real, 30) + sympy.I * sympy.Float(imaginary, 30)
+# --- in other coordinates ---------------------------------------------------------------------
 
 
-def numbers(values: Any) -> Any:
-    """A vector, or a matrix, of sympy's numbers for mpmath."""
-    found = sympy.Matrix(values).applyfunc(lambda one: sympy.N(one, 30))
-    return mpmath.matrix(
-        [[mpmath.mpc(*map(str, one.as_real_imag())) for one in row] for row in found.tolist()]
-    )
+def disguised(simple: Field, T: Array, bends: Array, *, flow: bool) -> Field:
+    """A flow or a map of y in coordinates ``u = T s(y)``, bent by s and mixed by T."""
+    (a, b, c), back = bends, np.linalg.inv(T)
+
+    def s(y: Array) -> Array:
+        return np.array([y[0], y[1] + a * y[0] ** 2, y[2] + b * y[0] ** 2 + c * y[0] * y[1]])
+
+    def mixed(u: Array, p: Mapping[str, float]) -> Array:
+        x, y, z = back @ u
+        y = y - a * x * x
+        at = np.array([x, y, z - b * x * x - c * x * y])
+        image = np.array(simple(at, p))
+        # of what is quadratic a difference is the derivative
+        return T @ (0.5 * (s(at + image) - s(at - image)) if flow else s(image))
+
+    return mixed
 
 
-def cubic(
-    equations: Callable[[Sequence[Any]], Sequence[Any]],
-    x0: Sequence[Any],
-    value: Any,
-    rate: Callable[[int, int], Any],
-    below: Sequence[tuple[int, int]] = ((2, 0), (1, 1), (0, 2)),
-    third: tuple[int, int] = (2, 1),
-) -> Any:
-    """The coefficient of ``w^2 w*``, or another `third` one, in the normal form of an eigenvalue;
-    `rate` says what w^j w*^k is multiplied with by the linear dynamics."""
-    mpmath.mp.dps = 30
-    n, origin = len(x0), [exactly(one) for one in x0]
-    names = sympy.symbols(f"y0:{n}")
-    linear = sympy.Matrix(equations(names)).jacobian(names)
-    A, one = numbers(linear.subs(dict(zip(names, origin, strict=True)))), mpmath.eye(n)
-    q = unit_null(A - value * one)
-    series = [x + part * W for x, part in zip(origin, exactly(q), strict=True)]
-    if third[1]:
-        series = [x + part * V for x, part in zip(series, exactly(q.H.T), strict=True)]
-
-    def of_order(j: int, k: int) -> Any:
-        expanded = (sympy.Poly(sympy.expand(one), W, V) for one in equations(series))
-        return numbers([poly.coeff_monomial(W**j * V**k) for poly in expanded])
-
-    for j, k in below:
-        h = mpmath.lu_solve(rate(j, k) * one - A, of_order(j, k))
-        series = [x + part * W**j * V**k for x, part in zip(series, exactly(h), strict=True)]
-    # (rate - A) h + c q = right, and h across q: n + 1 equations
-    border = mpmath.zeros(n + 1)
-    border[:n, :n], border[:n, n], border[n, :n] = rate(*third) * one - A, q, q.H
-    return mpmath.lu_solve(border, mpmath.matrix([*of_order(*third), 0]))[n]
-
-
-def unit_null(matrix: Any) -> Any:
-    """Its largest entry is real: the null vector of a real matrix is."""
-    _, sizes, right = mpmath.svd_c(matrix)
-    n = matrix.rows
-    assert sizes[n - 1] < 1e-10
-    q = right[n - 1, :].H
-    largest = max(q, key=abs)
-    return q * (abs(largest) / largest)
-
-
-def lyapunov_by_series(equations: Any, x0: Sequence[float], omega: Any) -> float:
-    value = mpmath.mpc(0, omega)
-    return float(mpmath.re(cubic(equations, x0, value, lambda j, k: (j - k) * value)) / omega)
-
-
-def rotation_by_series(equations: Any, x0: Sequence[float], angle: Any) -> complex:
-    mu = mpmath.expj(angle)
-    return complex(cubic(equations, x0, mu, lambda j, k: mu**j * mpmath.conj(mu) ** k) / mu)
-
-
-def flip_by_series(equations: Any, x0: Sequence[float]) -> float:
-    """``u -> -u + c u^3``: by the same powers, with ``w* = 0``."""
-    c = cubic(equations, x0, -1, lambda j, k: (-1) ** j, below=[(2, 0)], third=(3, 0))
-    return float(c.real)
-
-
-# --- systems ----------------------------------------------------------------------------------
-
-
-def brusselator(u: Sequence[Any], A: Any = 1, B: Any = 2) -> list[Any]:
-    x, y = u
-    return [A - (B + 1) * x + x * x * y, B * x - x * x * y]
-
-
-def lorenz(u: Sequence[Any], r: Any) -> list[Any]:
+def bent(u: Array, p: Mapping[str, float]) -> list[Any]:
+    """``w (m + BEND |w|^2)`` for ``w = x + i y``, and a third one that decays and pulls at it."""
     x, y, z = u
-    return [10 * (y - x), x * (r - z) - y, x * y - sympy.Rational(8, 3) * z]
+    r = x * x + y * y
+    grow, turn = p["m"] + BEND.real * r + z, BEND.imag * r
+    return [grow * x - turn * y, turn * x + grow * y, -0.7 * z]
 
 
-def test_first_lyapunov_coefficient_of_the_brusselator() -> None:
-    point = trace_case(BRUSSELATOR).first("HB")
-    wanted = lyapunov_by_series(brusselator, [1, 2], 1)
-    assert point.detail["l1"] == pytest.approx(wanted, rel=1e-9)
-    assert point.detail["criticality"] == "supercritical"
-    assert point.detail["omega"] == pytest.approx(1.0, abs=1e-12)
-
-
-def test_first_lyapunov_coefficient_of_lorenz_says_subcritical_in_three_dimensions() -> None:
-    point = trace_case(LORENZ).first("HB")
-    mpmath.mp.dps = 30
-    r = mpmath.mpf(470) / 19
-    z = r - 1
-    x = -mpmath.sqrt(8 * z / 3)
-    # trace, minors and determinant: omega^2 is the sum of the principal minors
-    omega = mpmath.sqrt(mpmath.mpf(8) / 3 * (r + 10))
-    wanted = lyapunov_by_series(lambda u: lorenz(u, sympy.Rational(470, 19)), [x, x, z], omega)
-    assert point.detail["l1"] == pytest.approx(wanted, rel=1e-8)
-    assert point.detail["omega"] == pytest.approx(float(omega), abs=1e-10)
-    assert point.detail["criticality"] == "subcritical"
-
-
-def coupled(u: Sequence[Any], a: Any) -> list[Any]:
-    """A map in three dimensions without any symmetry, sympy's functions left out."""
+def swirl(u: Array, p: Mapping[str, float]) -> Array:
+    """With ``w^2 + 0.3 i |w|^2`` besides: ``BEND.real - 0.3/ANGLE`` is left of its real part."""
     x, y, z = u
-    return [
-        a * x - y + z * x / 2 - x**3,
-        x + a * y / 3 + y * z - x * x * y,
-        z / 5 + x * x - x * y / 3 + y**3 / 7,
-    ]
+    both = [x * x - y * y - ANGLE * y, 2 * x * y + 0.3 * (x * x + y * y) + ANGLE * x, 0 * z]
+    return np.add(bent(u, p), both)
 
 
-def test_coefficient_of_neimark_sacker_in_three_dimensions() -> None:
-    mine = FixedPoint(
-        lambda u, p: np.array(coupled(u, 0.6)) * p["s"], {"x": 0.0, "y": 0.0, "z": 0.0}, {"s": 0.8}
-    )
-    point = trace(mine, "s", within={"s": (0.5, 1.5)}).first("NS")
-    s = mpmath.mpf(1) / mpmath.sqrt(mpmath.mpf("0.6") ** 2 / 3 + 1)
-    assert point["s"] == pytest.approx(float(s), abs=1e-12)
-    angle = mpmath.acos(s * mpmath.mpf("0.6") * 2 / 3)
-    scale = sympy.Float(str(s), 30)
-    wanted = rotation_by_series(
-        lambda u: [scale * one for one in coupled(u, sympy.Rational(3, 5))], [0, 0, 0], angle
-    )
-    assert point.detail["d"] == pytest.approx(wanted, rel=1e-8)
+def flip(u: Array, p: Mapping[str, float]) -> list[Any]:
+    x, y, z = u
+    return [-(1 + p["m"]) * x + BEND.real * x**3 + x * z, 0.4 * y, -0.3 * z]
 
 
-@pytest.mark.parametrize("beta", [0.5, -0.3, 0.9])
-def test_coefficient_of_period_doubling_in_the_henon_map(beta: float) -> None:
-    point = trace(henon(0.5, beta, 0.2), "alpha", within={"y": (0.0, 2.0)}).first("PD")
-    exact = sympy.Rational(str(beta))
-    y, alpha = (1 + exact) / 2, 3 * (1 + exact) ** 2 / 4
-    wanted = flip_by_series(lambda u: [u[1], alpha - exact * u[0] - u[1] ** 2], [y, y])
-    assert point.detail["c"] == pytest.approx(wanted, rel=1e-9)
+BEND, ANGLE = -0.8 + 0.5j, 1.3
+FORMS: dict[str, tuple[Field, complex]] = {
+    "HB": (swirl, (BEND.real - 0.3 / ANGLE) / ANGLE),
+    "NS": (lambda u, p: [*rotated((u + bent(u, p))[:2], ANGLE), 0.3 * u[2]], BEND),
+    "PD": (flip, BEND.real),
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", FORMS)
+def test_coefficients_do_not_depend_on_the_coordinates(kind: str, seed: int) -> None:
+    """But for the length of the eigenvector, which is 1 in any."""
+    rng = np.random.default_rng(seed)
+    T = np.eye(3) + 0.4 * rng.normal(size=(3, 3))
+    simple, wanted = FORMS[kind]
+    mixed, start = disguised(simple, T, rng.normal(size=3), flow=kind == "HB"), {"u": np.zeros(3)}
+    if kind == "HB":
+        mine = Problem(mixed, start, {"m": -0.31}, events=[hopf()])
+    else:
+        mine = FixedPoint(mixed, start, {"m": -0.31})
+    point = trace(mine, "m", within={"m": (-0.4, 0.3)}).first(kind)
+    assert point["m"] == pytest.approx(0.0, abs=1e-11)
+    eigenvector = T @ ([1, 0, 0] if kind == "PD" else [0.5, -0.5j, 0])
+    name = {"HB": "l1", "NS": "d", "PD": "c"}[kind]
+    found = point.detail[name] * np.linalg.norm(eigenvector) ** 2
+    assert found == pytest.approx(wanted, rel=1e-7)
+    assert point.detail["criticality"] == ("subcritical" if kind == "PD" else "supercritical")
 
 
 @pytest.mark.parametrize("period", [1, 2, 4])
@@ -258,7 +173,7 @@ def test_scales_measure_the_eigenvector() -> None:
     """The same system in other units, with scales that say so: the same coefficient."""
 
     def residual(u: Array, p: Mapping[str, float]) -> Array:
-        own = brusselator([1e3 * u[0], 1e-4 * u[1]], p["A"], p["B"])
+        own = brusselator().residual([1e3 * u[0], 1e-4 * u[1]], p)
         return np.array([1e-3 * own[0], 1e4 * own[1]])
 
     mine = Problem(residual, {"x": 1e-3, "y": 1e4}, {"A": 1.0, "B": 1.0},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -344,19 +343,3 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
     problem = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0}, **more)
     with pytest.raises(KeyError, match="mu"):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
-
-
-@pytest.mark.parametrize(
-    ("harmonics", "a"), [({1: -1.0}, 0.3), ({1: -1.0, 3: -0.3}, 0.4), ({1: -1.0, 5: 2.0}, 0.2)]
-)
-def test_all_roots_of_a_forcing_solve_the_closure_by_falling_momentum(harmonics, a) -> None:
-    forcing = cb.Fourier(cos=harmonics)
-    roots = cb.orbits.symmetric_roots(a, 0.02, 0.8, forcing=forcing)
-    assert roots
-    assert [root.p for root in roots] == sorted((root.p for root in roots), reverse=True)
-    for root in roots:
-        assert root.p > 0.0
-        assert root.displacement(0, root.phi) == pytest.approx(1.0, abs=1e-10)
-        assert abs(root.phi) <= math.pi
-    for one, other in pairwise(roots):
-        assert abs(one.p - other.p) > 1e-9 or abs(one.phi - other.phi) > 1e-9

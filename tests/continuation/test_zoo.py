@@ -115,15 +115,6 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 # --- what each animal is in the zoo for -------------------------------------------------------
 
 
-def test_folds_on_both_sides_of_a_branch_point_within_one_step() -> None:
-    for eps in (1e-2, 1e-4, 1e-6):
-        case = zoo.crowded(eps)
-        branch = zoo.trace_case(case, 10.0)
-        folds = [point.arclength for point in zoo.events_of(branch) if point.kind == "LP"]
-        assert folds[1] - folds[0] < np.diff(branch["arclength"]).max()
-        assert zoo.wrong(case, branch) == ""
-
-
 def test_imperfection_is_followed_however_small_and_never_jumped() -> None:
     for h in (1e-3, 1e-6, 1e-9):
         above, below = zoo.imperfect(h)

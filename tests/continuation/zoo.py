@@ -346,27 +346,6 @@ BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solu
 )
 
 
-@cache
-def mesh_fold(n: int) -> float:
-    """Fold of the three-point Bratu problem, n even, by shooting from the middle: the two inner
-    values there are equal, the last node must be 0; lam is largest over the middle value."""
-    with mpmath.workdps(25):
-        h2 = mpmath.mpf(1) / (n + 1) ** 2
-
-        def end(lam: mpmath.mpf, top: mpmath.mpf) -> mpmath.mpf:
-            before, here = top, top
-            for _ in range(n // 2):
-                before, here = here, 2 * here - before - h2 * lam * mpmath.exp(here)
-            return here
-
-        def slope(top: mpmath.mpf) -> mpmath.mpf:
-            lam = mpmath.findroot(lambda value: end(value, top), (3.5, 3.52))
-            return mpmath.diff(lambda t: end(lam, t), top)
-
-        top = mpmath.findroot(slope, (1.18, 1.2), tol=1e-20)
-        return float(mpmath.findroot(lambda value: end(value, top), (3.5, 3.52)))
-
-
 # --- all of them ------------------------------------------------------------------------------
 
 SMALL = (

@@ -1,19 +1,23 @@
-"""The equation of motion of any finite lattice, integrated: it shares nothing with the package but
-the forcing as a function of time."""
+"""The equation of motion of any finite lattice, by matrix exponentials from impact to impact: it
+shares nothing with the package but what it is given and the forcing as a function of time."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions
 
 Array = np.ndarray
+STEP = 2.0 * math.pi / 512  # in which impacts are looked for
+TOUCH = 1e-10  # so far beyond its wall a site that turns has hit it
 
 
 def dense(lattice: Any) -> Array:
@@ -25,54 +29,97 @@ def dense(lattice: Any) -> Array:
 
 
 class Field:
-    """A lattice under some conditions, integrated from impact to impact; with a restitution of
-    the speed before an impact in place of k, if there is one."""
+    """A lattice under some conditions; with a restitution of the speed before an impact in place
+    of k, if there is one."""
 
-    def __init__(self, lattice: Any, on: Conditions, law: Any = None) -> None:
-        one = np.ones(lattice.sites)
-        masses, self.drive = (getattr(lattice, name, one) for name in ("masses", "drive"))
-        each = range(lattice.sites)
-        spring, self.damping = (on.at_sites(name, each) * one for name in ("spring", "damping"))
-        self.matrix = on.gamma * dense(lattice) / masses[:, None] + np.diag(spring)
-        self.on, self.sites = on, lattice.sites
-        self.law = law or (lambda speed: on.k)
+    def __init__(
+        self, lattice: Any, on: Conditions, law: Callable[[float], float] | None = None
+    ) -> None:
+        n = self.sites = lattice.sites
+        one, each = np.ones(n), range(n)
+        masses, drive = (getattr(lattice, name, one) for name in ("masses", "drive"))
+        spring, damping, k = (on.at_sites(name, each) * one for name in ("spring", "damping", "k"))
+        self.kept = [law or (lambda speed, k=k: k) for k in k]
+        self.low, self.high = np.transpose([on.walls.at(i) for i in each])
+        # each harmonic of the drive is two further states that turn: no resonance is special
+        force = 2.0 * np.fft.rfft(on.forcing.d2f(np.arange(256) * math.pi / 128.0)) / 256.0
+        force[0] /= 2.0
+        self.orders = np.flatnonzero(abs(force) > 1e-14)
+        size = 2 * n + 2 * self.orders.size
+        self.matrix = np.zeros((size, size))
+        u, v = slice(n), slice(n, 2 * n)
+        self.matrix[u, v], self.matrix[v, v] = np.eye(n), -np.diag(damping)
+        self.matrix[v, u] = -on.gamma * dense(lattice) / masses[:, None] - np.diag(spring)
+        for m, j in zip(self.orders, range(2 * n, size, 2), strict=True):
+            self.matrix[j + 1, j], self.matrix[j, j + 1] = m, -m
+            self.matrix[v, j] = on.a * force[m].real * drive
+            self.matrix[v, j + 1] = -on.a * force[m].imag * drive
+        self.step = expm(STEP * self.matrix)
 
-    def slope(self, t: float, x: Array) -> Array:
-        u, v = x[: self.sites], x[self.sites :]
-        force = self.on.a * self.on.forcing.d2f(t) * self.drive
-        return np.concatenate([v, force - self.matrix @ u - self.damping * v])
+    def under(self, matrix: Array, t: float, x: Array) -> Array:
+        """What a matrix makes of a state and of the drive at a time, without the drive."""
+        waves = np.transpose([np.cos(self.orders * t), np.sin(self.orders * t)])
+        return (matrix @ np.concatenate([x, waves.ravel()]))[: 2 * self.sites]
 
-    def run(
-        self, x: Array, start: float, stop: float, at: Array | None = None
-    ) -> tuple[Array, list, Array]:
-        """End, impacts (site, time, wall, velocity before) and the states at some times."""
-        walls = [(n, w) for n in range(self.sites) for w in (-1, 1)]
-        places = {
-            (n, w): self.on.walls.position(n, w)
-            for n, w in walls
-            if math.isfinite(self.on.walls.position(n, w))
-        }
-        events = []
-        for (n, w), place in places.items():
-            events.append(lambda t, y, n=n, w=w, place=place: w * (y[n] - place))
-            events[-1].terminal, events[-1].direction = True, 1.0
-        hits, t, seen = [], start, [np.empty((0, x.size))]
-        while t < stop:
-            flight = solve_ivp(
-                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
-                max_step=0.2, dense_output=at is not None,
-            )  # fmt: skip
-            if at is not None:
-                seen.append(flight.sol(at[(t <= at) & (at < flight.t[-1])]).T)
-            t, x = float(flight.t[-1]), flight.y[:, -1].copy()
-            for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
-                # two at once, to rounding: the second is beyond its wall before its event is seen
-                beside = flight.status == 1 and abs(x[n] - place) < 1e-12 < w * x[self.sites + n]
-                if (when.size or beside) and t < stop:
-                    before = x[self.sites + n]
-                    hits.append((n, t, w, before))
-                    x[n], x[self.sites + n] = place, -self.law(abs(before)) * before
-        return x, hits, np.concatenate(seen)
+    def flown(self, t: float, x: Array, h: float) -> Array:
+        """The state a time h later, if nothing is hit."""
+        return self.under(expm(h * self.matrix), t, x)
+
+    def beyond(self, x: Array, site: int) -> float:
+        return float(max(x[site] - self.high[site], self.low[site] - x[site]))
+
+    def turn(self, t: float, x: Array, h: float, site: int) -> float:
+        """When a site turns round within a step."""
+        return float(brentq(lambda s: self.flown(t, x, s)[self.sites + site], 0.0, h, xtol=1e-15))
+
+    def first(self, t: float, x: Array, h: float, late: Array) -> tuple[float, int] | None:
+        """When which site is the first to meet a wall within a step, if one does."""
+        n, meets = self.sites, []
+        deep = {i: h for i in range(n) if self.beyond(late, i) > 0.0}
+        # or between two places inside of its walls
+        turning = np.flatnonzero(x[n:] * late[n:] < 0.0).tolist() if not deep else []
+        near = {i: self.turn(t, x, h, i) for i in turning if self.beyond(late, i) > -h}
+        deep |= {i: s for i, s in near.items() if self.beyond(self.flown(t, x, s), i) > TOUCH}
+        for i, s in deep.items():
+            wall = self.high[i] if self.flown(t, x, s)[i] > self.high[i] else self.low[i]
+            off = lambda s, i=i, wall=wall: self.flown(t, x, s)[i] - wall  # noqa: E731
+            meets.append((float(brentq(off, 0.0, s, xtol=1e-15, rtol=1e-14)), i))
+        return min(meets, default=None)
+
+    def flights(self, x: Array, t: float, stop: float) -> Iterator[tuple[Any, ...]]:
+        """Each step: its time, length, first and last state, the derivative of the one in the
+        other, and the impact (site, time, wall, velocity before) at its end, if there is one."""
+        n = self.sites
+        while stop - t > 1e-13:
+            h, hit = min(STEP, stop - t), None
+            matrix = self.step if h == STEP else expm(h * self.matrix)
+            late = self.under(matrix, t, x)
+            if meets := self.first(t, x, h, late):
+                h, site = meets
+                matrix = expm(h * self.matrix)
+                late = self.under(matrix, t, x)
+                hit = (site, t + h, 1 if late[n + site] > 0.0 else -1, late[n + site])
+            slope = matrix[: 2 * n, : 2 * n]
+            if hit:
+                reset, speed = np.eye(2 * n), late[n + site]
+                reset[n + site, n + site] = -self.kept[site](abs(speed))
+                rates = [self.under(self.matrix, t + h, y) for y in (late, reset @ late)]
+                late = reset @ late
+                kick = np.outer(rates[1] - reset @ rates[0], np.eye(2 * n)[site]) / speed
+                slope = (reset + kick) @ slope
+                # inside its walls, whatever rounding says, and so is another that hits now
+                late[:n] = np.clip(late[:n], self.low + 4e-16, self.high - 4e-16)
+            yield t, h, x, late, slope, hit
+            t, x = t + h, late
+
+    def run(self, x: Array, start: float, stop: float) -> tuple[Array, list, Array]:
+        """End, impacts, and the derivative of the end in the state at the start."""
+        end, hits, whole = x, [], np.eye(x.size)
+        for step in self.flights(x, start, stop):
+            end, slope, hit = step[3:]
+            whole = slope @ whole
+            hits += [hit] if hit else []
+        return end, hits, whole
 
 
 class FieldOf(Field):
@@ -82,40 +129,31 @@ class FieldOf(Field):
         super().__init__(orbit.lattice, orbit.conditions)
         self.orbit = orbit
         self.start = float(orbit.times.min()) - 0.05
-        self.length, self.sign = orbit.section.length, orbit.section.sign
+        self.length = orbit.section.length
         self.state = np.concatenate(orbit.state(t=self.start))
 
-    def after(self, x: Array, stop: float, at: Array | None = None) -> tuple[Array, list, Array]:
-        return self.run(x, self.start, stop, at)
-
     def comes_back(self, close: float = 1e-11) -> None:
-        """Over a period it meets the orbit's impacts, no others, and is where it began."""
-        end, hits, _ = self.after(self.state, self.start + self.orbit.period)
-        assert end == pytest.approx(self.state, abs=close)
+        """Over a period it meets the orbit's impacts, no others, and is all along where that is."""
+        steps = [*self.flights(self.state, self.start, self.start + self.orbit.period)]
+        t, u = ([step[i] for step in steps] for i in (0, 2))
+        there = self.orbit.displacement(np.arange(self.sites), np.reshape(t, (-1, 1)))
+        assert np.array(u)[:, : self.sites] == pytest.approx(there, abs=close)
+        assert steps[-1][3] == pytest.approx(self.state, abs=close)
         wanted = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in self.orbit.hits)
-        for own, other in zip(sorted(hits), wanted, strict=True):
+        hits = sorted(hit for *_, hit in steps if hit)
+        for own, other in zip(hits, wanted, strict=True):
             assert own == pytest.approx(other, abs=close)
 
     def multipliers(self) -> Array:
-        """Of the section's map times its sign, by differences."""
-        h, stop = 1e-5, self.start + self.length
-        columns = [
-            (self.after(self.state + h * e, stop)[0] - self.after(self.state - h * e, stop)[0])
-            / (2 * h)
-            for e in np.eye(self.state.size)
-        ]
-        return self.sign * np.linalg.eigvals(np.array(columns).T)
+        """Of the section's map times its sign."""
+        *_, whole = self.run(self.state, self.start, self.start + self.length)
+        return self.orbit.section.sign * np.linalg.eigvals(whole)
 
     def turns(self) -> list[tuple[float, int]]:
         """How far off its nearer wall each site turns round without an impact."""
-        times = np.linspace(self.start, self.start + 2.0 * self.length, 8001)[:-1]
-        _, _, seen = self.after(self.state, times[-1] + 1e-9, times)
-        found = []
-        for n in range(self.sites):
-            (low, high), u = self.on.walls.at(n), seen[:, n]
-            # a parabola through three points is good to 1e-9 here; at an impact there is a kink
-            bend = u[2:] - 2.0 * u[1:-1] + u[:-2]
-            turns = (np.diff(u)[:-1] * np.diff(u)[1:] <= 0.0) & (abs(bend) < 1e-5)
-            tops = (u[1:-1] - (u[2:] - u[:-2]) ** 2 / np.where(turns, 8.0 * bend, 1.0))[turns]
-            found += [(float(gap), n) for gap in np.minimum(high - tops, tops - low)]
+        found, stop = [], self.start + 2.0 * self.length
+        for t, h, x, late, _, hit in self.flights(self.state, self.start, stop):
+            for i in np.flatnonzero(x[self.sites :] * late[self.sites :] < 0.0).tolist():
+                if not hit or hit[0] != i:
+                    found.append((-self.beyond(self.flown(t, x, self.turn(t, x, h, i)), i), i))
         return sorted(found)

@@ -181,17 +181,6 @@ def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
     assert sum(label.startswith("orbit with impacts") for label in labels) == 1
 
 
-@pytest.mark.parametrize(("free", "window"), [("gamma", (0.0, 0.2)), ("k", (0.1, 0.99))])
-def test_arms_in_any_parameter(free, window):
-    start = symmetric(0.82, 0.03, 0.8)
-    point = trace(start, free, within={free: window}, events=[pitchfork()]).first("PF")
-    one, other = switch(point, within={free: window})
-    assert one.free == free
-    assert one[0][free] == other[0][free] == pytest.approx(point[free], abs=1e-13)
-    assert len(one) > 3
-    assert all(point.solution.residual < 1e-12 for point in one)
-
-
 def test_only_a_located_pitchfork_or_doubling_is_lifted():
     start = symmetric(0.7, 0.04, 0.8)
     branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
@@ -435,12 +424,6 @@ def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
     for point in line.points[::3]:
         single = orbit_at(point.base_point.problem).on(Ring(1))
         assert np.abs(single.multipliers() + 1).min() < 1e-10
-
-
-def test_ends_of_branches_are_honest():
-    """Every point of both arms but the very last is a breather that the ring repeats."""
-    for point in arms(0.04, 0.8)[1].points[1:-1]:
-        assert point.solution.admissibility().ok
 
 
 def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
@@ -21,7 +20,7 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import simpler_than
-from contbreather.simulation import localisation, periodic, simulate, simulate_smooth
+from contbreather.simulation import localisation, periodic, simulate
 
 from .field import FieldOf
 
@@ -167,26 +166,6 @@ def test_nothing_holds_a_free_lattice_and_a_simulation_drifts_with_its_offset() 
         walls=(-50.0, 50.0), periods=4,
     )  # fmt: skip
     np.testing.assert_allclose(run.final.u, 0.5 * 0.003 * (8 * math.pi) ** 2, atol=1e-12)
-
-
-def test_smooth_walls_take_even_harmonics_and_an_offset() -> None:
-    drive, m, lam = Fourier(cos={0: 0.05, 1: -1.0, 2: 0.2}, sin={4: 0.1}), 6.0, 0.2
-
-    def rates(t: float, y: Any) -> Any:
-        u, v = y[:3], y[3:]
-        force = 0.05 - math.cos(t) + 0.2 * math.cos(2 * t) + 0.1 * math.sin(4 * t)
-        pull = 0.1 * (2 * u - np.roll(u, 1) - np.roll(u, -1)) + 0.3 * u
-        q = np.abs(u) ** (2 * m)
-        return np.concatenate([v, 0.6 * force - pull - (2 * m + 1) * q * (lam * v + q * u)])
-
-    start = np.array([0.1, 0.2, -0.3]), np.array([0.5, 0.0, 0.1])
-    run = simulate_smooth(
-        start, a=0.6, gamma=0.1, lam=lam, m=m, spring=0.3, forcing=drive, periods=2
-    )
-    own = solve_ivp(
-        rates, (0, 4 * math.pi), np.concatenate(start), method="DOP853", rtol=1e-12, atol=1e-12
-    )
-    np.testing.assert_allclose(np.concatenate(run.final), own.y[:, -1], rtol=0, atol=1e-7)
 
 
 # --- a broken pitchfork ---------------------------------------------------------------------------

@@ -18,10 +18,9 @@ from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import pitchfork, symmetric
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.multibreathers import multibreather
 from contbreather.orbits.normal_form import pitchfork_form
-from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit import orbit_at
 
 from .by_hand import started_on_arm, two_impacts
 
@@ -64,17 +63,19 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
 
 
 @pytest.mark.parametrize(("c3", "word"), [(-1.0, "supercritical"), (0.3, "subcritical")])
-@pytest.mark.parametrize("gamma", [0.0, 0.02])
-def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
-    forcing = Fourier(cos={1: -1.0, 3: c3})
-    start = symmetric(0.9, gamma, 0.8, forcing=forcing)
+@pytest.mark.parametrize(
+    ("gamma", "on"), [(0.0, {}), (0.02, {}), (0.02, {"lattice": Ring(3), "damping": 0.01})]
+)
+def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma, on):
+    forcing, told = Fourier(cos={1: -1.0, 3: c3}), {"threshold": 1.00001} if on else {}
+    start = symmetric(0.9, gamma, 0.8, forcing=forcing, **on)
     branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
     assert pitchfork_form(point.solution).criticality == word
-    arm = orbit_at(started_on_arm(lift(point), 0.01)).map.count().count
+    arm = orbit_at(started_on_arm(lift(point), 0.02)).stability(**told).unstable
     near = [point["a"] - 1e-4, point["a"] + 1e-4]
     near_by = trace(point, "a", events=(), within={"a": near}, inadmissible=True)
-    counts = [near_by[i].solution.stability().unstable for i in (0, -1)]
+    counts = [near_by[i].solution.stability(**told).unstable for i in (0, -1)]
     assert abs(counts[0] - counts[1]) == 1
     assert arm == (min(counts) if word == "supercritical" else max(counts))
 
@@ -124,28 +125,6 @@ def test_where_the_multiplier_only_touches_1_there_is_none():
         pitchfork_form(branch.first("PF").solution, "k")
 
 
-# --- by exact modes -------------------------------------------------------------------------------
-
-
-def by_modes(point):
-    """The pitchfork of a ring by its modes, put together from the impacts of its closed form."""
-    b, section = point.solution, point.solution.section
-    orbit = Orbit(ByImpacts.through(b.conditions, section, b.times, b.impulses, ())).solved()
-    assert isinstance(orbit.representation, ByImpacts)
-    return orbit
-
-
-@pytest.mark.parametrize("free", ["a", "gamma", "k", "c1"])
-def test_modes_of_a_ring_give_what_its_closed_form_gives(free):
-    forcing = Fourier(cos={1: -1.0, 3: -0.1}, sin={5: 0.3})
-    start = symmetric(0.7, 0.04, 0.8, forcing=forcing, lattice=Ring(6))
-    point = trace(start, "a", within={"a": (0.5, 0.95)}).first("PF")
-    orbit = by_modes(point)
-    own, wanted = pitchfork_form(orbit, free), pitchfork_form(point.solution, free)
-    assert own.coefficient == pytest.approx(wanted.coefficient, rel=1e-9)
-    assert own.supercritical == wanted.supercritical
-
-
 LATTICES = {
     "ring with losses": {"lattice": Ring(20), "damping": 0.02},
     "ring with springs": {"lattice": Ring(20), "spring": 0.05},
@@ -163,24 +142,6 @@ def test_coefficient_is_that_of_the_arms_that_switch_follows(on):
     limit = np.polyfit(rise, arm["asymmetry"] ** 2 / rise, 3)[-1]
     assert point["coefficient"] == pytest.approx(limit, rel=1e-6)
     assert point["criticality"] == "supercritical"
-
-
-def test_the_word_of_modes_says_whether_the_arms_take_over_stability():
-    forcing = Fourier(cos={1: -1.0, 3: 0.3})
-    start = symmetric(0.9, 0.02, 0.8, forcing=forcing, lattice=Ring(3), damping=0.01)
-    branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
-    point = branch.first("PF")
-    assert point["criticality"] == "subcritical"
-    arm = orbit_at(lift(point).arm(0.02))
-    on = [symmetric_at(point, point["a"] + side * 1e-3) for side in (-1, 1)]
-    counts = [orbit.stability(threshold=1.00001).unstable for orbit in on]
-    own = arm.stability(threshold=1.00001).unstable
-    assert abs(counts[0] - counts[1]) == 1
-    assert own == max(counts)
-
-
-def symmetric_at(point, a):
-    return orbit_at(point.problem.at(a=a).solve(tolerance=1e-11)[0])
 
 
 def test_a_pitchfork_on_a_boundary_has_no_coefficient_of_one_parameter():

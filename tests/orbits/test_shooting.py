@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from dataclasses import replace
 
-import mpmath as mp
 import networkx
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import contbreather as cb
 from contbreather.checks import brief
@@ -28,34 +25,10 @@ from contbreather.orbits.section import ImpossibleSequence, Section, check_possi
 from tests.stability.by_hand import slope
 
 from .by_hand import derivatives, in_phase, run_once
-from .field import Field
+from .field import Field, FieldOf
 
 RING = 20
 AT = {"gamma": 0.04, "k": 0.8}
-
-
-# --- second ways -------------------------------------------------------------------------------
-
-
-class BruteForce(Field):
-    """A lattice between impacts by dense matrix exponentials: no modes, no linearisation."""
-
-    def __init__(self, lattice, on: Conditions) -> None:
-        super().__init__(lattice, on)
-        one, zero = np.eye(self.sites), np.zeros((self.sites, self.sites))
-        self.A = np.block([[zero, one], [-self.matrix, -on.damping * one]])
-
-    def driven(self, t: float) -> np.ndarray:
-        u = np.zeros((2, self.sites))
-        for m, A, B in self.on.forcing.harmonics:
-            dynamic = self.matrix + (1j * m * self.on.damping - m * m) * np.eye(self.sites)
-            c = np.linalg.solve(dynamic, -m * m * complex(A, -B) * self.on.a * self.drive)
-            wave = c * np.exp(1j * m * t)
-            u += np.array([wave.real, (1j * m * wave).real])
-        return u.ravel()
-
-    def fly(self, x: np.ndarray, t: float, s: float) -> np.ndarray:
-        return expm(self.A * s) @ (x - self.driven(t)) + self.driven(t + s)
 
 
 # --- orbits that many tests look at -------------------------------------------------------------
@@ -143,13 +116,13 @@ def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, 
     equations, on = equations_on(lattice, section, on)
     x = unknowns(equations, on)
     orbit = Orbit(ByImpacts.of(on, section, x, on.params))
-    brute, sites = BruteForce(lattice, on), np.arange(lattice.sites)
+    brute, sites = Field(lattice, on), np.arange(lattice.sites)
     start = float(orbit.times.min()) - 0.1
     now, t = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)]), start
     beyond, resets = np.empty((2, section.count))
     for j in np.argsort(orbit.times):
         site, wall = section.impacts[j]
-        now, t = brute.fly(now, t, orbit.times[j] - t), float(orbit.times[j])
+        now, t = brute.flown(t, now, orbit.times[j] - t), float(orbit.times[j])
         speed = now[lattice.sites + site] + 0.5 * orbit.impulses[j]
         beyond[j] = now[site] - wall
         resets[j] = speed + 0.5 * (1 - on.k) / (1 + on.k) * orbit.impulses[j]
@@ -157,7 +130,7 @@ def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, 
         there = orbit.motion.states(sites, t)
         assert now == pytest.approx(np.concatenate(there[:2]), abs=1e-10)
     end = start + section.length
-    closed = brute.fly(now, t, end - t)
+    closed = brute.flown(t, now, end - t)
     first = np.concatenate([orbit.motion.states(sites, start)[i] for i in (0, 1)])
     assert closed == pytest.approx(section.sign * first, abs=1e-10)
     left = equations.residual(x, on.params)
@@ -186,19 +159,6 @@ def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation(gamma: float) -
 
 
 # --- against the closed form --------------------------------------------------------------------
-
-
-def test_every_site_sits_off_centre_by_the_same_offset() -> None:
-    """The mean over a period of each site, by Gauss points on each flight."""
-    orbit = tilted()
-    nodes, weights = np.polynomial.legendre.leggauss(30)
-    times = [hit.time for hit in orbit.hits]
-    total = np.zeros(RING)
-    for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
-        half = 0.5 * (end - start)
-        at = 0.5 * (start + end) + half * nodes
-        total += half * weights @ orbit.displacement(np.arange(RING), at[:, None])
-    assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
 
 
 def test_a_ring_pushed_off_centre_is_brought_back_by_its_impacts() -> None:
@@ -241,91 +201,20 @@ def test_whole_periods_reach_the_limit_without_coupling() -> None:
     assert single.times == pytest.approx(branch[-1].solution.times, abs=1e-10)
 
 
-# --- events and what leaves them ----------------------------------------------------------------
-
-
 # --- the cascade of a single oscillator ---------------------------------------------------------
 
 
-def impact_map(count: int, a: mp.mpf, k: mp.mpf):
-    """Time and velocity of an impact on +1 after `count` further impacts, at many digits."""
-
-    def advance(t, v, wall, guess):
-        # u = wall + (a sin t0 - k v)(t - t0) + a (cos t - cos t0) until it is at -wall
-        speed = -k * v + a * mp.sin(t)
-
-        def gap(s):
-            return 2 * wall + speed * s + a * (mp.cos(t + s) - mp.cos(t))
-
-        s = mp.findroot(gap, guess)
-        return t + s, speed - a * mp.sin(t + s)
-
-    def step(t, v, guesses):
-        wall = 1
-        for i in range(count):
-            t, v = advance(t, v, wall, guesses[i])
-            wall = -wall
-        return t, v
-
-    return step
-
-
-@pytest.fixture(scope="module")
-def cascade() -> list[cb.continuation.Point]:
-    """PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
-    points = [arm(1, 0.0).first("PD")]
-    for generation in range(3):
-        size = 0.01 * 4.0**-generation
-        problem = lift(points[-1]).arm(size)
-        steps = cb.Steps(first=size / 10, largest=0.05 * 4.0**-generation)
-        events = [event for event in problem.events if event.kind == "PD"]
-        branch = cb.trace(
-            problem,
-            "a",
-            within={"a": (0.9, 1.0)},
-            towards="up",
-            steps=steps,
-            events=[*events, cb.user("a", 0.99200, terminal=True)],
-        )
-        points.append(branch.first("PD"))
-    return points
-
-
-def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade):
-    """Impact to impact at 25 digits, its derivative by differences: |a - a_PD| < 1e-8 follows."""
-    for point in cascade:
-        orbit = point.solution
-        hits = orbit.hits
-        times = [hit.time for hit in hits] + [hits[0].time + orbit.period]
-        guesses = [mp.mpf(b - a) for a, b in itertools.pairwise(times)]
-        with mp.workdps(25):
-            step = impact_map(len(hits), mp.mpf(orbit.a), mp.mpf(orbit.k))
-            t, v = mp.mpf(hits[0].time), mp.mpf(hits[0].before)
-            end = step(t, v, guesses)
-            assert abs(end[0] - t - 2 * len(hits) // 2 * mp.pi) < 1e-10
-            assert abs(end[1] - v) < 1e-10
-            h = mp.mpf("1e-11")
-            columns = []
-            for dt, dv in ((h, 0), (0, h)):
-                up, down = step(t + dt, v + dv, guesses), step(t - dt, v - dv, guesses)
-                columns.append([(u - d) / (2 * h) for u, d in zip(up, down, strict=True)])
-            (p, q), (r, s) = columns
-            trace, det = p + s, p * s - q * r
-            # mu = -1 is a root of mu^2 - trace mu + det; its slope in a is of order 10 and more
-            assert abs(1 + trace + det) < 1e-8
-
-
-def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.continuation.Point]):
-    lifted = lift(cascade[0])
-    curvature = []
-    for size in (0.005, 0.01):
-        problem = lifted.arm(size)
-        curvature.append((problem.params["a"] - cascade[0]["a"]) / size**2)
-        orbit = orbit_at(problem)
-        late = orbit.displacement(0, np.linspace(0, 1, 9) + 2 * math.pi)
-        assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
-    assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
-    assert curvature[0] > 0
+def test_cascade_has_multiplier_minus_one_of_an_independent_map() -> None:
+    """At PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
+    branch = arm(1, 0.0)
+    for turns in (1, 2, 4, 8):
+        if turns > 1:
+            steps = cb.Steps(first=1e-3, largest=0.2 / turns**2)
+            branch = cb.switch(branch.first("PD"), within={"a": (0.9, 0.992)}, steps=steps)[0]
+        orbit = branch.first("PD").solution
+        assert orbit.section.turns == turns
+        # the slope of the multiplier in a is of order 10 and more
+        assert abs(FieldOf(orbit).multipliers() + 1).min() < 1e-8
 
 
 # --- boundaries ---------------------------------------------------------------------------------
@@ -417,16 +306,6 @@ def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:
         assert again.start["t1"] == pytest.approx(point["t1"], abs=1e-12)
 
 
-def test_neighbours_in_phase_move_alike() -> None:
-    problem = shooting(
-        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
-    )
-    orbit = orbit_at(problem)
-    t = np.linspace(0, 3, 20)
-    assert orbit.displacement(0, t) == pytest.approx(orbit.displacement(1, t), abs=1e-12)
-    assert orbit.displacement(-3, t) == pytest.approx(orbit.displacement(4, t), abs=1e-12)
-
-
 @functools.cache
 def together(top: float = 0.45) -> cb.Branch:
     """Neighbours that hit their walls at once."""
@@ -450,17 +329,6 @@ def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
             orbit = one.solution
             assert orbit.admissibility().ok
             assert run_once(orbit) < 1e-11
-
-
-def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
-    """There one multiplier grows beyond 1e20, and its rounding makes pairs of all others."""
-    branch = cb.trace(
-        shooting(cb.symmetric(0.5, 0.04, 0.8), sites=RING), "a", within={"a": (0.03, 1.2)}
-    )
-    end = branch.first("VI1")
-    assert abs(end.solution.hits[0].before) < 1e-9
-    assert end["a"] == pytest.approx(1.0, abs=1e-9)
-    assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
 
 
 # --- refusals -----------------------------------------------------------------------------------

@@ -183,6 +183,15 @@ def test_two_harmonics_have_four_roots_right_to_thirty_digits(paper):
     assert best.phi == pytest.approx(-3.03379882172877, abs=1e-14)
 
 
+def signs(forcing, a, gamma, k):
+    """The reduced equation at many phases, and the momenta where its sign changes."""
+    chi, q = CHAIN.chi(gamma), (1 - k) / (1 + k)
+    phi = np.linspace(-math.pi, math.pi, 40001)
+    reduced = a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
+    at = np.flatnonzero(reduced[:-1] * reduced[1:] < 0)
+    return reduced, (1 - a * forcing.f(phi[at])) / chi
+
+
 @settings(max_examples=60)
 @given(
     st.floats(0.0, 0.24),
@@ -193,14 +202,10 @@ def test_two_harmonics_have_four_roots_right_to_thirty_digits(paper):
 def test_no_root_of_a_general_forcing_is_missed_or_invented(gamma, k, a, c):
     """Counted by the sign changes of the reduced equation on a dense grid."""
     forcing = Fourier.from_response(cos={1: 1.0, 3: c[0], 7: c[1] / 4}, sin={3: c[2], 5: c[3] / 2})
-    chi, q = CHAIN.chi(gamma), (1 - k) / (1 + k)
-    phi = np.linspace(-math.pi, math.pi, 20001)
-    reduced = a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
+    reduced, impact = signs(forcing, a, gamma, k)
     rate = np.abs(np.diff(reduced)).max()
     crest = (reduced[1:-1] - reduced[:-2]) * (reduced[2:] - reduced[1:-1]) <= 0
     assume(np.abs(reduced[1:-1][crest]).min() > rate)  # no double root to quarrel about
-    at = np.flatnonzero(reduced[:-1] * reduced[1:] < 0)
-    impact = (1 - a * forcing.f(phi[at])) / chi
     assume(impact.size == 0 or np.abs(impact).min() > 1e-2)
     count = int(np.sum(impact > 0))
     try:
@@ -208,6 +213,7 @@ def test_no_root_of_a_general_forcing_is_missed_or_invented(gamma, k, a, c):
     except NoSolution:
         found = ()
     assert len(found) == count
+    assert [b.p for b in found] == sorted((b.p for b in found), reverse=True)
     # rounding is as large as the terms that cancel
     assert all(b.residual < 1e-14 * (1.0 + abs(reduced).max()) for b in found)
 
@@ -265,12 +271,9 @@ def test_above_the_fold_there_is_always_a_breather(gamma, k, times, c):
 @pytest.mark.parametrize(("forcing", "a"), [(SQUARE, 0.5), (FAINT, 0.3)])
 def test_forcing_with_many_harmonics_or_a_faint_one_is_solved_too(forcing, a):
     assert forcing.highest > 30
-    chi, q = CHAIN.chi(0.1), 0.25
-    phi = np.linspace(-math.pi, math.pi, 40001)
-    reduced = a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
-    at = np.flatnonzero(reduced[:-1] * reduced[1:] < 0)
+    _, impact = signs(forcing, a, 0.1, 0.6)
     found = symmetric_roots(a, 0.1, 0.6, forcing=forcing)
-    assert len(found) == np.sum(a * forcing.f(phi[at]) < 1)
+    assert len(found) == np.sum(impact > 0)
     assert all(b.residual < 1e-14 for b in found)
 
 

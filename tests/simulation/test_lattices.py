@@ -31,6 +31,7 @@ def weighted_graph():
 
 
 LATTICES = {
+    "ring": (cb.Ring(20), {}),
     "open chain": (cb.OpenChain(9), {}),
     "fixed ends": (cb.OpenChain(9, ends="fixed"), {"damping": 0.01}),
     "grid": (cb.Grid(4, 3), {"spring": 0.2}),
@@ -57,21 +58,19 @@ def orbit_on(name):
 
 
 @pytest.mark.parametrize("name", [*LATTICES, "one wall"])
-def test_shot_orbit_comes_back_with_its_impacts_and_its_multipliers(name):
+def test_shot_orbit_comes_back_with_its_impacts(name):
     orbit, t0 = one_wall() if name == "one wall" else orbit_on(name), 0.37
     state = orbit.state(t=t0)
     run = sim.simulate(orbit, periods=1, t0=t0)
     assert np.abs(np.subtract(run.final, state)).max() < 1e-11
     times = sorted(one.time % (2 * PI) for one in orbit.hits)
     assert np.allclose(np.sort(run.impacts["phase"]), times, rtol=0, atol=1e-11)
-    own = np.sort(np.abs(np.linalg.eigvals(sim.variation(run))))
-    assert np.allclose(own, np.sort(np.abs(orbit.multipliers())), rtol=0, atol=1e-6)
     middle = sim.simulate(orbit, periods=0.3, t0=t0)
     there = orbit.state(t=t0 + 0.6 * PI)
     assert np.abs(np.subtract(middle.final, there)).max() < 1e-11
 
 
-RINGS = [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3)]
+RINGS = [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3), (7, 0.6)]
 
 
 @pytest.mark.parametrize(
@@ -81,11 +80,12 @@ def test_any_motion_is_that_of_a_general_solver_with_events(lattice, on):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-0.7, 0.7, lattice.sites), rng.normal(0.0, 1.0, lattice.sites)
     run = sim.simulate((u, v), a=0.7, gamma=0.2, k=0.7, lattice=lattice, periods=0.8, t0=1.0, **on)
-    end, hits, _ = Field(lattice, run.conditions).run(np.append(u, v), 1.0, 1.0 + 1.6 * PI)
+    end, hits, whole = Field(lattice, run.conditions).run(np.append(u, v), 1.0, 1.0 + 1.6 * PI)
     assert len(hits) >= min(3, 2 * lattice.sites)
     found = run.impacts[["site", "time", "wall", "before"]].tolist()
     assert np.allclose(found, hits, rtol=0, atol=1e-10)
     assert np.allclose(np.concatenate(run.final), end, rtol=0, atol=1e-10)
+    assert np.allclose(sim.variation(run), whole, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from contbreather import switch, trace
 from contbreather.errors import BadInput, NotConverged
@@ -25,18 +24,8 @@ from contbreather.simulation import (
     simulate,
     simulate_smooth,
 )
-from tests.orbits.field import dense
 
 PI = math.pi
-
-
-def generator(sites, gamma, damping):
-    return np.block(
-        [
-            [np.zeros((sites, sites)), np.eye(sites)],
-            [-gamma * dense(Ring(sites)), -damping * np.eye(sites)],
-        ]
-    )
 
 
 # --- the exact breather ---------------------------------------------------------------------------
@@ -88,17 +77,6 @@ def test_an_orbit_brings_its_site_and_its_period():
         attraction(doubled[-1], Axis("u", 0, [0.0]), Axis("v", 0, [0.0]), periods=301)
 
 
-def test_impacts_are_those_of_the_closure_to_rounding():
-    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
-    run = simulate(own.state(20), a=0.5, gamma=0.08, k=0.8, periods=3)
-    assert run.impacts["site"].tolist() == [0] * 6
-    assert run.impacts["wall"].tolist() == [-1, 1] * 3
-    assert np.allclose(run.at_site(0, 1)["phase"], own.phi % (2 * PI), rtol=0, atol=1e-13)
-    assert np.allclose(run.at_site(0, -1)["phase"], own.phi + PI, rtol=0, atol=1e-13)
-    assert np.allclose(run.at_site(0, 1)["before"], own.incoming[0], rtol=0, atol=1e-13)
-    assert np.allclose(run.impacts["after"], -0.8 * run.impacts["before"], rtol=0, atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("sites", "a", "gamma", "k", "periods"),
     [
@@ -120,18 +98,6 @@ def test_stable_breather_stays_exact_over_thousands_of_periods(sites, a, gamma, 
 
 
 # --- any motion at all ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.02, 0.6, 3.0])
-def test_free_flight_is_the_matrix_exponential(damping):
-    """Over- and underdamped modes, and the zero mode, at once."""
-    sites, gamma = 7, 0.24
-    rng = np.random.default_rng(5)
-    u, v = rng.uniform(-0.2, 0.2, sites), rng.normal(0.0, 0.02, sites)
-    run = simulate((u, v), a=0.0, gamma=gamma, k=0.5, damping=damping, periods=1)
-    assert not run.impacts.size
-    wanted = expm(2 * PI * generator(sites, gamma, damping)) @ np.concatenate([u, v])
-    assert np.allclose(np.concatenate(run.final), wanted, rtol=0, atol=2e-15 * 50)
 
 
 def energy(gamma, u, v):

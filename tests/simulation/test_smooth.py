@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from contbreather.continuation import Steps, trace
 from contbreather.errors import NotConverged
+from contbreather.lattice import Fourier
 from contbreather.orbits import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.simulation import Sample, periodic, simulate_smooth, variation
@@ -36,18 +37,28 @@ def test_single_wall_gives_back_the_velocity_times_k(m, tolerance):
     assert run.final.v[0] == pytest.approx(-0.8, abs=tolerance)
 
 
+DRIVES = {
+    None: lambda t: -math.cos(t),
+    Fourier(cos={0: 0.05, 1: -1.0, 2: 0.2}, sin={4: 0.1}): lambda t: (
+        0.05 - math.cos(t) + 0.2 * math.cos(2 * t) + 0.1 * math.sin(4 * t)
+    ),
+}
+
+
+@pytest.mark.parametrize("forcing", DRIVES)
 @pytest.mark.parametrize("m", [6.0, 7.3])
-def test_motion_is_equation_21_with_the_sign_of_13(m):
+def test_motion_is_equation_21_with_the_sign_of_13(m, forcing):
     rng = np.random.default_rng(0)
     start = np.concatenate([rng.uniform(-0.9, 0.9, 5), rng.normal(size=5)])
-    on = {"a": 0.3, "gamma": 0.2, "lam": 0.14, "damping": 0.02, "spring": 0.4}
+    on = {"a": 0.3, "gamma": 0.2, "lam": 0.14, "damping": 0.02, "spring": 0.4, "forcing": forcing}
 
     def slope(t, y):
         u, v = np.split(y, 2)
         coupling = 0.2 * (2 * u - np.roll(u, 1) - np.roll(u, -1))
         wall = 0.14 * (2 * m + 1) * np.abs(u) ** (2 * m) * v
         wall += (2 * m + 1) * np.abs(u) ** (4 * m) * u
-        return np.concatenate([v, -0.3 * math.cos(t) - coupling - 0.4 * u - 0.02 * v - wall])
+        force = 0.3 * DRIVES[forcing](t)
+        return np.concatenate([v, force - coupling - 0.4 * u - 0.02 * v - wall])
 
     span = (0.7, 0.7 + 2 * math.pi)
     wanted = solve_ivp(slope, span, start, "DOP853", rtol=1e-12, atol=1e-13, max_step=0.1)

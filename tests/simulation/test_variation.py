@@ -6,27 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import lyapunov, periodic, simulate, variation
 from tests.simulation.zoo import breather
-from tests.stability.by_hand import paper_matrix
-
-
-@pytest.mark.parametrize("sites", [1, 2, 3, 20])
-@pytest.mark.parametrize(("a", "gamma", "k"), [(0.2, 0.11, 0.8), (0.7, 0.06, 0.4)])
-def test_variation_over_half_a_period_is_the_half_map(a, gamma, k, sites):
-    own, early = symmetric(a, gamma, k, lattice=Ring(sites)), 0.3
-    state = own.state(sites, own.phi - early)
-    run = simulate(state, a=a, gamma=gamma, k=k, periods=0.5, t0=own.phi - early)
-    eye, zero = np.eye(sites), np.zeros((sites, sites))
-    stiff = gamma * (2 * eye - np.roll(eye, 1, 0) - np.roll(eye, -1, 0))
-    forward = expm(early * np.block([[zero, eye], [-stiff, zero]]))
-    half = np.linalg.solve(forward, paper_matrix(sites, gamma, k, own.b)) @ forward
-    assert np.abs(variation(run) - half).max() < 1e-13
 
 
 @pytest.mark.parametrize(("k", "a", "resting"), [(0.7, 0.6, False), (0.1, 1.5, True)])

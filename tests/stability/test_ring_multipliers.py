@@ -26,14 +26,6 @@ BREATHERS = [  # a, gamma, k: stable, unstable either way, elastic, perfectly pl
 ]
 
 
-@pytest.mark.parametrize(("a", "gamma", "k"), BREATHERS)
-def test_all_multipliers_are_those_of_the_papers_matrix(a, gamma, k):
-    b = b_of(a, gamma, k)
-    for sites in (1, 2, 3, 4, 17, 40, 41):
-        dense = np.linalg.eigvals(paper_matrix(sites, gamma, k, b))
-        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-12
-
-
 def test_random_maps_agree_with_dense_matrices():
     rng = np.random.default_rng(1)
     for _ in range(100):
@@ -42,9 +34,9 @@ def test_random_maps_agree_with_dense_matrices():
         )
         k = rng.choice([rng.uniform(), 0.0, 1.0, 10 ** rng.uniform(-8, -1)])
         b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
-        sites = int(rng.integers(2, 60))
+        sites = int(rng.integers(1, 60))
         dense = np.linalg.eigvals(paper_matrix(sites, gamma, k, b))
-        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-10
+        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-11
 
 
 @pytest.mark.parametrize("sites", [2, 5])
