@@ -219,13 +219,19 @@ def _parting(branches: Sequence[Branch]) -> str | None:
         return None
     arms = [(i, arm) for (i, arm), born in zip(families, births, strict=True) if born]
     for name in branches[0].problem.parting if arms else ():
-        if any(name not in branch.names for branch in branches):
+        if any(name not in branch.names or _upon_itself(branch, name) for branch in branches):
             continue
         spans = [(i, np.array([np.nanmin(arm[name]), np.nanmax(arm[name])])) for i, arm in arms]
         apart = (abs(u - v).max() > ALIKE for (i, u), (j, v) in combinations(spans, 2) if i == j)
         if all(np.ptp(span) > ALIKE for _, span in spans) and all(apart):
             return name
     return None
+
+
+def _upon_itself(branch: Branch, name: str) -> bool:
+    """Tell a branch that turns back on one level: dashes upon others are seen as a solid line."""
+    steps = np.diff(branch[branch.free])
+    return bool((steps < 0).any() and (steps > 0).any() and np.ptp(branch[name]) <= ALIKE)
 
 
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
