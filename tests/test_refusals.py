@@ -294,6 +294,7 @@ CASES += [
         )
         for bad in (lambda: 3, lambda: cb.plotting.new_figure()[0])
     ),
+    (lambda: cb.plotting.plot_energy(problem()), "^a branch of breathers was expected, got a"),
     (lambda: cb.simulation.Sample(sites=()), "one site or several were expected"),
     (lambda: cb.zones(k=[]), "got none"),
     *(

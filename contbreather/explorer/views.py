@@ -309,10 +309,12 @@ def _named(fig: Any, marks: Iterable[Any]) -> list[Any]:
     for x, y, word, *more in marks:
         across = (x - fig.x_range.start) / (fig.x_range.end - fig.x_range.start)
         up = (y - fig.y_range.start) / (fig.y_range.end - fig.y_range.start)
-        room = all(abs(across - u) > ACROSS or abs(up - v) > UP for u, v in seen)
-        seen += [(across, up)] if room and word else []
-        side = ("right", -7) if across > 1.0 - ACROSS else ("left", 7)  # pixels
-        rows.append((x, y, word if room else "", *side, 16 if up > 1.0 - UP else -5, *more))
+        right, top = across > 1.0 - ACROSS, up > 1.0 - UP
+        at = across - ACROSS * right, up - UP * top
+        room = all(abs(at[0] - u) > ACROSS or abs(at[1] - v) > UP for u, v in seen)
+        seen += [at] if room and word else []
+        side = ("right", -7) if right else ("left", 7)  # pixels
+        rows.append((x, y, word if room else "", *side, 16 if top else -5, *more))
     return rows
 
 

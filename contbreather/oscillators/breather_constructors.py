@@ -154,6 +154,12 @@ def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> d
     refuse_other_period(chain, values)
     u = np.linspace(0.1, 0.4, chain.sites)  # anywhere, and shifted as a whole
     here, there = chain.gradient(u, values), chain.gradient(u + 0.3, values)
+    low, high = (chain.energy(np.append(s * u, 0.0 * u), values) for s in (0.999, 1.001))
+    if not abs(missed := (high - low) / 0.002 - here @ u) <= 1e-3 * (abs(here) @ u):
+        raise BadInput(
+            f"complex steps miss {missed:.3g} of the slope of V or W, where that is "
+            f"{here @ u + missed:.3g}: functions have to be analytic, without abs for instance"
+        )
     if not chain.dissipative and abs(there - here).max() <= 1e-12 * abs(here).max():
         raise BadInput(
             "all sites may be shifted together, so that no breather stands alone: hold the "

@@ -462,6 +462,8 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
     >>> print(plot_energy(branch).axes.get_xlabel())
     $\\omega$
     """
+    for branch in branches:
+        check_kind(branch, Branch, "a branch of breathers")
     drawn = plot_branches(*branches, x="omega", y="energy", ax=ax)
     axes, point = drawn.axes, branches[0][0]
     low, high = point.solution.chain.frequencies(point.params)[[0, -1]]

@@ -275,3 +275,9 @@ def test_a_word_that_would_cover_another_is_left_out_and_its_mark_stays(branch: 
     text, what = (view.special.data[name] for name in ("text", "what"))
     assert [*text[1:3]] == ["PF1", ""]
     assert what[2].startswith("UZ1 of one: ")
+    # in the corner words hang below their marks, to the left of them
+    line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.5}, {"mu": 0.5})
+    marks = [cb.user("mu", value) for value in (0.91, 0.999)]
+    view.show({"one": cb.trace(line, "mu", within={"mu": (0, 1)}, events=marks)}, "mu", "x")
+    assert len(view.special.data["text"]) == 4
+    assert [word for word in view.special.data["text"] if word] == ["UZ1"]

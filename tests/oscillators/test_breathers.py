@@ -195,6 +195,13 @@ def test_potentials_may_be_functions() -> None:
     )
 
 
+def test_a_function_that_complex_steps_do_not_differentiate_is_refused() -> None:
+    """A site of it was at rest, to 1e-78, and called a breather."""
+    kinked = cb.Oscillators(V=lambda u, p: u**2 / 2 + abs(u) ** 3, W=LINEAR, lattice=cb.Ring(3))
+    with pytest.raises(cb.BadInput, match="have to be analytic, without abs"):
+        cb.breather(kinked, {0: 1}, omega=1.5, params={"c": 0.05})
+
+
 def test_where_the_energy_of_the_family_turns_is_an_event(tmp_path) -> None:
     """At given c the energies of the family are stationary in the frequency there, and so they are
     along its curve, which is another one than that of the fold beside it when it was loaded."""
