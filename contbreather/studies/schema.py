@@ -75,7 +75,7 @@ def _values(typed: Any) -> list[float]:
     if isinstance(typed, Mapping):
         if {*typed} != {"from", "to", "count"}:
             raise ValueError(
-                f"{typed}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
+                f"{brief(typed)}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
         return spread("values", typed["from"], typed["to"], typed["count"])
     values: list[float] = numbers("values", typed if isinstance(typed, list) else [typed]).tolist()
