@@ -117,7 +117,8 @@ def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
         later = motion.at(site, t + 0.5 * section.period)[0]
         mirrored = abs(displacement + later) < IMAGE
     other = _OtherContact(site, mirrored, followed.scale)
-    return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
+    events = *followed.further, other.event(), _VANISHING
+    return followed.locus(place, t, events=events, meets=followed.meets)
 
 
 def _examine(point: Point) -> dict[str, Any]:
@@ -163,6 +164,14 @@ class _OtherContact:
     def locus(self, point: Point) -> DefiningSystem:
         where = point.detail
         return _follow(point.solution, where["site"], where["time"])
+
+
+def _least_speed(point: Point) -> float:
+    return float(point.solution.speeds.min())
+
+
+# Where the last impact is lost a curve of GR crosses that of VI, on which all sites only touch.
+_VANISHING = Event("GR-VI", _least_speed, ends="domain")
 
 
 # --- what else may touch a wall there -------------------------------------------------------------

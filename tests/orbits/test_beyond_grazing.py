@@ -315,3 +315,16 @@ def test_what_begins_at_grazing_is_kept_in_files(tmp_path):
     kept = cb.load(tmp_path / "arm.nc")
     assert kept[0]["beyond"] == "fold"
     assert kept[0].solution.stability().stable is None
+
+
+@pytest.mark.parametrize("largest", [0.08, 0.1])
+def test_folds_to_both_sides_of_a_branch_point_are_found_in_one_step(largest: float) -> None:
+    """Beyond GR of one of two sites alike: 7e-3 off the branch point the orbit turns, twice."""
+    low = cb.multibreather(
+        {0: "lower"}, a=0.9, gamma=0.0077, k=0.98, lattice=cb.Ring(2), damping=0.35
+    )
+    graze = cb.trace(low, "a", within={"a": (0.3, 1.2)}).first("GR")
+    beyond = cb.switch(graze, within={"a": (0.3, 1.2)}, steps=cb.Steps(largest=largest))[0]
+    assert [point.kind for point in beyond.special[1:-1]] == ["PF", "LP", "BP", "LP", "PF"]
+    first, second = (point["a"] for point in beyond.special if point.kind == "LP")
+    assert abs(first - second) < 1e-12  # images of each other

@@ -475,6 +475,18 @@ def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) 
         assert abs(point.solution.displacement(others, t)).max() == pytest.approx(1.0, abs=1e-6)
 
 
+def test_a_curve_of_grazing_ends_where_the_impact_itself_vanishes() -> None:
+    """Of two coupled sites: the second just follows where the half period turns their difference
+    back into itself, 2 gamma - damping^2 / 4 = 1, and both come to their walls under the drive."""
+    damping = 0.3
+    start = cb.symmetric(0.6, 0.3, 0.8, lattice=cb.OpenChain(2), damping=damping)
+    graze = cb.trace(start, "a", towards="up").first("GR")
+    line = cb.boundary(graze, ("gamma", "a"), within={"gamma": (0.2, 0.6)}, towards="up", events=())
+    assert line[-1].label == "GR-VI1", (line.stop, line.reason)
+    assert abs(line[-1]["gamma"] - (1 + damping**2 / 4) / 2) < 1e-9
+    assert abs(line[-1]["a"] - math.hypot(1, damping)) < 1e-9
+
+
 def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
     """The saltation has a pole there: no multiplier passes the circle."""
     start = cb.symmetric(0.35, 0.02, 0.8, lattice=cb.Ring(6), spring=0.5)
