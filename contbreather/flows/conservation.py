@@ -157,9 +157,7 @@ def refuse_drift(
         for called, quantity in quantities.items():
             check_function(f"conserves ({called})", quantity, (), 0.0, x[:, 0], p)
         if drifts := drift(quantities, f, x, p, f" where {name} moves" if name else ""):
-            raise BadInput(
-                f"{drifts}; conserves= is a function of (x, p) that is constant along the flow"
-            )
+            raise BadInput(f"{drifts}; conserves= is a function of (x, p), constant along the flow")
 
 
 def drift(quantities: Quantities, f: Function, x: Array, p: Params, where: str = "") -> str:
