@@ -444,8 +444,8 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
-                "1: it is one of a family, as where something is conserved (say so by conserves=), "
-                f"or at a bifurcation (take other parameters){_unforced(orbit.equations)}",
+                "1: it is one of a family, as where energy is conserved, or more (conserves=), or "
+                f"at a bifurcation (take other parameters){_unforced(orbit.equations)}",
                 residual=float(abs(left).max()),
             ) from error
 

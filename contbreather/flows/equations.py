@@ -28,7 +28,7 @@ from ..errors import BadInput
 from .collocation import ROUNDING, Slopes, TrajectorySegment, as_one_flight, derivatives, flown
 from .conservation import Conservation
 from .flow import Flow, slid_along
-from .functions import Params, slopes, values
+from .functions import Params, callings, slopes, values
 
 Places = NDArray[np.intp]
 
@@ -279,6 +279,7 @@ class FlowEquations:
 
     def retreat(self, x: Array, p: Params) -> None:
         """Begin from this place alone: slopes inside may have other roots, as beyond a pole."""
+        callings.cache_clear()  # decided, perhaps, at states that overflow
         self._solved(x, p)
         for other in [*self._latest][:-1]:
             del self._latest[other]

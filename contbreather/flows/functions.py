@@ -106,7 +106,7 @@ class _Calling:
 
 
 @lru_cache
-def _callings(function: Function) -> dict[int, _Calling]:
+def callings(function: Function) -> dict[int, _Calling]:
     """Hold what is known of a function, by how many states there are."""
     return {}
 
@@ -159,11 +159,11 @@ def undecorated(function: Any) -> Any:
 def calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
     """Say how a function is evaluated at many states, decided at the first of them."""
     try:
-        return _callings(function)[len(x)]
+        return callings(function)[len(x)]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
         how = _decide_calling(function, t.real, x.real, p)
     with suppress(TypeError):
-        _callings(function)[len(x)] = how
+        callings(function)[len(x)] = how
     return how
 
 

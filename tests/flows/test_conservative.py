@@ -16,6 +16,7 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
 from contbreather.flows import cycle_of
 from contbreather.flows.conservation import indices_of
+from contbreather.flows.conservative_events import signatures
 from contbreather.flows.rounds import twice
 
 from .test_cycle import variational
@@ -359,6 +360,42 @@ def of_three_bodies(s, p):
     x, y, z, u, v, w = s
     r, q = (np.sqrt((x + p["mu"] - at) ** 2 + y**2 + z**2) for at in (0, 1))
     return (u**2 + v**2 + w**2 - x**2 - y**2) / 2 - (1 - p["mu"]) / r - p["mu"] / q
+
+
+def zigzag(n: int, W: Any, force: Any, u: float) -> Any:
+    """A ring of masses with a potential of each bond, neighbours against each other."""
+
+    def ring(t: Any, x: Any, p: Any) -> Any:
+        pull = force(np.roll(x[:n], -1, 0) - x[:n])
+        return np.concatenate([x[n:], pull - np.roll(pull, 1, 0)])
+
+    def energy(x: Any, p: Any) -> Any:
+        return (x[n:] ** 2 / 2 + W(np.roll(x[:n], -1, 0) - x[:n])).sum(0)
+
+    start = {"u": u * (-1.0) ** np.arange(n), "v": np.zeros(n)}
+    both = {"energy": energy, "momentum": lambda x, p: x[n:].sum(0)}
+    return cb.cycle(ring, start, {"b": 1.0}, conserves=both)
+
+
+def test_pairs_of_waves_both_ways_around_a_ring_do_not_collide() -> None:
+    """Of the zigzag of a ring of Fermi, Pasta, Ulam and Tsingou waves k and -k have one index and
+    one signature all along: that of a field which no gradient tells along a shift of all sites was
+    unknown, and rounding made a KC, and 22 in doubt, between their pairs."""
+    start = zigzag(6, lambda r: r**2 / 2 + r**4 / 4, lambda r: r + r**3, 0.3)
+    # more than half a turn a period
+    assert set(signatures(cycle_of(start))[1]) == {-1.0}
+    collision = [event for event in start.events if event.kind == "KC"]
+    branch = cb.trace(start, "energy", within={"energy": (1.0, 3.5)}, events=collision)
+    assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "EP"]
+
+
+def test_how_a_field_is_differentiated_is_not_decided_by_a_step_that_is_refused() -> None:
+    """Down to its equilibrium a step of Toda's ring overflows. Slopes were differences from then
+    on, also from the start up, where the branch ended as MX."""
+    toda = zigzag(4, lambda r: np.exp(r) - r, lambda r: np.exp(r) - 1, 0.3)
+    branch = cb.trace(toda, "energy", within={"energy": (3.0, 4.8)}, events=[])
+    assert [end.kind for end in (branch[0], branch[-1])] == ["EP", "EP"]
+    assert branch["energy"].min() < 4.001
 
 
 def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
