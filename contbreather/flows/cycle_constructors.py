@@ -134,7 +134,7 @@ def cycle(
     forcing = None if period is None else partial(value_over, period)
     system: Any = flows_of(with_jacobian(flows, jacobian), period)
     if isinstance(start, tuple):
-        begun = _sampled(_endless(system), start, params, conserved, wraps)
+        begun = _sampled(system, start, params, conserved, wraps)
     else:
         begun = _simulated(system, start, params, conserved, wraps, forcing, (t0, settle))
     (path, pieces, params), turns = begun[:3], 1
@@ -215,10 +215,10 @@ def _endless(path: Any) -> Flow | None:
 
 
 def _sampled(
-    flow: Flow | None, samples: tuple[Any, Any], params: Mapping[str, float],
-    conserved: Quantities, wraps: Mapping[str, float] | None,
+    path: Any, samples: tuple[Any, Any], params: Mapping[str, float], conserved: Quantities,
+    wraps: Mapping[str, float] | None,
 ) -> _Begun:  # fmt: skip
-    alone, pieces, names = sampled_orbit(flow, samples, params)
+    alone, pieces, names = sampled_orbit(_endless(path), samples, params)
     angles, state = Angles.of(wraps, names), dict.fromkeys(names, 0.0)
     _, params = named_state(state, params, *conserved)
     return _Begun((alone,), pieces, params, state_names(state), angles)

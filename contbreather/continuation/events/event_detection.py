@@ -274,14 +274,15 @@ def _between(
             continue
         piece = StepInterpolant(start, end, segment.tolerance)
         reach = GAP * (1 + piece.curve.length(end.z))
-        told = reach < BESIDE * piece.length  # whether a sign next to where it vanishes is
+        # whether a place beside a zero is out of its reach, so that the sign there is no rounding
+        clear = reach < BESIDE * piece.length
         at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
         for samples, value in zip(tests, values, strict=True):
             parts.append(part := StepSamples(piece, samples.event, {0.0: value}))
             part.glance(0.5)
             part.glance(1.0)
             seen = part.values
-            if told and math.isnan(value):
+            if clear and math.isnan(value):
                 part.known(BESIDE)
             # within the reach of the place it changes by more than it is: it vanishes there
             near = piece.provisional(max(0.0, 1 - reach / piece.length))
@@ -289,7 +290,7 @@ def _between(
             if not (at_last or part.jumps) and abs(seen[1.0]) <= change:
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 seen[1.0] = math.nan
-                if told:
+                if clear:
                     part.known(1.0 - BESIDE)
                 yield special(part, replace(end, located=True, detail={}), 1.0, 1.0)
         piece_ends = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
