@@ -10,8 +10,10 @@ to the higher one. Ends that are fixed have bonds to the ground.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -64,6 +66,15 @@ class SmoothFunction:
         if not callable(self.given):
             object.__setattr__(self, "given", read_formula(str(self.given)).text)
             _compiled(self.given, self.variable)
+            return
+        try:
+            with suppress(ValueError):  # of a function in C nobody knows
+                signature(self.given).bind(0.0, {})
+        except TypeError as error:
+            raise BadInput(
+                f"{self} is called with {self.variable} and the dict of parameters, as "
+                f"lambda {self.variable}, p: ...; {error}"
+            ) from error
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -311,6 +311,7 @@ def test_half_of_a_period_is_in_no_table_of_breathers() -> None:
         ({"V": "x**2/2"}, "depends on x: a function of u was expected"),
         ({"W": "c*u**2/2"}, "depends on c, u: a function of r was expected"),
         ({"V": [HARD] * 4}, "V = .*one formula for all of 5 sites"),
+        ({"W": lambda r: r**2 / 2}, r"called with r and the dict .*lambda r, p: \.\.\.; too many"),
     ],
 )
 def test_a_potential_is_one_formula_in_its_variable(given, says) -> None:

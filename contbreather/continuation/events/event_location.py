@@ -264,13 +264,23 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
         if not left - ASIDE <= place <= right + ASIDE:
             return None
         low, high = place - ASIDE, place + ASIDE
-        if not event.crosses:
+        if not (event.crosses or _vanishes(samples, point, left, right)):
             before, after = (event.value_or_nan(segment.at(v)) for v in (low, high))
             if before == after if isinstance(before, int) else not before * after <= 0:
                 return None
     except OUT_OF_DOMAIN:
         return None  # the system has no value here: location goes on without it
     return low, high, replace(point, detail=detail)
+
+
+def _vanishes(samples: StepSamples, point: Point, left: float, right: float) -> bool:
+    """Tell whether a test that changes sign in a bracket does so at a point of it: there it is no
+    larger than what it changes by, on its way across the bracket, as far as it is looked at beside
+    an event."""
+    if samples.jumps or not (left < right and samples.changes_sign(left, right)):
+        return False
+    pace = (samples.values[right] - samples.values[left]) / (right - left)
+    return abs(samples.event.value_or_nan(point)) <= ASIDE * abs(pace)
 
 
 # --- double zeros -----------------------------------------------------------------------------
