@@ -98,6 +98,10 @@ FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
     "a locus that leads astray": (
         Event("IN", lambda q: int(q["mu"] > 0.3), locus=lambda point: ASTRAY), {}, [0.3], 1e-13
     ),
+    "one of a test with a zero, on the same step": (
+        Event("EX", lambda q: q["mu"] - 0.3, locus=lambda point: ASTRAY), {"steps": LONG}, [0.3],
+        1e-13,
+    ),
 }  # fmt: skip
 
 
