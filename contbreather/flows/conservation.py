@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial, partialmethod
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,25 +72,30 @@ class Unfolded:
                 field = field + p[name] * (ahead - behind) / (2 * self.steps.reshape(n, *one))
         return field
 
-    # --- its derivative, where one was given of the field: as that, for lambda adds rounding ------
+    # --- its derivative, in states as of the field: lambda adds rounding --------------------------
 
-    @property
-    def jacobian(self) -> Any:
-        return self if hasattr(self.f, "jacobian") else None
+    jacobian = property(lambda self: self)
 
     def is_sparse(self, *at: Any) -> bool:
-        return bool(self.f.jacobian.is_sparse(*at))
+        given = getattr(self.f, "jacobian", None)
+        return given is not None and bool(given.is_sparse(*at))
 
-    def _beside(
-        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...], how: str
+    def slopes(
+        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
     ) -> tuple[Array, Any, Array]:
-        # what is linear in lambda is differentiated where that is 0, not rounding
-        p = {**p, **dict.fromkeys(self.quantities, 0.0)}
-        value, other = slopes_along(self, t, x, p, names, np.empty((len(x), 0)))
-        return value, getattr(self.f.jacobian, how)(self.f, t, x, p, ())[1], other
+        inner = slopes(self.f, t, x, p)[1][:, : len(x)]
+        return values(self, t, x, p), inner, self._along(t, x, p, names)
 
-    slopes = partialmethod(_beside, how="slopes")
-    entries = partialmethod(_beside, how="entries")
+    def entries(
+        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
+    ) -> tuple[Array, Any, Array]:
+        inner = self.f.jacobian.entries(self.f, t, x, p, ())[1]
+        return values(self, t, x, p), inner, self._along(t, x, p, names)
+
+    def _along(self, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Array:
+        # in parameters: what is linear in lambda is differentiated where that is 0, not rounding
+        p = {**p, **dict.fromkeys(self.quantities, 0.0)}
+        return slopes_along(self, t, x, p, names, np.empty((len(x), 0)))[1]
 
 
 @dataclass(frozen=True, eq=False)
