@@ -186,14 +186,14 @@ def start_of(
 ) -> tuple[State, Any]:
     """A state, and what it moves under. An orbit of a finite lattice brings both, and a point of a
     branch of such; what is given besides takes the place of its own."""
-    orbit = orbit_given(state)
+    time, orbit = time_of(t0), orbit_given(state)
     if orbit is not None:
         own = dict(vars(orbit.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
         if (m is not None and "lam" in on) or "restitution" in on:  # say what k does
             del own["k"]
-        state, on = orbit.state(t=time_of(t0)), {**own, **on}
+        state, on = orbit.state(t=time), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
 
