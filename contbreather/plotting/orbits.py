@@ -221,12 +221,10 @@ def plot_profile(
 
 
 def all_sites(orbit: Any) -> list[int]:
-    if isinstance(orbit, Breather):
+    if orbit.lattice.sites is not None:
         return list(range(orbit.lattice.sites))
     first = orbit.section.impacts[0][0]
-    if orbit.lattice.sites is None:
-        return list(range(first - BESIDE, first + BESIDE + 1))
-    return list(range(orbit.lattice.sites))
+    return list(range(first - BESIDE, first + BESIDE + 1))
 
 
 def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Any) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,9 +173,9 @@ def _draw_large(ax: Axes | None, run: Trajectory) -> Drawn:
 
 
 def _chain_of(run: Trajectory) -> Oscillators:
-    chain = run.flows[0].f
+    chain: Any = run.flows[0].f
     check_kind(chain, Oscillators, "a run of a lattice of oscillators")
-    return cast("Oscillators", chain)
+    return chain
 
 
 def _record_of(run: Trajectory) -> Record:
