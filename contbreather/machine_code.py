@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib.util import source_hash
 from pathlib import Path
@@ -59,28 +59,17 @@ def code_address(name: str) -> int:
     return _loaded[name]
 
 
-def availability(names: list[str]) -> str:
-    """Say how many of these there are, and why not all."""
-    found = [name for name in names if (OBJECTS / name).exists()]
-    said = f"{len(found)} of {len(names)} loops are compiled"
-    if len(found) == len(names):
-        return f"{said}, in {OBJECTS}"
-    note = OBJECTS / "reason.txt"  # which the installation left
-    why = f"when it was installed: {note.read_text().strip()}; " if note.exists() else ""
-    return f"{said}; {why}{COMPILE} compiles the others"
-
-
 # --- their names ----------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=1)
-def processor() -> tuple[Any, ...]:
-    """Identify what code depends on besides its text: two processors of one name may differ in what
+def processor() -> str:
+    """Hash of what code depends on besides its text: two processors of one name may differ in what
     their hosts let through."""
     import llvmlite.binding as llvm
 
     cpu = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    return (llvm.get_process_triple(), *cpu, llvm.llvm_version_info, sys.version_info[:2])
+    return _hashed((llvm.get_process_triple(), *cpu, llvm.llvm_version_info, sys.version_info[:2]))
 
 
 @lru_cache(maxsize=256)
@@ -90,13 +79,7 @@ def file_name(function: Function, takes: str) -> str:
     contents = [_content(part) for part in called(function)]
     # 8: count on when something else is kept, or it is compiled otherwise
     text = _hashed((8, contents, takes))
-    return f"{function.__name__}-{_hashed(processor())}-{text}.o"
-
-
-def superseded(names: Iterable[str]) -> list[Path]:
-    """Object files for this processor that have none of these names: those of older texts."""
-    ours = OBJECTS.glob(f"*-{_hashed(processor())}-*.o")
-    return sorted(path for path in ours if path.name not in names)
+    return f"{function.__name__}-{processor()}-{text}.o"
 
 
 def _hashed(content: Any) -> str:
