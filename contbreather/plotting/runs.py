@@ -19,7 +19,7 @@ from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
-from contbreather.oscillators.breather_problem import Breather, BreatherProblem
+from contbreather.oscillators.breather_problem import Breather
 from contbreather.oscillators.oscillator_lattice import Oscillators
 from contbreather.plotting import canvas, orbits
 from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
@@ -232,8 +232,8 @@ def plot_space_time(
     title = ", ".join(filter(None, (title, periods)))
     times, there, u = _field(shown, sites if row is None else row)
     words, signed = "$u_n$", True
-    if not isinstance(shown, Orbit | Point | Breather | BreatherProblem):
-        once = getattr(shown, "record", shown) is None  # a record is one itself
+    if isinstance(shown, Record | States):
+        once = isinstance(shown, States) and shown.record is None
         long = float(times[-1] - times[0]) / math.tau
         if once:
             words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
