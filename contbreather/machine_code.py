@@ -38,7 +38,6 @@ NEVER = (
 )
 
 _ONE_AT_A_TIME = threading.RLock()  # the loader does not like company of other threads
-_loaded: dict[str, int] = {}  # by file: the address
 
 
 class NotCompiled(Exception):
@@ -49,14 +48,7 @@ def code_address(name: str) -> int:
     """Load the object file of this name; the address where its code begins. `NotCompiled` says that
     there is none, or that Python lacks what it needs."""
     with _ONE_AT_A_TIME:
-        if name not in _loaded:
-            try:
-                _loaded[name] = _load(OBJECTS.joinpath(name).read_bytes())
-            except FileNotFoundError:
-                raise NotCompiled(f"no {name}; {COMPILE} makes it") from None
-            except OSError as error:
-                raise NotCompiled(f"{error}; {COMPILE} makes another") from error
-    return _loaded[name]
+        return _loaded(name)
 
 
 # --- their names ----------------------------------------------------------------------------------
@@ -127,11 +119,17 @@ def _engine() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())  # finds Python's own
 
 
-def _load(code: bytes) -> int:
+@cache
+def _loaded(name: str) -> int:
     """The address of the entry of what `compiler` made."""
     import llvmlite.binding as llvm
 
-    name, needs, body = code.split(b"\n", 2)
+    try:
+        entry, needs, body = OBJECTS.joinpath(name).read_bytes().split(b"\n", 2)
+    except FileNotFoundError:
+        raise NotCompiled(f"no {name}; {COMPILE} makes it") from None
+    except OSError as error:
+        raise NotCompiled(f"{error}; {COMPILE} makes another") from error
     engine = _engine()
     somewhere = ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value
     for need in needs.decode().split():
@@ -141,5 +139,5 @@ def _load(code: bytes) -> int:
             llvm.add_symbol(need, somewhere)
     engine.add_object_file(llvm.ObjectFileRef.from_data(body))
     engine.finalize_object()
-    address: int = engine.get_function_address(name.decode())
+    address: int = engine.get_function_address(entry.decode())
     return address

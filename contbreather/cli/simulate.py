@@ -199,7 +199,7 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         cb.save(into.save, run=summary.run)
     if options.impacts is not None:
         rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
-        names = summary.run.impacts.dtype.names or ()
+        names = cb.simulation.integrator.IMPACT.names or ()
         yield write_csv(options.impacts, names, rows, summary.cut)
 
 
