@@ -383,7 +383,7 @@ def plot_section(
     whole("skip", skip, 0)
     if not isinstance(site, int | np.integer):
         raise BadInput(f"site = {site!r}: the number of a site was expected")
-    if not 0 <= skip <= run.periods:
+    if skip > run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (states[skip:, site % run.sites] for states in run.strobe)
     with canvas.drawing(ax) as (drawn, axes):

@@ -322,11 +322,11 @@ def _without_mistakes(tables: dict[str, Any]) -> tuple[Study, list[Fault]]:
         return Study.model_validate(tables), []
     except ValidationError as error:
         faults = [*_sentences(error)]
-    for first, *second in {place[:2] for place, _ in faults}:
-        if second and first != "chain":
-            del tables[first][second[0]]
+    for (first, *others), _ in faults:  # of several in one table it is gone with the first
+        if others and first != "chain":
+            tables[first].pop(others[0], None)
         else:
-            del tables[first]
+            tables.pop(first, None)
     return Study.model_validate(tables), faults
 
 
