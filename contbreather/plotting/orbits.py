@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import MOST, kind_of, number, row, whole
+from contbreather.checks import MOST, kind_of, number, whole
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
@@ -244,7 +244,9 @@ def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Any) -> None:
 
 
 def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
-    rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
+    if np.shape(shape) != (2,):
+        raise BadInput(f"shape = {shape}: a pair (rows, columns) was expected")
+    rows, columns = (whole("shape", count, 1) for count in shape)
     if rows * columns != u.size:
         raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
     image = ax.imshow(u.reshape(rows, columns), **colours_of(u))

@@ -47,6 +47,7 @@ ANGLE = r"$\omega t/2\pi$"
 LONG = 20.0  # periods; of more, lines would fill the axes
 ROWS = 300  # as many as a column of a journal shows one beside the other
 RUNS = (SimulationRun, SmoothRun)
+NO_PERIOD = "nothing was recorded: only whole periods are, and this run has none; make it longer"
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
     Outcome.OTHER: SKY,
@@ -124,6 +125,8 @@ def plot_motion(
         )
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
     assert isinstance(record, Record)
+    if not record.times.size:
+        raise BadInput(NO_PERIOD)
     first, last = _window(record.times / PERIOD, periods)
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
@@ -231,6 +234,8 @@ def plot_space_time(
     shown, periods = _with_record(motion)
     title = ", ".join(filter(None, (title, periods)))
     times, there, u = _field(shown, sites if row is None else row)
+    if not times.size:
+        raise BadInput(NO_PERIOD)
     words, signed = "$u_n$", True
     if isinstance(shown, Record | States):
         once = isinstance(shown, States) and shown.record is None
