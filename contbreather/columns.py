@@ -109,11 +109,11 @@ def _flat(columns: Mapping[str, Array]) -> dict[str, Array]:
 def stacked(tables: Iterable[tuple[Mapping[str, Any], Mapping[str, Array]]]) -> dict[str, Array]:
     """Tables one below the other, each with what is the same in all its rows; a column that a table
     lacks is NaN there."""
-    heads, full = [], []
+    full = []
     for head, columns in tables:
         length = len(next(iter(columns.values())))
-        heads.append({name: np.full(length, value) for name, value in head.items()})
-        full.append({**heads[-1], **{n: c for n, c in columns.items() if c.ndim == 1}})
+        same = {name: np.full(length, value) for name, value in head.items()}
+        full.append({**same, **{n: c for n, c in columns.items() if c.ndim == 1}})
     names = dict.fromkeys(name for table in full for name in table)
     empty = [np.full(len(next(iter(table.values()))), math.nan) for table in full]
     return {

@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from importlib import import_module
 from itertools import count
 from multiprocessing import get_context
@@ -36,7 +37,6 @@ TEXTS = (  # the modules with kernels, those with most code first; each imports 
 )
 _KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|expm1|log|pow|floor|mem\w+")
 _NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([^"(\s]+)"?(?:\(| = external)', re.MULTILINE)
-_TWINS: dict[Any, Any] = {}
 
 
 def compile_all() -> list[str]:
@@ -45,8 +45,10 @@ def compile_all() -> list[str]:
     OBJECTS.mkdir(exist_ok=True)
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         failed = [reason for reasons in pool.map(compile_text, TEXTS) for reason in reasons]
-    for path in machine_code.superseded(_names()):
-        path.unlink()
+    names = _names()
+    for path in OBJECTS.glob(f"*-{machine_code.processor()}-*.o"):
+        if path.name not in names:  # of an older text
+            path.unlink()
     return failed
 
 
@@ -70,9 +72,17 @@ def compile_text(module: str) -> list[str]:
 def status() -> str:
     """Say whether all kernels are compiled, where, why not, and what compiles the others."""
     try:
-        return machine_code.availability(_names())
+        names = _names()
     except ImportError as error:
         return f"nothing is compiled: {error}; pip install numba"
+    folder = machine_code.OBJECTS
+    there = sum((folder / name).exists() for name in names)
+    said = f"{there} of {len(names)} loops are compiled"
+    if there == len(names):
+        return f"{said}, in {folder}"
+    note = folder / "reason.txt"  # which the installation left
+    why = f"when it was installed: {note.read_text().strip()}; " if note.exists() else ""
+    return f"{said}; {why}{machine_code.COMPILE} compiles the others"
 
 
 def _names() -> list[str]:
@@ -127,23 +137,19 @@ def _object(text: str, entry: str, name: str) -> bytes:
     return code
 
 
+@cache
 def _twin(function: Function) -> Any:
     """The function with compiled ones in place of those it calls."""
     from numba import njit
 
-    if function not in _TWINS:
-        values = function.__globals__
-        names = [name for name in function.__code__.co_names if name in values]
-        scope = {name: values[name] for name in names}
-        copy = FunctionType(function.__code__, scope, function.__name__)
-        # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
-        # nothing to hand over, and compile sooner
-        how: dict[str, Any] = {"_nrt": False, "forceinline": function.__code__ in INLINED}
-        how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        _TWINS[function] = njit(error_model="numpy", **how)(copy)
-        called = {n: _twin(values[n]) for n in names if isinstance(values[n], FunctionType)}
-        scope.update(called)
-    return _TWINS[function]
+    code, values = function.__code__, function.__globals__
+    named = {name: values[name] for name in code.co_names if name in values}
+    scope = {n: _twin(v) if isinstance(v, FunctionType) else v for n, v in named.items()}
+    # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
+    # nothing to hand over, and compile sooner
+    how: dict[str, Any] = {"_nrt": False, "forceinline": code in INLINED}
+    how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return njit(error_model="numpy", **how)(FunctionType(code, scope, function.__name__))
 
 
 def _entry(kernel: Kernel) -> Any:

@@ -180,6 +180,7 @@ def _letters(shape: Shape) -> str:
     return (1 + shape.axes) * "q" if shape.axes or shape.kind != "f8" else "d"
 
 
+@lru_cache(maxsize=64)
 def _reader(shapes: tuple[Shape, ...]) -> Callable[..., list[Any]]:
     """Words of arguments, numbers, and of arrays addresses and lengths: written out as one list, as
     a loop over them takes longer than many a kernel."""
@@ -232,8 +233,5 @@ def _of_fixed(value: Any, shape: Shape) -> list[Any]:
     if entry is None:
         if len(_words_of) >= 64:
             _words_of.clear()
-        entry = _words_of[id(value)] = value, _reader_of(shape.parts)(*value)
+        entry = _words_of[id(value)] = value, _reader(shape.parts)(*value)
     return entry[1]
-
-
-_reader_of = lru_cache(maxsize=64)(_reader)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib.util import source_hash
 from pathlib import Path
@@ -38,7 +38,6 @@ NEVER = (
 )
 
 _ONE_AT_A_TIME = threading.RLock()  # the loader does not like company of other threads
-_loaded: dict[str, int] = {}  # by file: the address
 
 
 class NotCompiled(Exception):
@@ -49,38 +48,20 @@ def code_address(name: str) -> int:
     """Load the object file of this name; the address where its code begins. `NotCompiled` says that
     there is none, or that Python lacks what it needs."""
     with _ONE_AT_A_TIME:
-        if name not in _loaded:
-            try:
-                _loaded[name] = _load(OBJECTS.joinpath(name).read_bytes())
-            except FileNotFoundError:
-                raise NotCompiled(f"no {name}; {COMPILE} makes it") from None
-            except OSError as error:
-                raise NotCompiled(f"{error}; {COMPILE} makes another") from error
-    return _loaded[name]
-
-
-def availability(names: list[str]) -> str:
-    """Say how many of these there are, and why not all."""
-    found = [name for name in names if (OBJECTS / name).exists()]
-    said = f"{len(found)} of {len(names)} loops are compiled"
-    if len(found) == len(names):
-        return f"{said}, in {OBJECTS}"
-    note = OBJECTS / "reason.txt"  # which the installation left
-    why = f"when it was installed: {note.read_text().strip()}; " if note.exists() else ""
-    return f"{said}; {why}{COMPILE} compiles the others"
+        return _loaded(name)
 
 
 # --- their names ----------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=1)
-def processor() -> tuple[Any, ...]:
-    """Identify what code depends on besides its text: two processors of one name may differ in what
+def processor() -> str:
+    """Hash of what code depends on besides its text: two processors of one name may differ in what
     their hosts let through."""
     import llvmlite.binding as llvm
 
     cpu = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    return (llvm.get_process_triple(), *cpu, llvm.llvm_version_info, sys.version_info[:2])
+    return _hashed((llvm.get_process_triple(), *cpu, llvm.llvm_version_info, sys.version_info[:2]))
 
 
 @lru_cache(maxsize=256)
@@ -90,13 +71,7 @@ def file_name(function: Function, takes: str) -> str:
     contents = [_content(part) for part in called(function)]
     # 8: count on when something else is kept, or it is compiled otherwise
     text = _hashed((8, contents, takes))
-    return f"{function.__name__}-{_hashed(processor())}-{text}.o"
-
-
-def superseded(names: Iterable[str]) -> list[Path]:
-    """Object files for this processor that have none of these names: those of older texts."""
-    ours = OBJECTS.glob(f"*-{_hashed(processor())}-*.o")
-    return sorted(path for path in ours if path.name not in names)
+    return f"{function.__name__}-{processor()}-{text}.o"
 
 
 def _hashed(content: Any) -> str:
@@ -144,11 +119,17 @@ def _engine() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())  # finds Python's own
 
 
-def _load(code: bytes) -> int:
+@cache
+def _loaded(name: str) -> int:
     """The address of the entry of what `compiler` made."""
     import llvmlite.binding as llvm
 
-    name, needs, body = code.split(b"\n", 2)
+    try:
+        entry, needs, body = OBJECTS.joinpath(name).read_bytes().split(b"\n", 2)
+    except FileNotFoundError:
+        raise NotCompiled(f"no {name}; {COMPILE} makes it") from None
+    except OSError as error:
+        raise NotCompiled(f"{error}; {COMPILE} makes another") from error
     engine = _engine()
     somewhere = ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value
     for need in needs.decode().split():
@@ -158,5 +139,5 @@ def _load(code: bytes) -> int:
             llvm.add_symbol(need, somewhere)
     engine.add_object_file(llvm.ObjectFileRef.from_data(body))
     engine.finalize_object()
-    address: int = engine.get_function_address(name.decode())
+    address: int = engine.get_function_address(entry.decode())
     return address

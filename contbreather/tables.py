@@ -84,7 +84,6 @@ class Sheet:
 
     columns: Sequence[Column]
     title: str = ""
-    caption: str = ""
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, Cell]], title: str = "", digits: int = DIGITS) -> Sheet:
@@ -113,10 +112,9 @@ class Sheet:
         widest = math.inf if width is None else width
         while len(kept) > 2 and kept[-1].leaning == "right" and _width(kept, digits) > widest:
             left.insert(0, kept.pop().heading)
-        caption = self.caption or (f"No room for {', '.join(left)}." if left else None)
         table = Table(
-            title=visible(self.title) or None, title_justify="left",
-            caption=caption, caption_justify="left",
+            title=visible(self.title) or None, title_justify="left", caption_justify="left",
+            caption=f"No room for {', '.join(left)}." if left else None,
             show_header=any(column.heading for column in kept),
         )  # fmt: skip
         for column in kept:

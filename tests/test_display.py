@@ -466,9 +466,9 @@ def test_numbers_lean_to_the_right_and_words_to_the_left() -> None:
 
 
 @pytest.mark.parametrize("width", [None, 30])
-def test_title_and_caption_are_those_given(width: int | None) -> None:
-    made = Sheet([THIRD], "above", "below").table(width)
-    assert (made.title, made.caption) == ("above", "below")
+def test_the_title_is_the_one_given(width: int | None) -> None:
+    made = Sheet([THIRD], "above").table(width)
+    assert (made.title, made.caption) == ("above", None)
     assert Sheet([THIRD]).table().title is None
 
 

@@ -277,6 +277,9 @@ def test_kinds_and_colours_are_those_that_were_asked_for(in_a: Branch) -> None:
         plots.plot(in_a, colours=["teal", "red"])
     with pytest.raises(cb.BadInput, match="kinds = 'PF': several were expected"):
         plots.plot(in_a, kinds="PF")
+    # also where they can be read once only
+    once = plots.plot(in_a, in_a[:], kinds=iter(["PF"])).axes
+    assert [line.get_marker() for line in once.get_lines()].count("^") == 2
 
 
 def test_mirror_images_have_one_colour(in_a: Branch) -> None:

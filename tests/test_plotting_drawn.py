@@ -395,6 +395,19 @@ def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
     assert not plots.plot_profile(on_grid, sites=range(15)).axes.images
     with pytest.raises(cb.BadInput, match="16 places for 15 sites"):
         plots.plot_profile(on_grid, shape=(4, 4))
+    for shape in ((15,), 15):
+        with pytest.raises(cb.BadInput, match=r"a pair \(rows, columns\) was expected"):
+            plots.plot_profile(on_grid, shape=shape)
+    with pytest.raises(cb.BadInput, match="shape = -3: a whole number, at least 1"):
+        plots.plot_profile(on_grid, shape=(-3, -5))
+
+
+@pytest.mark.parametrize("draw", [plots.plot, plots.plot_motion, plots.plot_space_time])
+def test_of_half_a_period_nothing_is_recorded_and_a_sentence_says_so(draw) -> None:
+    breather = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(5))
+    run = cb.simulate(breather, periods=0.5, sample=sim.Sample((0,), 8))
+    with pytest.raises(cb.BadInput, match="nothing was recorded: only whole periods are"):
+        draw(run)
 
 
 def test_a_run_over_space_and_time_has_its_sites_in_order(run) -> None:

@@ -342,6 +342,11 @@ MISTAKES = {
         (6, "branch.one.mistake: unknown here"),
         (15, "atlas.r.gamma: gamma = 2"),
     ]),
+    "keys": ("[chain]\nlatice = 'ring:6'\nsitee = 3\n[zones.z]\nk = 2.0\n", [
+        (2, "chain.latice: unknown here; did you mean lattice?"),
+        (3, "chain.sitee: unknown here; did you mean site?"),
+        (5, "zones.z.k: k = 2"),
+    ]),
 }  # fmt: skip
 
 
@@ -372,6 +377,7 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         ("[branch", "is not TOML"),
         # types
         ("[chain]\nsite = 0.5\n" + ONE, "chain.site: Input should be a valid integer, got 0.5"),
+        ("[zones.z]\nk = [[0.8]]\n", "zones.z.k: [[0.8]]: at least one number was expected"),
         ("[branch]\nfree = 'a'", "line 2, branch.free: a table [branch.NAME] was expected"),
         ("chain = 3\n" + ONE, "line 1, chain: a table [chain] was expected, got 3"),
         (ONE + DRAWN.format("", ""), "f.draws: List should have at least 1 item"),

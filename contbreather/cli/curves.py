@@ -225,7 +225,7 @@ def of_branch(branch: cb.Branch, axes: Axes = Axes()) -> Result:
     return Result(
         lambda: {**about, **lives_on(branch), **branch_entry(branch)},
         partial(lines_of, branch),
-        lambda: stacked_table([({}, branch.tabulated())]),
+        lambda: table_of(branch.tabulated()),
         partial(axes.plot, branch),
     )
 

@@ -34,7 +34,6 @@ SITES = 20  # the paper's ring
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
 WANTED = "JSON with u, v and t, or two columns u and v were expected"
-IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
 
 @Parameter(name="*")
@@ -200,7 +199,8 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         cb.save(into.save, run=summary.run)
     if options.impacts is not None:
         rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
-        yield write_csv(options.impacts, IMPACTS, rows, summary.cut)
+        names = cb.simulation.integrator.IMPACT.names or ()
+        yield write_csv(options.impacts, names, rows, summary.cut)
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -219,7 +219,6 @@ class RunSummary:
     by_site: dict[int, int] | None = None
     rests: int = 0
     lost: int | None = None
-    verdict: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         self.periods = self.run.periods if self.stream is None else self.stream.periods
@@ -248,15 +247,13 @@ class RunSummary:
     @computing()
     def judge(self) -> dict[str, Any]:
         """Count its impacts and find the verdict; without it where Ctrl-C does not wait for it."""
-        if self.verdict is None:
-            self.verdict = _undecided("no verdict: interrupted before it was found")
-            try:
-                if hasattr(self.run, "impacts"):
-                    self._count()
-                self.verdict = _judged(self.run)
-            except KeyboardInterrupt:
-                self.interrupted = True
-        return self.verdict
+        try:
+            if hasattr(self.run, "impacts"):
+                self._count()
+            return _judged(self.run)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            return _undecided("no verdict: interrupted before it was found")
 
     def _count(self) -> None:
         """Count impacts, and periods until it was no breather any more."""

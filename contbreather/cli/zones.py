@@ -135,7 +135,7 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
 
 def zones_lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
     """Say where the curves meet, and how many points they have."""
-    table = planes[0].table().further(*(row for plane in planes[1:] for row in plane.table().rows))
+    table = cb.orbits.zone_diagram.ZoneDiagrams(planes).table()
     yield table if table.rows else "No two curves meet there."
     for plane in planes:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in plane.curves.items() if c)

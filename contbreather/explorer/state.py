@@ -150,7 +150,8 @@ class PageState:
         curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
         seen: dict[str, Any] = {}  # the last run, and the last zones
         for code, part in parts.items():
-            if isinstance(part, SimulationRun) and part.record:
+            # of less than a period nothing is recorded
+            if isinstance(part, SimulationRun) and part.record and part.record.times.size:
                 seen |= {"run": (code, part), "outcome": outcome or part.stop.value}
             elif isinstance(part, Zones):
                 seen |= {"plane": part, "fixed": part.fixed}

@@ -77,7 +77,10 @@ def plot_branches(
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
     x = branches[0].free if x is None else x
     y = _ordinate(branches) if y is None else y
-    marked = [_marked(branch, kinds) for branch in branches]
+    if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
+        raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
+    wanted = None if kinds is None else {*kinds}
+    marked = [_marked(branch, wanted) for branch in branches]
     with canvas.drawing(ax) as (drawn, axes):
         canvas.name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
@@ -88,10 +91,9 @@ def plot_branches(
         styles: set[str] = set()
         marks: list[Marker] = []
         for i, (branch, points, colour) in enumerate(zip(branches, marked, shades, strict=True)):
-            looks = _styles(branch)
-            styles |= {*looks.tolist()} or {STABLE}
             for side, name in enumerate(ordinates(branch, y)):
-                for style, *line in pieces(branch, x, name, looks):
+                for style, *line in pieces(branch, x, name):
+                    styles.add(style)
                     grey = style == UNKNOWN and not coloured
                     axes.plot(*line, style, color=GREY if grey else colour)
                 its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
@@ -124,16 +126,13 @@ def plot_branches(
     return drawn
 
 
-def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
+def _marked(branch: Branch, kinds: set[str] | None) -> list[Point]:
     """Special points to mark; where an arm sets out with the name of the point it left."""
-    if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
-        raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
     points = [
         replace(point, kind=point.parent.kind, label=point.parent.label) if point.parent else point
         for point in branch.special
     ]
-    wanted = None if kinds is None else set(kinds)
-    return [point for point in points if wanted is None or point.kind in wanted]
+    return [point for point in points if kinds is None or point.kind in kinds]
 
 
 def _colours(
@@ -337,11 +336,9 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
     return styles
 
 
-def pieces(
-    branch: Branch, x: str, y: str, styles: NDArray[np.str_] | None = None
-) -> Iterator[tuple[str, Array, Array]]:
+def pieces(branch: Branch, x: str, y: str) -> Iterator[tuple[str, Array, Array]]:
     """Pieces of a branch that are drawn alike: their style and both columns."""
-    styles = _styles(branch) if styles is None else styles
+    styles = _styles(branch)
     for name in (x, y):
         column_of(branch, name)  # once for all: slices have the columns that were computed
     cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import MOST, kind_of, number, row, whole
+from contbreather.checks import MOST, kind_of, number, whole
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import Problem
@@ -221,12 +221,10 @@ def plot_profile(
 
 
 def all_sites(orbit: Any) -> list[int]:
-    if isinstance(orbit, Breather):
+    if orbit.lattice.sites is not None:
         return list(range(orbit.lattice.sites))
     first = orbit.section.impacts[0][0]
-    if orbit.lattice.sites is None:
-        return list(range(first - BESIDE, first + BESIDE + 1))
-    return list(range(orbit.lattice.sites))
+    return list(range(first - BESIDE, first + BESIDE + 1))
 
 
 def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Any) -> None:
@@ -246,7 +244,9 @@ def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Any) -> None:
 
 
 def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
-    rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
+    if np.shape(shape) != (2,):
+        raise BadInput(f"shape = {shape}: a pair (rows, columns) was expected")
+    rows, columns = (whole("shape", count, 1) for count in shape)
     if rows * columns != u.size:
         raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
     image = ax.imshow(u.reshape(rows, columns), **colours_of(u))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
-from contbreather.oscillators.breather_problem import Breather, BreatherProblem
+from contbreather.oscillators.breather_problem import Breather
 from contbreather.oscillators.oscillator_lattice import Oscillators
 from contbreather.plotting import canvas, orbits
 from contbreather.plotting.canvas import BLUE, CYCLE, GREY, ORANGE, SKY, VERMILLION, Drawn
@@ -47,6 +47,7 @@ ANGLE = r"$\omega t/2\pi$"
 LONG = 20.0  # periods; of more, lines would fill the axes
 ROWS = 300  # as many as a column of a journal shows one beside the other
 RUNS = (SimulationRun, SmoothRun)
+NO_PERIOD = "nothing was recorded: only whole periods are, and this run has none; make it longer"
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
     Outcome.OTHER: SKY,
@@ -124,6 +125,8 @@ def plot_motion(
         )
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
     assert isinstance(record, Record)
+    if not record.times.size:
+        raise BadInput(NO_PERIOD)
     first, last = _window(record.times / PERIOD, periods)
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
@@ -173,9 +176,9 @@ def _draw_large(ax: Axes | None, run: Trajectory) -> Drawn:
 
 
 def _chain_of(run: Trajectory) -> Oscillators:
-    chain = run.flows[0].f
+    chain: Any = run.flows[0].f
     check_kind(chain, Oscillators, "a run of a lattice of oscillators")
-    return cast("Oscillators", chain)
+    return chain
 
 
 def _record_of(run: Trajectory) -> Record:
@@ -231,9 +234,11 @@ def plot_space_time(
     shown, periods = _with_record(motion)
     title = ", ".join(filter(None, (title, periods)))
     times, there, u = _field(shown, sites if row is None else row)
+    if not times.size:
+        raise BadInput(NO_PERIOD)
     words, signed = "$u_n$", True
-    if not isinstance(shown, Orbit | Point | Breather | BreatherProblem):
-        once = getattr(shown, "record", shown) is None  # a record is one itself
+    if isinstance(shown, Record | States):
+        once = isinstance(shown, States) and shown.record is None
         long = float(times[-1] - times[0]) / math.tau
         if once:
             words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
@@ -383,7 +388,7 @@ def plot_section(
     whole("skip", skip, 0)
     if not isinstance(site, int | np.integer):
         raise BadInput(f"site = {site!r}: the number of a site was expected")
-    if not 0 <= skip <= run.periods:
+    if skip > run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (states[skip:, site % run.sites] for states in run.strobe)
     with canvas.drawing(ax) as (drawn, axes):

@@ -28,7 +28,6 @@ from contbreather.simulation.states import (
     State,
     orbit_given,
     start_of,
-    time_of,
     wall_rows,
     within,
 )
@@ -201,7 +200,6 @@ def attraction(
         check_kind(axis, Axis, "an Axis")
     site = whole("site", site, -MOST)
     tolerance = number("tolerance", tolerance, 0.0, 1e300, "a distance")
-    t0 = time_of(t0)
     check_sites("attraction", (site, x.site, y.site), state.u.size)
     if x.name == y.name and (x.site - y.site) % state.u.size == 0:
         raise BadInput(f"both axes are {x.label}: a plane has two coordinates.")
@@ -222,7 +220,7 @@ def attraction(
             raise rows[0].error
     done = [j for j, row in enumerate(rows) if not isinstance(row, Failed)]
     for j in done:
-        outcome[j], distance[j] = rows[j]
+        outcome[j], distance[j] = zip(*rows[j], strict=True)
     return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
@@ -240,10 +238,8 @@ def _check_alone(orbit: GivenOrbit, on: Mapping[str, Any], periods: int) -> None
         )
 
 
-def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:
-    row = [ends((x, value), (y, y.values[j])) for value in x.values]
-    outcomes, distances = zip(*row, strict=True)
-    return np.array(outcomes, np.int8), np.array(distances)
+def _row(x: Axis, y: Axis, ends: Any, j: int) -> list[tuple[int, float]]:
+    return [ends((x, value), (y, y.values[j])) for value in x.values]
 
 
 def _outcome(

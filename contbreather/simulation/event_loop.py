@@ -55,7 +55,7 @@ def find_contact(
         work.when[n] = release(on, work, n, t, h)
         return bool(work.when[n] != LOST)
     work.when[n] = NEVER
-    curvature = column_bound(work.rows, n, 1.0, 2) / (h * h) + driven_bound(on.motion, 2)
+    curvature = column_bound(work.rows, n, 2) / (h * h) + driven_bound(on.motion, 2)
     slack = curvature * h * h / 8.0
     if max(abs(first), abs(last)) + slack < on.walls[2, n]:
         work.released[n] = 0
@@ -67,7 +67,7 @@ def find_contact(
         level = on.walls[1, n] if sign > 0.0 else -on.walls[0, n]
         if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < level:
             continue  # half the length, a quarter of the slack
-        s = first_contact(work.rows, n, h, on.motion, t, sign, level, start, h, sign * last)
+        s = first_contact(work.rows, n, h, on.motion, t, sign, level, start, sign * last)
         if s == LOST:
             return False
         if s >= 0.0 and (work.when[n] < 0.0 or work.origin[n] + s < work.when[n]):
@@ -98,9 +98,11 @@ def record_event(
 
 
 @inlined
-def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t: float) -> int:
-    """Apply every contact and release that is due, at a state that ``v`` and ``w`` hold; a
-    site + 1 where one chatters, -1 where the log is full, -2 where k is asked for."""
+def apply_events(
+    on: Parameters, work: Workspace, log: EventLog, period: int, t: float
+) -> tuple[int, int]:
+    """Apply every contact and release that is due, at a state that ``v`` and ``w`` hold; a status,
+    and the site it is about: one chatters, the log is full, k is asked for."""
     motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[1]):
         n = work.due[i]
@@ -111,7 +113,7 @@ def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t:
             work.released[n] = work.at_rest[n]
             work.at_rest[n] = 0
             if not record_event(log, period, t, n, ENDS_REST, wall, 0.0, 0.0, 0.0):
-                return -1
+                return FULL, 0
             work.when[n] = NEVER
             continue
         wall = int(work.side[n])
@@ -120,7 +122,7 @@ def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t:
         if on.by_speed:
             if work.answer[0] != abs(before):
                 work.answer[0] = abs(before)
-                return -2
+                return ASKS, 0
             k *= work.answer[1]
         work.when[n] = NEVER
         after = -k * before + 0.0  # (2); no minus zero
@@ -133,16 +135,16 @@ def apply_events(on: Parameters, work: Workspace, log: EventLog, period: int, t:
         work.w[n] = after - velocity
         work.hits[n] += 1
         if not record_event(log, period, t, n, HIT, wall, before, after, push):
-            return -1
+            return FULL, 0
         if work.hits[n] > on.most:
-            return n + 1
+            return CHATTER, n
         rest = comes_to_rest(on, work, n, float(wall), t, abs(after), k)
         if rest >= 0.0:
             work.at_rest[n] = np.int8(wall)
             work.w[n] = -velocity
             if not record_event(log, period, t, n, BEGINS_REST, wall, after, 0.0, rest):
-                return -1
-    return 0
+                return FULL, 0
+    return DONE, 0
 
 
 @inlined
@@ -264,9 +266,9 @@ def one_period(
     s, sample, size, wide = 0.0, int(work.pause[1]), work.v.size, work.near.shape[1]
     if work.pause[0] >= 0.0:  # the events of that step go on, with an answer
         s = work.pause[0]
-        status = apply_events(on, work, log, period, t0 + s)
-        if status != 0:
-            return stopped(work, status, s, sample)
+        status, site = apply_events(on, work, log, period, t0 + s)
+        if status != DONE:
+            return status, site
     while s < span:
         anyone, partly, goes_on = any_at_rest(work.at_rest), False, True
         t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
@@ -277,16 +279,16 @@ def one_period(
             dt = next_event(work)
             # the last step ends at the span itself, not beside it by rounding
             end = s + dt if dt >= 0.0 else (span if h >= span - s else s + h)
-            if sample < dense.grid.size:
-                sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+            sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
             # events of few sites change few series: the others go on through the step
             few = on.ring and work.many[1] * wide < size
             goes_on = few and 0.0 <= dt < h and not (anyone or on.by_speed)
             arrive(work, dt, h, partly, goes_on)
             if dt >= 0.0:
-                status = apply_events(on, work, log, period, t0 + end)
-                if status != 0:
-                    return stopped(work, status, end, sample)
+                status, site = apply_events(on, work, log, period, t0 + end)
+                if status != DONE:
+                    work.pause[0], work.pause[1] = end, sample  # to go on from there
+                    return status, site
             if goes_on:
                 for i in range(work.many[1]):
                     expand_near(on, work, work.due[i], dt, h)
@@ -314,15 +316,6 @@ def arrive(work: Workspace, dt: float, h: float, partly: bool, near: bool) -> No
         states_around(work, 0, size, dt, h)
     else:
         state_at(work.rows, h, dt / h, work.v, work.w)
-
-
-@inlined
-def stopped(work: Workspace, status: int, end: float, sample: int) -> tuple[int, int]:
-    """Tell why events were not applied, and keep where they are to go on."""
-    work.pause[0], work.pause[1] = end, sample
-    if status < 0:
-        return (ASKS if status == -2 else FULL), 0
-    return CHATTER, status - 1
 
 
 @inlined

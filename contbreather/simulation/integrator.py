@@ -213,7 +213,8 @@ def parameters_of(conditions: Conditions) -> Parameters:
     walls = np.array([low, high, np.minimum(high, -low), back])
     where = (ring, float(c.gamma), bonds, walls)
     steps = step, rest_step, powers_needed(step * rate)
-    return Parameters(*where, mu, c.restitution is not None, *steps, 0, mean, motion, force)
+    most = 150_000  # some seconds
+    return Parameters(*where, mu, c.restitution is not None, *steps, most, mean, motion, force)
 
 
 @lru_cache(maxsize=64)
@@ -282,8 +283,7 @@ class EventDriven:
     log: EventLog = field(init=False)
 
     def __post_init__(self) -> None:
-        # impacts of one site in one period: some seconds
-        self.parameters = on = parameters_of(self.conditions)._replace(most=150_000)
+        self.parameters = on = parameters_of(self.conditions)
         self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
         kinds = ("i8", "i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
         self.log = EventLog(*(np.zeros(256, kind) for kind in kinds))

@@ -41,7 +41,6 @@ from contbreather.simulation.states import (
     State,
     orbit_given,
     start_of,
-    time_of,
     within_period,
 )
 from contbreather.simulation.variation import variation
@@ -283,7 +282,6 @@ def closing(
 ) -> PeriodicMotion:
     """`periodic`, near a state and under conditions that have been checked."""
     count = whole("periods", periods, 1)
-    time_of(t0)
     if flag("symmetric", symmetric) and count != 1:
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
     if symmetric:

@@ -44,7 +44,6 @@ from contbreather.simulation.states import (
     State,
     ranged,
     start_of,
-    time_of,
     within,
     within_period,
 )
@@ -218,7 +217,7 @@ def record(
     check_sample(sample, start.u.size)
     start, count = within(start, conditions.walls), whole("periods", periods, 0)
     place = named("write", path)
-    wanted = Recording(place, conditions, time_of(t0), sample, start, start)
+    wanted = Recording(place, conditions, float(t0), sample, start, start)
     if os.path.lexists(place):
         there = open_recording(place)
         _check_same(there, wanted)

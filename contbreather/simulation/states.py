@@ -143,16 +143,17 @@ def conditions_of(
                 "expected, in place of k and on rigid walls; leave out k and m, or restitution"
             )
         numbers["k"] = math.nan
-    if m is None:
-        missing = [name for name in NEEDED if name not in numbers]
-        unknown = [name for name in numbers if name not in NAMES]
-        if missing or unknown:
-            what = f"missing {', '.join(missing)}" if missing else f"not known {', '.join(unknown)}"
-            raise BadInput(
-                f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
-                f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
-            )
-    else:
+    # of smooth walls there may be lam in place of k
+    needed, known = (NEEDED, NAMES) if m is None else (("a", "gamma"), (*NAMES, "lam"))
+    missing = [name for name in needed if name not in numbers]
+    unknown = [name for name in numbers if name not in known]
+    if missing or unknown:
+        what = f"missing {', '.join(missing)}" if missing else f"not known {', '.join(unknown)}"
+        raise BadInput(
+            f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
+            f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
+        )
+    if m is not None:
         if (omega := numbers.pop("omega", 1.0)) != 1.0:
             raise BadInput(
                 f"smooth walls have a time of their own: leave out omega = {brief(omega)}, or m. "
@@ -186,14 +187,14 @@ def start_of(
 ) -> tuple[State, Any]:
     """A state, and what it moves under. An orbit of a finite lattice brings both, and a point of a
     branch of such; what is given besides takes the place of its own."""
-    orbit = orbit_given(state)
+    time, orbit = time_of(t0), orbit_given(state)
     if orbit is not None:
         own = dict(vars(orbit.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
         if (m is not None and "lam" in on) or "restitution" in on:  # say what k does
             del own["k"]
-        state, on = orbit.state(t=time_of(t0)), {**own, **on}
+        state, on = orbit.state(t=time), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
 

@@ -21,13 +21,7 @@ from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import SimulationRun, completed, let_go
-from contbreather.simulation.states import (
-    ModelParameters,
-    State,
-    ranged,
-    start_of,
-    time_of,
-)
+from contbreather.simulation.states import ModelParameters, State, ranged, start_of
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
@@ -184,7 +178,6 @@ def sweep(
     names = (*conditions.params, "omega" if m is None else "k")
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
-    t0 = time_of(t0)
     how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE

@@ -328,16 +328,16 @@ def safe_advance(gap: float, slope: float, curvature: float, jerk: float, longes
 
 def first_contact(
     rows: Matrix, n: int, h: float, drive: Harmonics, t: float, sign: float, level: float,
-    start: float, limit: float, last: float,
+    start: float, last: float,
 ) -> float:  # fmt: skip
-    """First s in [start, limit] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
+    """First s in [start, h] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
 
     ``phi`` is column n of ``rows`` plus ``drive``, t the time at s = 0. Touching from inside with
     a velocity of rounding counts as contact only if the acceleration pushes on; the gap is not
     asked for more than `CLOSE`, or a site lying at its wall would be walked along for ever. Gives
     s, `NEVER`, or `LOST` if the walk did not come to an end.
     """
-    jerk = column_bound(rows, n, limit / h, 3) / (h * h * h) + driven_bound(drive, 3)
+    jerk = column_bound(rows, n, 3) / (h * h * h) + driven_bound(drive, 3)
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(4000):  # steps; the usual number is below ten
         value, slope, curvature = site_at(rows, n, h, s / h)
@@ -350,23 +350,23 @@ def first_contact(
                 return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
             if slope > -STILL and curvature > 1e-9:  # an acceleration that is more than rounding
                 return s
-        if s >= limit:
+        if s >= h:
             return NEVER
         # a gap of rounding, of either sign, is taken for one that can be walked off
-        s = min(limit, s + safe_advance(max(gap, close), slope, curvature, jerk, limit - s))
-        if s >= limit and level - last > 2.0 * close:
+        s = min(h, s + safe_advance(max(gap, close), slope, curvature, jerk, h - s))
+        if s >= h and level - last > 2.0 * close:
             return NEVER
     return LOST
 
 
-def column_bound(rows: Matrix, n: int, x: float, order: int) -> float:
-    """h^order times a bound on that derivative of a column, for all times up to x h."""
+def column_bound(rows: Matrix, n: int, order: int) -> float:
+    """h^order times a bound on that derivative of a column during the whole step."""
     total = 0.0
     for j in range(rows.shape[0] - 1, order - 1, -1):
         weight = abs(rows[j, n])
         for i in range(order):
             weight *= j - i
-        total = total * x + weight
+        total += weight
     return total
 
 
@@ -410,14 +410,14 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
         return 0.0
     last = site_at(rows, 0, h, 1.0)[0] + drive_sum(force, t + h)[0]
     # minus the push comes up to the level 0 as a displacement does to its wall
-    return first_contact(rows, 0, h, force, t, -sign, 0.0, 0.0, h, -sign * last)
+    return first_contact(rows, 0, h, force, t, -sign, 0.0, 0.0, -sign * last)
 
 
 def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
     """Time for which a site just released is certain to move away: u' = u'' = 0 there."""
     sign = float(work.released[n])
     jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + drive_sum(on.motion, t)[3])
-    snap = column_bound(work.rows, n, 1.0, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
+    snap = column_bound(work.rows, n, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
     # until then jerk + snap s < 0, and so are acceleration, velocity and displacement
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)
 

@@ -136,19 +136,17 @@ def saltations(
     an infinite one where it ends.
     """
     # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ - R' u''-) dt
-    site, lattice = impacts["site"], conditions.lattice
-    ratio, slope = conditions.law.along(impacts["before"], lattice.restitutions[site])
+    shares = conditions.lattice.restitutions[impacts["site"]]
+    ratio, slope = conditions.law.along(impacts["before"], shares)
     b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
-    b += (1.0 - ratio) * conditions.scaled.at_sites("damping", site)
+    b += (1.0 - ratio) * conditions.scaled.at_sites("damping", impacts["site"])
     rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
-    period = np.concatenate([impacts["period"], rests["period"]])
-    phase = np.concatenate([impacts["phase"], rests["phase"]])
-    rough = np.concatenate([impacts["time"], rests["time"]]) - PERIOD * period
+    names = ("time", "period", "phase", "site")
+    time, period, phase, site = (np.concatenate([impacts[n], rests[n]]) for n in names)
     # the phase is exact, the time says which turn it belongs to
     since = phase - t0
-    since += PERIOD * np.round((rough - since) / PERIOD)
-    site = np.concatenate([impacts["site"], rests["site"]])
+    since += PERIOD * np.round((time - PERIOD * period - since) / PERIOD)
     entry = np.concatenate([b, codes])
     ratio, slope = (np.concatenate([x, np.zeros(len(rests))]) for x in (ratio, slope))
     # at equal times the impact comes before the rest it leads to

@@ -7,13 +7,4 @@ from __future__ import annotations
 
 from contbreather.fronts import front
 
-__all__ = front(
-    __name__,
-    {
-        "one_impact": "ns_points",
-        "saltation": "saltation saltation_entry",
-        "scattering": "OverReflection",
-        "verdict": "Verdict stability verdict",
-        "zeros": "Count",
-    },
-)
+__all__ = front(__name__)

@@ -78,10 +78,10 @@ def _values(typed: Any) -> list[float]:
                 f"{brief(typed)}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
         return spread("values", typed["from"], typed["to"], typed["count"])
-    values: list[float] = numbers("values", typed if isinstance(typed, list) else [typed]).tolist()
-    if not values or len({*values}) < len(values):
+    values = numbers("values", typed if isinstance(typed, list) else [typed])
+    if values.ndim > 1 or not values.size or len({*values.flat}) < values.size:
         raise ValueError(f"{typed}: at least one number was expected, each once")
-    return values
+    return values.tolist()
 
 
 def _in_range(typed: Any, info: ValidationInfo) -> Any:
@@ -322,11 +322,11 @@ def _without_mistakes(tables: dict[str, Any]) -> tuple[Study, list[Fault]]:
         return Study.model_validate(tables), []
     except ValidationError as error:
         faults = [*_sentences(error)]
-    for first, *second in {place[:2] for place, _ in faults}:
-        if second and first != "chain":
-            del tables[first][second[0]]
+    for (first, *others), _ in faults:  # of several in one table it is gone with the first
+        if others and first != "chain":
+            tables[first].pop(others[0], None)
         else:
-            del tables[first]
+            tables.pop(first, None)
     return Study.model_validate(tables), faults
 
 

@@ -317,6 +317,16 @@ def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
     assert "delocalised" not in page.run.figure.title.text
 
 
+@pytest.mark.parametrize("periods", ["0", "0.5"])
+def test_less_than_a_period_is_simulated_and_not_drawn(page: Page, periods: str) -> None:
+    tap(page.zones.figure, 0.08, 0.5)
+    page.forms.length["periods"].value = periods
+    press(page, "Simulate from here")
+    assert not page.explorer.busy
+    assert "done in" in page.explorer.message
+    assert page.explorer.state.run is None
+
+
 def test_of_curves_of_two_problems_those_are_drawn_that_were_ticked_last() -> None:
     breathers = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.4, 0.6)})
     square = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})

@@ -50,6 +50,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"state": 3.0}, "a state is a pair"),
         ("simulate", {"state": np.zeros(3)}, r"a pair \(u, v\) .*, got array\(\[0"),
         ("simulate", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
+        ("smooth", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
         ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"no end: .* orbit\.on\(Ring\(N\)\)"),
         ("simulate", {"state": ([0.0], [math.nan])}, r"v\[0\] = nan of the state is not finite"),
         ("simulate", {"state": ([0.0], [1e9])}, "blow up the energy"),
@@ -166,6 +167,9 @@ def test_what_cannot_be_worked_with_is_refused_in_a_sentence(call, changed, sent
 def test_what_is_missing_is_said_by_the_name_of_simulate() -> None:
     with pytest.raises(BadInput, match=r"^simulate .* takes a, gamma, k, .*; missing a, k\."):
         cb.simulate(REST, periods=1, gamma=0.1)
+    for on in ({"gamma": 0.1}, {"k": 0.8}):
+        with pytest.raises(BadInput, match=r"^simulate .* takes a, gamma, k, .*; missing a"):
+            sim.simulate_smooth(REST, m=6, periods=1, **on)
 
 
 def test_of_a_run_it_says_who_judges_it() -> None:
