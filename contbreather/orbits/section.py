@@ -251,28 +251,23 @@ def _whole(value: object) -> bool:
 # --- which sections can be under which conditions ------------------------------------------------
 
 
-def check_walls(section: Section, on: Conditions) -> None:
-    """`BadInput` where a wall is not there, or walls or drive have no half section."""
-    walls = on.walls
+def check_possible(section: Section, on: Conditions) -> None:
+    """`BadInput` where a wall is not there, walls or drive have no half section, waves leave, or
+    nothing brings the sites back."""
     for site, wall in section.impacts:
-        if math.isinf(walls.position(site, wall)):
+        if math.isinf(on.walls.position(site, wall)):
             raise ImpossibleSequence(
                 f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
                 sequence=section.impacts,
             )
     if section.symmetric:
         check_symmetric(on.forcing)
-    if section.symmetric and not walls.symmetric:
+    if section.symmetric and not on.walls.symmetric:
         raise BadInput(
             "the walls are not symmetric, so no orbit is its own mirror image half a period "
             "later: there is no half section and no pitchfork; shoot the whole period, "
             "shooting(..., symmetric=False)."
         )
-
-
-def check_possible(section: Section, on: Conditions) -> None:
-    """`BadInput` where a wall is not there, waves leave, or nothing brings the sites back."""
-    check_walls(section, on)
     if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
     check_both_walls(section, on)
