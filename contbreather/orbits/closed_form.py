@@ -45,7 +45,6 @@ from contbreather.orbits.closure import (
 )
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
@@ -167,10 +166,6 @@ class ClosedForm:
         """Eq. (12) in closed form."""
         return UniformResponse(self.lattice, self.forcing, self.gamma, 0.0, 0.0, (0,), 1, -1)
 
-    @property
-    def motion(self) -> SiteMotion:
-        return SiteMotion(self)
-
     @cached_property
     def map(self) -> HalfMap | RingHalfMap:
         from contbreather.stability.one_impact import half_map
@@ -212,14 +207,9 @@ class ClosedForm:
         if not isinstance(lattice, InfiniteChain | Ring):
             return None
         on = self.conditions
-        if on.spring:  # from the infinite chain, to a ring
-            from contbreather.orbits.by_impacts import symmetric_orbits
-
-            breathers = symmetric_orbits(0, replace(on, lattice=lattice))
-        else:
-            breathers = closed_forms(on.a, on.gamma, on.k, on.forcing, lattice)
+        more: dict[str, Any] = {"forcing": on.forcing, "lattice": lattice, "spring": on.spring}
         return min(
-            breathers,
+            symmetric_roots(on.a, on.gamma, on.k, **more),
             # phases count modulo the period
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )

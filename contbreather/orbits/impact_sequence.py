@@ -18,6 +18,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.forcing import Forcing
 from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.site_motion import SiteMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -51,7 +52,6 @@ class ImpactSequence:
     offsets: tuple[float, ...] = _of("representation.offsets")
     accelerations: FloatArray = _of("representation.accelerations")  # before each impact
     residual: float = _of("representation.error")  # rounding, unless it was put together by hand
-    motion: Any = _of("representation.motion")  # of the sites
     map: Any = _of("representation.map")  # of small perturbations over a section
     c: float = _of("representation.c")  # by how much the lattice as a whole sits off centre
     a: float = _of("conditions.a")
@@ -65,6 +65,11 @@ class ImpactSequence:
     period: float = _of("section.period")
     symmetric: bool = _of("section.symmetric")  # whether ``u(t + period/2) = -u(t)`` is used
 
+    @property
+    def motion(self) -> SiteMotion:
+        """Motion of its sites between the impacts."""
+        return SiteMotion(self.representation)
+
     # ---------------------------------------------------------------------------- its impacts
 
     @cached_property
@@ -75,6 +80,11 @@ class ImpactSequence:
     def impulses(self) -> FloatArray:
         """By how much the velocity of the site changes at each of them."""
         return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def sides(self) -> NDArray[np.int64]:
+        """Walls that are hit, +1 or -1."""
+        return np.array([wall for _, wall in self.section.impacts])
 
     @property
     def vanishing(self) -> int | None:
@@ -103,7 +113,7 @@ class ImpactSequence:
     @property
     def speeds(self) -> FloatArray:
         """Speed towards its wall just before each impact, negative where it comes from behind."""
-        return np.array([impact.wall for impact in self.impacts]) * self.incoming
+        return self.sides * self.incoming
 
     @property
     def gains(self) -> FloatArray:
@@ -111,9 +121,8 @@ class ImpactSequence:
         a site leaves its wall per unit of time that it comes sooner."""
         # b = (1 + k) u''/u' of (19), with losses; braked less after the impact than before, a site
         # turns round faster by damping (1 + k) v
-        walls = np.array([impact.wall for impact in self.impacts])
         braked = self.accelerations + self.at_impacts("damping") * self.incoming
-        return np.asarray((1.0 + self.at_impacts("k")) * walls * braked)
+        return np.asarray((1.0 + self.at_impacts("k")) * self.sides * braked)
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
