@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import (
@@ -38,8 +38,10 @@ from contbreather.orbits.closure import (
     closure_equations,
     fold_scalar,
     forcing_at,
-    roots,
+    general_roots,
+    harmonic_roots,
     saltation_of,
+    smallest_amplitude,
     sprung,
     terms_at,
 )
@@ -218,10 +220,21 @@ class ClosedForm:
 def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
-    """Solutions of (11) with p > 0, by descending p."""
-    gamma = check_gamma(gamma, sprung(chain, drive).spring)
+    """Solutions of (11) with p > 0, by descending p, phi in [-pi, pi]. A double root, at the fold,
+    is listed once; `NoSolution` below it names the smallest a."""
+    lattice = sprung(chain, drive)
+    gamma = check_gamma(gamma, lattice.spring)
     a, k = parameter("a", a), parameter("k", k)
-    pairs = roots(a, gamma, k, drive, chain)
+    chi, q = lattice.mean(gamma, "chi"), restitution_ratio(k)
+    simple = isinstance(drive, Harmonic)
+    pairs = harmonic_roots(a, chi, q) if simple else general_roots(a, chi, q, drive)
+    # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
+    # equation changes sign while f rises, and there p q = a f' > 0
+    if not pairs:
+        raise NoSolution(
+            f"no breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}): it is below "
+            f"the fold, eq. (14); the smallest a is {smallest_amplitude(gamma, k, drive, chain)!r}."
+        )
     if not all(math.isfinite(p) for p, _ in pairs):
         # the far field follows a f
         reach = 1.0 / drive.peak()
@@ -229,7 +242,8 @@ def closed_forms(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in pairs)
+    descending = sorted(pairs, reverse=True)
+    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in descending)
 
 
 @serialised("symmetric breather")
