@@ -23,7 +23,6 @@ from contbreather.orbits.site_motion import SiteMotion
 FloatArray = NDArray[np.float64]
 
 VANISHED = 1e-8  # an impact at a smaller velocity is none
-ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
 class Hit(NamedTuple):
@@ -186,19 +185,6 @@ class ImpactSequence:
 
     def _lacks(self, name: str, which: str) -> BadInput:
         return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
-
-    @property
-    def repeats(self) -> bool:
-        """True where the second half of a section is the first again, or its mirror image."""
-        half, odd = divmod(self.section.count, 2)
-        if odd:
-            return False
-        first, second = self.impacts[:half], self.impacts[half:]
-        ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
-        grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
-        # walls and impulses may have changed sign: then it is a mirror image
-        same = [impact.site for impact in first] == [impact.site for impact in second]
-        return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
 
     def describe(self) -> str:
         return f"{self.section.describe()} on the {self.lattice.describe()}"
