@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from numbers import Complex, Real
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +66,14 @@ def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
     raise BadInput(f"{name} must be {', '.join(most)} or {last}, got {brief(value)}")
 
 
+def is_whole(value: object) -> TypeGuard[int]:
+    """Tell a whole number, of numpy too, from what equals one as True does."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def whole(name: str, value: object, least: int) -> int:
     """The value as a whole number, or a sentence."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+    if is_whole(value):
         if least <= value <= MOST:
             return int(value)
         if value > MOST:
@@ -113,8 +118,7 @@ def spread(name: str, low: object, high: object, count: object) -> list[float]:
     made.
     """
     ends = [number(name, end, -1e300, 1e300, "a value") for end in (low, high)]
-    integer = isinstance(count, int | np.integer) and not isinstance(count, bool)
-    if not integer or not 1 <= count <= MANY:  # type: ignore[operator]
+    if not is_whole(count) or not 1 <= count <= MANY:
         raise BadInput(
             f"{name}: {brief(count)} values from {ends[0]:g} to {ends[1]:g}: a whole number from "
             f"1 to {MANY} was expected."

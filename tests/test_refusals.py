@@ -214,7 +214,7 @@ CASES += [
     (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was expected"),
     (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
     (
-        lambda: alone().unfolded().representation.equations.sensitivity(np.ones(5), HERE, "nu"),
+        lambda: alone().unfolded().representation.equations.along(np.ones(5), HERE, {"nu": 1.0}),
         "unknown forcing parameter 'nu': this forcing",
     ),
     (

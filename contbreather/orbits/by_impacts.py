@@ -54,7 +54,6 @@ from contbreather.orbits.section import (
     check_order,
     check_possible,
 )
-from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import NAMES, NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, middle_of_longest, section_map
@@ -213,10 +212,6 @@ class ByImpacts:
     def accelerations(self) -> FloatArray:
         return np.asarray(self.terms.f[2] + self.terms.h[2] @ self.terms.impulses)
 
-    @property
-    def motion(self) -> SiteMotion:
-        return SiteMotion(self)
-
     # ------------------------------------------------------------------------ perturbations
 
     @cached_property
@@ -249,12 +244,12 @@ class ByImpacts:
         """Derivatives of gains and speeds, one below the other, by names of unknowns and of
         parameters."""
         at, on, share = self.terms, self.conditions, self.equations.shares
-        c, damping = 1.0 + on.k * share, Orbit(self).at_impacts("damping")
-        i, J, w = np.arange(at.times.size), at.impulses, self.accelerations
-        walls = np.array([impact.wall for impact in self.impacts])
+        orbit, J, w = Orbit(self), at.impulses, self.accelerations
+        c, damping, walls = 1.0 + on.k * share, orbit.at_impacts("damping"), orbit.sides
+        i = np.arange(at.times.size)
         jerk = at.h[3].copy()
         jerk[i, i] = 0.0
-        for n, other in _at_once(Orbit(self)):  # of coupled sites it jumps: the mean
+        for n, other in _at_once(orbit):  # of coupled sites it jumps: the mean
             sides = np.outer((-2.0, 2.0), np.full(i.size, AT_ONCE))
             jerk[n, other] = self.response.at(self.equations.sites[n], sides)[3, :, other].mean()
         # of the accelerations, w = a f'' + sum of h'' J
@@ -424,12 +419,6 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
 
 read_by("asymmetric breather", ByImpacts.arm, asymmetric_problem)
 read_by("orbit with impacts", ByImpacts.of, impact_problem)
-# in a file of shooting the first unknowns were the times
-read_by(
-    "shooting",
-    lambda on, section, x, params: ByImpacts.closest(on.at(params), section, x[: section.count]),
-    impact_problem,
-)
 
 
 # --- a site that grazes, an impact that vanishes ------------------------------------------------

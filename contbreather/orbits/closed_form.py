@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import (
@@ -38,14 +38,15 @@ from contbreather.orbits.closure import (
     closure_equations,
     fold_scalar,
     forcing_at,
-    roots,
+    general_roots,
+    harmonic_roots,
     saltation_of,
+    smallest_amplitude,
     sprung,
     terms_at,
 )
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
@@ -167,10 +168,6 @@ class ClosedForm:
         """Eq. (12) in closed form."""
         return UniformResponse(self.lattice, self.forcing, self.gamma, 0.0, 0.0, (0,), 1, -1)
 
-    @property
-    def motion(self) -> SiteMotion:
-        return SiteMotion(self)
-
     @cached_property
     def map(self) -> HalfMap | RingHalfMap:
         from contbreather.stability.one_impact import half_map
@@ -212,14 +209,9 @@ class ClosedForm:
         if not isinstance(lattice, InfiniteChain | Ring):
             return None
         on = self.conditions
-        if on.spring:  # from the infinite chain, to a ring
-            from contbreather.orbits.by_impacts import symmetric_orbits
-
-            breathers = symmetric_orbits(0, replace(on, lattice=lattice))
-        else:
-            breathers = closed_forms(on.a, on.gamma, on.k, on.forcing, lattice)
+        more: dict[str, Any] = {"forcing": on.forcing, "lattice": lattice, "spring": on.spring}
         return min(
-            breathers,
+            symmetric_roots(on.a, on.gamma, on.k, **more),
             # phases count modulo the period
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )
@@ -228,10 +220,21 @@ class ClosedForm:
 def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
-    """Solutions of (11) with p > 0, by descending p."""
-    gamma = check_gamma(gamma, sprung(chain, drive).spring)
+    """Solutions of (11) with p > 0, by descending p, phi in [-pi, pi]. A double root, at the fold,
+    is listed once; `NoSolution` below it names the smallest a."""
+    lattice = sprung(chain, drive)
+    gamma = check_gamma(gamma, lattice.spring)
     a, k = parameter("a", a), parameter("k", k)
-    pairs = roots(a, gamma, k, drive, chain)
+    chi, q = lattice.mean(gamma, "chi"), restitution_ratio(k)
+    simple = isinstance(drive, Harmonic)
+    pairs = harmonic_roots(a, chi, q) if simple else general_roots(a, chi, q, drive)
+    # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
+    # equation changes sign while f rises, and there p q = a f' > 0
+    if not pairs:
+        raise NoSolution(
+            f"no breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}): it is below "
+            f"the fold, eq. (14); the smallest a is {smallest_amplitude(gamma, k, drive, chain)!r}."
+        )
     if not all(math.isfinite(p) for p, _ in pairs):
         # the far field follows a f
         reach = 1.0 / drive.peak()
@@ -239,7 +242,8 @@ def closed_forms(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in pairs)
+    descending = sorted(pairs, reverse=True)
+    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in descending)
 
 
 @serialised("symmetric breather")

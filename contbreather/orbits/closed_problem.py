@@ -225,13 +225,6 @@ class SymmetricProblem(OrbitProblem):
             return None
         return kernels.closure_data(on, forcing_at(forcing, params), free, params, extra)
 
-    def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
-        """None: half a symmetric orbit is its own."""
-        return ()
-
-    def simpler(self, point: Point) -> None:
-        """No orbit has fewer impacts."""
-
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
         if self.equations.lattice.sites is not None or "spring" not in names or "omega" in names:

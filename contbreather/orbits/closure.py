@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import NoSolution
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
@@ -127,27 +126,6 @@ def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Fo
     return forcing.at(**dict(values))
 
 
-def roots(
-    a: float, gamma: float, k: float, forcing: Forcing, lattice: UniformLattice
-) -> tuple[tuple[float, float], ...]:
-    """Every ``(p, phi)`` with p > 0 that solves (11), by descending p; phi in [-pi, pi]. A double
-    root (the fold) is listed once; `NoSolution` below the fold names the smallest a.
-    """
-    chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
-    if isinstance(forcing, Harmonic):
-        solutions = _harmonic_roots(a, chi, q)
-    else:
-        solutions = general_roots(a, chi, q, forcing)
-    if solutions:
-        return tuple(sorted(solutions, reverse=True))
-    # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
-    # equation changes sign while f rises, and there p q = a f' > 0
-    raise NoSolution(
-        f"no breather at a = {a!r} (gamma = {gamma}, k = {k}, {forcing.describe()}): it is below "
-        f"the fold, eq. (14); the smallest a is {smallest_amplitude(gamma, k, forcing, lattice)!r}."
-    )
-
-
 def smallest_amplitude(
     gamma: float, k: float, forcing: Forcing | None = None, lattice: UniformLattice | None = None
 ) -> float:
@@ -174,7 +152,7 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> 
     return [q / height for height in heights if height > 0.0]
 
 
-def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:
+def harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:
     """(13), with its phase on the right branch and free of cancellation.
 
     Both roots share ``h^2 = chi^2 + q^2`` and ``r^2 = a^2 h^2 - q^2``, which vanishes at the fold.

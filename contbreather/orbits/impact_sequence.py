@@ -18,11 +18,11 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.forcing import Forcing
 from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.site_motion import SiteMotion
 
 FloatArray = NDArray[np.float64]
 
 VANISHED = 1e-8  # an impact at a smaller velocity is none
-ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
 class Hit(NamedTuple):
@@ -51,7 +51,6 @@ class ImpactSequence:
     offsets: tuple[float, ...] = _of("representation.offsets")
     accelerations: FloatArray = _of("representation.accelerations")  # before each impact
     residual: float = _of("representation.error")  # rounding, unless it was put together by hand
-    motion: Any = _of("representation.motion")  # of the sites
     map: Any = _of("representation.map")  # of small perturbations over a section
     c: float = _of("representation.c")  # by how much the lattice as a whole sits off centre
     a: float = _of("conditions.a")
@@ -65,6 +64,11 @@ class ImpactSequence:
     period: float = _of("section.period")
     symmetric: bool = _of("section.symmetric")  # whether ``u(t + period/2) = -u(t)`` is used
 
+    @property
+    def motion(self) -> SiteMotion:
+        """Motion of its sites between the impacts."""
+        return SiteMotion(self.representation)
+
     # ---------------------------------------------------------------------------- its impacts
 
     @cached_property
@@ -75,6 +79,11 @@ class ImpactSequence:
     def impulses(self) -> FloatArray:
         """By how much the velocity of the site changes at each of them."""
         return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def sides(self) -> NDArray[np.int64]:
+        """Walls that are hit, +1 or -1."""
+        return np.array([wall for _, wall in self.section.impacts])
 
     @property
     def vanishing(self) -> int | None:
@@ -103,7 +112,7 @@ class ImpactSequence:
     @property
     def speeds(self) -> FloatArray:
         """Speed towards its wall just before each impact, negative where it comes from behind."""
-        return np.array([impact.wall for impact in self.impacts]) * self.incoming
+        return self.sides * self.incoming
 
     @property
     def gains(self) -> FloatArray:
@@ -111,9 +120,8 @@ class ImpactSequence:
         a site leaves its wall per unit of time that it comes sooner."""
         # b = (1 + k) u''/u' of (19), with losses; braked less after the impact than before, a site
         # turns round faster by damping (1 + k) v
-        walls = np.array([impact.wall for impact in self.impacts])
         braked = self.accelerations + self.at_impacts("damping") * self.incoming
-        return np.asarray((1.0 + self.at_impacts("k")) * walls * braked)
+        return np.asarray((1.0 + self.at_impacts("k")) * self.sides * braked)
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
@@ -177,19 +185,6 @@ class ImpactSequence:
 
     def _lacks(self, name: str, which: str) -> BadInput:
         return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
-
-    @property
-    def repeats(self) -> bool:
-        """True where the second half of a section is the first again, or its mirror image."""
-        half, odd = divmod(self.section.count, 2)
-        if odd:
-            return False
-        first, second = self.impacts[:half], self.impacts[half:]
-        ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
-        grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
-        # walls and impulses may have changed sign: then it is a mirror image
-        same = [impact.site for impact in first] == [impact.site for impact in second]
-        return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
 
     def describe(self) -> str:
         return f"{self.section.describe()} on the {self.lattice.describe()}"

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import is_whole
 from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.curve.branch import Branch, Points, Stop
 from contbreather.continuation.curve.curve import Curve
@@ -334,8 +335,7 @@ def multibreathers(
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
     finite(lattice)
-    whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
-    if not whole or not 1 <= most <= lattice.sites:
+    if not is_whole(most) or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
     at, drive = Walls.given(walls), forcing_of(forcing)
     on = Conditions(a, gamma, k, damping, spring, drive, at, lattice, omega=omega).checked()

@@ -132,7 +132,7 @@ def _form(point: Point) -> PitchforkForm:
             f"{orbit!r} is no pitchfork: the least singular value of its equations is "
             f"{sizes[-1]:.2g}, not 0."
         )
-    if sizes.size > 1 and sizes[-2] <= _SINGULAR * sizes[0]:
+    if sizes[-2] <= _SINGULAR * sizes[0]:
         raise Undefined("a second multiplier is 1, as of idle sites without coupling")
     m = orbit.section.count  # unknowns begin with the times in both halves of the period
     shifts = right[-1][m : 2 * m] - right[-1][:m]

@@ -161,10 +161,6 @@ class OrbitEquations:
             out[modes, modes] = -response.gaps()
         return out
 
-    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
-        """Derivatives with respect to the parameter ``name``."""
-        return self.along(x, params, {name: 1.0})
-
     def along(self, x: FloatArray, params: Params, way: Params) -> FloatArray:
         """Derivatives along a direction of the parameters, rates by name."""
         at = self.terms(x, params)

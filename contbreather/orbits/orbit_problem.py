@@ -201,8 +201,6 @@ class _TiesOfDrive(Ties):
 class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
     """Orbits under a drive of any frequency, by the equations in the time of the drive."""
 
-    tested: ClassVar[bool] = True
-
     @property
     def serialised(self) -> Mapping[str, Any]:
         form = dict(self.base.serialised or {})
@@ -225,9 +223,6 @@ class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
         ties: Any = self.ties
         base: Any = self.base
         return base.along(x, ties.within(params), [ties.rates(params, name) for name in free])
-
-    def simpler(self, point: Point) -> Problem | None:
-        return OrbitProblem.simpler(self, point)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return self.base.lift(kind)

@@ -10,11 +10,12 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from contbreather.checks import one_of
+from contbreather.checks import is_whole, one_of
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import Ring
@@ -82,7 +83,7 @@ class Section:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "impacts", checked_impacts(self.impacts))
-        if not _whole(self.turns) or self.turns < 1:
+        if not is_whole(self.turns) or self.turns < 1:
             raise BadInput(f"turns = {self.turns!r}: periods are 2 pi n with a whole n >= 1.")
         one_of("sign", self.sign, (1, -1))
         if self.symmetric and self.turns % 2 == 0:
@@ -133,14 +134,12 @@ class Section:
     @cached_property
     def repeats(self) -> tuple[tuple[int, int], ...]:
         """Impacts of one site at one wall that follow each other, by index."""
-        last: dict[int, int] = {}
-        pairs = []
-        for j, (site, wall) in enumerate(self.impacts):
-            i = last.get(site)
-            if i is not None and self.impacts[i][1] == wall:
-                pairs.append((i, j))
-            last[site] = j
-        return tuple(pairs)
+        follow = (pair for site in self.hit for pair in pairwise(self.of_site(site)))
+        return tuple((i, j) for i, j in follow if self.impacts[i] == self.impacts[j])
+
+    def of_site(self, site: int) -> list[int]:
+        """Indices of the impacts of one site."""
+        return [j for j, (n, _) in enumerate(self.impacts) if n == site]
 
     def offset_names(self, taken: Collection[str] = ()) -> tuple[str, ...]:
         """Names of the offsets of its sites, c or c1, c2, ...; others where parameters have some of
@@ -234,7 +233,7 @@ def checked_impacts(impacts: Sequence[Any]) -> Sequenced:
             "forcing; give pairs (site, wall), for instance ((0, 1), (0, -1))."
         )
     for site, wall in pairs:
-        if not _whole(site):
+        if not is_whole(site):
             raise refuse(
                 f"site {site!r}: sites are whole numbers; site (i, j) of a grid has the number "
                 "i columns + j, a node of a graph its place among the nodes."
@@ -244,35 +243,26 @@ def checked_impacts(impacts: Sequence[Any]) -> Sequenced:
     return tuple((int(site), int(wall)) for site, wall in pairs)
 
 
-def _whole(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
 # --- which sections can be under which conditions ------------------------------------------------
 
 
-def check_walls(section: Section, on: Conditions) -> None:
-    """`BadInput` where a wall is not there, or walls or drive have no half section."""
-    walls = on.walls
+def check_possible(section: Section, on: Conditions) -> None:
+    """`BadInput` where a wall is not there, walls or drive have no half section, waves leave, or
+    nothing brings the sites back."""
     for site, wall in section.impacts:
-        if math.isinf(walls.position(site, wall)):
+        if math.isinf(on.walls.position(site, wall)):
             raise ImpossibleSequence(
                 f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
                 sequence=section.impacts,
             )
     if section.symmetric:
         check_symmetric(on.forcing)
-    if section.symmetric and not walls.symmetric:
+    if section.symmetric and not on.walls.symmetric:
         raise BadInput(
             "the walls are not symmetric, so no orbit is its own mirror image half a period "
             "later: there is no half section and no pitchfork; shoot the whole period, "
             "shooting(..., symmetric=False)."
         )
-
-
-def check_possible(section: Section, on: Conditions) -> None:
-    """`BadInput` where a wall is not there, waves leave, or nothing brings the sites back."""
-    check_walls(section, on)
     if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
     check_both_walls(section, on)
@@ -300,7 +290,7 @@ def check_both_walls(section: Section, on: Conditions) -> None:
 def check_order(section: Section, times: Any) -> None:
     """`BadInput` unless the impacts of each site come in order, within one section."""
     for site in section.hit:
-        indices = [j for j, (n, _) in enumerate(section.impacts) if n == site]
+        indices = section.of_site(site)
         # after the last impact of a section comes the first, a section later
         for j, later in zip(indices, [*indices[1:], indices[0]], strict=True):
             length = times[later] - times[j] + (section.length if later <= j else 0.0)

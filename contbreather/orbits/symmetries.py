@@ -21,7 +21,7 @@ from contbreather.lattice.finite import ROWS, Lattice
 from contbreather.orbits.orbit import Orbit, suitable
 from contbreather.orbits.section import Impact, Section
 
-SAME = 1e-7  # descriptions whose equations are off by less are right
+SAME = 1e-7  # times and impulses that differ by less are equal, equations off by less right
 ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
 
 
@@ -145,6 +145,12 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
         if motion.error < SAME:
             return replace(orbit, representation=motion)
     return None
+
+
+def second_half_repeats(orbit: Orbit) -> bool:
+    """Tell whether its second half is the first again, or its mirror image."""
+    halves = (part for part in _parts(orbit) if 2 * part.count == orbit.section.count)
+    return any(_first_of(orbit, half) for half in halves)
 
 
 def _first_of(orbit: Orbit, section: Section) -> tuple[Impact, ...]:

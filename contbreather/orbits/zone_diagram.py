@@ -332,11 +332,11 @@ def _from_dict(
     past_folds: bool,
     interrupted: bool,
     groups: dict[str, Branch] | None = None,
-    ceiling: float | None = None,  # older files have none
-    held: dict[str, float] | None = None,
-    beyond: bool = False,
+    ceiling: float | None,
+    held: dict[str, float],
+    beyond: bool,
 ) -> Zones:
-    plane = {fixed[0], *pair, *(held or {})} - ({"omega"} if held else set())
+    plane = {fixed[0], *pair, *held} - ({"omega"} if held else set())
     if plane != {*NEEDED} or {*curves} != {*KINDS}:
         raise BadInput(f"there are no zones in {pair} at {fixed[0]}, with curves of {[*curves]}")
     by_kind = {
@@ -346,5 +346,5 @@ def _from_dict(
     name, value = fixed
     return Zones(
         (name, value), (pair[0], pair[1]), by_kind, threshold, past_folds, interrupted, ceiling,
-        held or {}, beyond,
+        held, beyond,
     )  # fmt: skip

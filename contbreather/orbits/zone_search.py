@@ -30,6 +30,7 @@ from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.lattice.conditions import check_drive
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
+from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
@@ -60,7 +61,6 @@ FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
-VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
 BESIDE = (-3e-3, -3e-4, 3e-4, 3e-3)  # of a meeting a curve is looked for that the comb missed
 
@@ -245,6 +245,7 @@ class ZoneSearch:
         while waiting:
             point, since = waiting.pop()
             kind = _followed(point)
+            # where the impact has lost its velocity there is no event of an impacting breather
             if point["p"] < VANISHED or self._passes(kind, point, but=since):
                 continue
             with add_partial_result(self.curves[kind].append):

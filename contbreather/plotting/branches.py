@@ -20,8 +20,8 @@ from contbreather.continuation.curve.settings import MARGIN, walls_are_lifted
 from contbreather.continuation.events.step_interpolant import between
 from contbreather.continuation.files.resume import refined, with_columns
 from contbreather.errors import BadInput
-from contbreather.orbits.impact_sequence import ALIKE
 from contbreather.orbits.orbit_problem import OrbitProblem
+from contbreather.orbits.symmetries import SAME
 from contbreather.plotting import canvas
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn
 
@@ -221,8 +221,8 @@ def _parting(branches: Sequence[Branch]) -> str | None:
         if any(name not in branch.names or _upon_itself(branch, name) for branch in branches):
             continue
         spans = [(i, np.array([np.nanmin(arm[name]), np.nanmax(arm[name])])) for i, arm in arms]
-        apart = (abs(u - v).max() > ALIKE for (i, u), (j, v) in combinations(spans, 2) if i == j)
-        if all(np.ptp(span) > ALIKE for _, span in spans) and all(apart):
+        apart = (abs(u - v).max() > SAME for (i, u), (j, v) in combinations(spans, 2) if i == j)
+        if all(np.ptp(span) > SAME for _, span in spans) and all(apart):
             return name
     return None
 
@@ -230,7 +230,7 @@ def _parting(branches: Sequence[Branch]) -> str | None:
 def _upon_itself(branch: Branch, name: str) -> bool:
     """Tell a branch that turns back on one level: dashes upon others are seen as a solid line."""
     steps = np.diff(branch[branch.free])
-    return bool((steps < 0).any() and (steps > 0).any() and np.ptp(branch[name]) <= ALIKE)
+    return bool((steps < 0).any() and (steps > 0).any() and np.ptp(branch[name]) <= SAME)
 
 
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:

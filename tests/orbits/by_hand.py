@@ -146,8 +146,8 @@ def run_once(orbit: Orbit) -> float:
 def derivatives(
     equations: Any, x: np.ndarray, params: Mapping[str, float], h: float
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Each column of the Jacobian (named "") and each sensitivity, and what differences make of
-    the residual in its place."""
+    """Each column of the Jacobian (named "") and the slope in each parameter, and what differences
+    of the residual make in its place."""
 
     def at(unit: np.ndarray, moved: Mapping[str, float]) -> np.ndarray:
         return slope(
@@ -160,4 +160,4 @@ def derivatives(
     for column, unit in zip(equations.jacobian(x, params).T, np.eye(x.size), strict=True):
         yield "", column, at(unit, {})
     for name in params:
-        yield name, equations.sensitivity(x, params, name), at(np.zeros(x.size), {name: 1.0})
+        yield name, equations.along(x, params, {name: 1.0}), at(np.zeros(x.size), {name: 1.0})

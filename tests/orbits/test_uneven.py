@@ -49,7 +49,7 @@ def test_slopes_in_parameters_are_those_of_differences(
         return motion.equations.residual(motion.x, {**params, name: params[name] + h})
 
     differences = slope(moved, 1e-4)
-    assert motion.equations.sensitivity(motion.x, params, name) == pytest.approx(
+    assert motion.equations.along(motion.x, params, {name: 1.0}) == pytest.approx(
         differences, abs=1e-9 * max(1.0, abs(differences).max())
     )
 
@@ -58,7 +58,7 @@ def test_the_slope_along_the_pace_is_the_sum_of_those_in_all_three_parameters() 
     motion = cb.symmetric(**ON, omega=1.1).representation
     params, state = motion.conditions.params, {"gamma": 2.0, "spring": 2.0, "damping": 1.0}
     way = {name: power * params[name] for name, power in state.items()}
-    each = [rate * motion.equations.sensitivity(motion.x, params, n) for n, rate in way.items()]
+    each = [rate * motion.equations.along(motion.x, params, {n: 1.0}) for n, rate in way.items()]
     found = motion.equations.along(motion.x, params, way)
     assert found == pytest.approx(sum(each), abs=1e-12)
 
