@@ -83,11 +83,10 @@ class NormalModes(NamedTuple):
     lam: FloatArray  # ``w^2 = gamma lam + spring``
     unseen: FloatArray  # the same of the modes that vanish at all those sites
     shapes: FloatArray  # (N, K)
-    masses: FloatArray
 
     def at(self, n: ArrayLike) -> FloatArray:
         """Value of each mode at the sites n, shape ``(..., K)``."""
-        return np.asarray(self.shapes[whole_sites(n, len(self.masses))])
+        return np.asarray(self.shapes[whole_sites(n, len(self.shapes))])
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
         """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
@@ -310,7 +309,7 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
         # moves upwards: orbits in files are told by their modes, whatever their sign elsewhere
         top = (abs(there) > 0.999 * abs(there).max(axis=0)).argmax(axis=0)
         shapes.append(shape * np.sign(there[top, np.arange(seen)]))
-    return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
+    return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes))
 
 
 def _matrix(stiffness: Any) -> FloatArray:
