@@ -164,7 +164,10 @@ def grown_by(x: complex) -> complex:
 
 @inlined
 def complex_root(x: complex) -> complex:
-    half = math.sqrt(0.5 * (math.sqrt(x.real * x.real + x.imag * x.imag) + abs(x.real)))
+    size = abs(x.real)
+    if x.imag != 0.0:  # squares of small numbers vanish
+        size = math.sqrt(x.real * x.real + x.imag * x.imag)
+    half = math.sqrt(0.5 * (size + abs(x.real)))
     if half == 0.0:
         return 0j
     if x.real >= 0.0:
