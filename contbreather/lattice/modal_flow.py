@@ -28,18 +28,6 @@ from contbreather.lattice.uneven import Medium
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
-MOST = 5_000  # modes, two rows each: 10^8 numbers
-
-
-def check_modes(lattice: Finite, modes: int) -> None:
-    """Refuse more of them than a matrix of their perturbations is written down for."""
-    if modes > MOST:
-        raise BadInput(
-            f"{lattice.describe()}: its impacts move {modes} modes, and how an orbit changes is "
-            f"told by a matrix, of up to {MOST}; take fewer sites: with damping waves do not come "
-            "back."
-        )
-
 
 class ModalPropagator(NamedTuple):
     """One free flight of every mode, as a matrix ``[[cosine, reach], [-pull, swing]]``."""

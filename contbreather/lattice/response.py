@@ -263,12 +263,8 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to impulses
 
-    @cached_property
-    def _waves(self) -> ModeWaves:
-        """Waves of the modes with their slopes, for kernels."""
-        return self._found(self._held_modes)
-
     def _found(self, modes: HeldModes) -> ModeWaves:
+        """Waves of the modes with their slopes, for kernels."""
         waves = _room(modes.lam.size)
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
@@ -301,7 +297,7 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        return _told(self._waves, SIZE)
+        return _told(self._found(self._held_modes), SIZE)
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
@@ -460,7 +456,6 @@ def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArra
     drive = _pushes(of.lattice, of.drive, of.hits)
     MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
     of._check_apart(waves)
-    of.__dict__["_waves"] = waves  # all its answers are made of these
     if math.isnan(forced[VALUE].sum()):
         of.driven()  # says why
     return out, forced
