@@ -146,8 +146,7 @@ class Response:
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m)."""
-        f = self.drive
-        return np.array([f.f(times), f.df(times), f.d2f(times), f.d3f(times)])
+        return np.array(TrigonometricSeries(self.drive.harmonics).motion(times))
 
     def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """Derivatives of that in a parameter, without the third, (3, m)."""
