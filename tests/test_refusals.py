@@ -163,7 +163,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: Fourier(cos={1: 1e-200}), r"too little to be computed with; .* scale it up"),
     (lambda: Fourier(cos={1: 1e200}), r"too large to be computed with; .* scale it down"),
     (lambda: Harmonic().slope_harmonics("c3"), r"unknown forcing parameter 'c3': this forcing"),
-    (lambda: Fourier(cos={1: -1.0}).f_param("s1", 0.1), r"unknown forcing parameter 's1'"),
+    (lambda: Fourier(cos={1: -1.0}).slope_harmonics("s1"), r"unknown forcing parameter 's1'"),
     (lambda: Fourier(cos={1: -1.0}).at(c3=0.1), r"unknown forcing parameter 'c3': .* has c1"),
 ]
 

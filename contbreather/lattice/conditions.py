@@ -329,11 +329,11 @@ class SpringResponse(Periodic):
         spring = params.pop("spring")
         return spring_response(self.of.at(**params), spring)
 
-    def _slope(self, name: str) -> TrigonometricSeries:
-        """In a parameter of the forcing or in the spring."""
+    def slope_harmonics(self, name: str) -> Harmonics:
+        """Slope in a parameter of the forcing or in the spring."""
         if name == "spring":
-            return TrigonometricSeries(self._scaled(self.of.harmonics, 2))
-        return TrigonometricSeries(self._scaled(self.of.slope_harmonics(name)))
+            return self._scaled(self.of.harmonics, 2)
+        return self._scaled(self.of.slope_harmonics(name))
 
     def describe(self) -> str:
         return self.of.describe()

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import brief, flag, one_of, whole
 from contbreather.errors import BadInput
-from contbreather.kernels import inlined
 from contbreather.one_thread import one_thread
 from contbreather.parameters import parameter
 
@@ -83,31 +82,14 @@ class NormalModes(NamedTuple):
     lam: FloatArray  # ``w^2 = gamma lam + spring``
     unseen: FloatArray  # the same of the modes that vanish at all those sites
     shapes: FloatArray  # (N, K)
-    masses: FloatArray
 
     def at(self, n: ArrayLike) -> FloatArray:
         """Value of each mode at the sites n, shape ``(..., K)``."""
-        return np.asarray(self.shapes[whole_sites(n, len(self.masses))])
+        return np.asarray(self.shapes[whole_sites(n, len(self.shapes))])
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
         """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
         return np.asarray(modes @ self.shapes.T)
-
-
-@inlined
-def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
-    """C, S and S' of a mode, see `contbreather.lattice.modal_flow`: the solutions that start with
-    (1, 0) and (0, 1); S is finite at z = 0, and overdamped modes neither overflow nor cancel."""
-    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
-    root, decay = math.sqrt(abs(x)), math.exp(-lost)
-    if x >= 0.0:
-        c, s = decay * math.cos(root), decay * math.sin(root)
-    else:
-        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
-        c = 0.5 * (grown + fallen)
-        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
-    S = t * (s / root if root > 0.0 else decay)
-    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -310,7 +292,7 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
         # moves upwards: orbits in files are told by their modes, whatever their sign elsewhere
         top = (abs(there) > 0.999 * abs(there).max(axis=0)).argmax(axis=0)
         shapes.append(shape * np.sign(there[top, np.arange(seen)]))
-    return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
+    return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes))
 
 
 def _matrix(stiffness: Any) -> FloatArray:

@@ -113,9 +113,7 @@ class TrigonometricSeries:
         return tuple(out[:, 0].tolist()) if one else out.reshape(4, *times.shape)
 
     def at(self, t: Any, order: int) -> Any:
-        """The derivative of that order, at one time or many."""
-        if order > 3:  # of the second derivative, a series like this one
-            return self.second().at(t, order - 2)
+        """The derivative of that order, up to the third, at one time or many."""
         return self.motion(t)[order]
 
     def second(self) -> TrigonometricSeries:
@@ -182,7 +180,7 @@ class Periodic:
     # rms of what it leaves of samples that it was made of: no part of the drive
     residual: ClassVar[float | None] = None
     _series: TrigonometricSeries
-    _slopes: Mapping[str, TrigonometricSeries] = MappingProxyType({})  # by parameter
+    _slopes: Mapping[str, Harmonics] = MappingProxyType({})  # of f, by parameter
 
     if TYPE_CHECKING:
 
@@ -235,15 +233,8 @@ class Periodic:
         changed = have | params
         return self if changed == have else self._with(changed)
 
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        """Derivative of the order-th derivative of f with respect to one parameter."""
-        return float(self._slope(name).at(t, order))
-
     def slope_harmonics(self, name: str) -> Harmonics:
         """The series of the derivative of f with respect to one parameter."""
-        return self._slope(name).harmonics
-
-    def _slope(self, name: str) -> TrigonometricSeries:
         if name not in self._slopes:
             raise self._unknown([name])
         return self._slopes[name]
@@ -377,7 +368,10 @@ class Fourier(Periodic):
         # f'' = F, eq. (5): each harmonic over -m^2
         f = tuple((m, _over(m, c.get(m, 0.0)), _over(m, s.get(m, 0.0))) for m in orders)
         object.__setattr__(self, "_series", TrigonometricSeries(f))
-        object.__setattr__(self, "_slopes", {name: _unit(name) for name in self.params})
+        # f is linear in its coefficients: the slope in one is the f of that term alone
+        slopes = {f"c{m}": ((m, _over(m, 1.0), 0.0),) for m in c}
+        slopes |= {f"s{m}": ((m, 0.0, _over(m, 1.0)),) for m in s}
+        object.__setattr__(self, "_slopes", slopes)
 
     @classmethod
     def from_response(
@@ -500,15 +494,6 @@ class Fourier(Periodic):
 
     def __repr__(self) -> str:
         return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)}){self._remark}"
-
-
-@lru_cache(maxsize=256)
-def _unit(name: str) -> TrigonometricSeries:
-    """f of the force cos(m t) or sin(m t), by the name of its coefficient."""
-    m = int(name[1:])
-    # f is linear in its coefficients: the slope in one is the f of that term alone
-    over = _over(m, 1.0)
-    return TrigonometricSeries(((m, over, 0.0) if name[0] == "c" else (m, 0.0, over),))
 
 
 def _over(m: int, coefficient: float) -> float:

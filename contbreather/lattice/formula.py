@@ -24,6 +24,7 @@ from contbreather.lattice.forcing import (
     FloatArray,
     Forcing,
     Harmonic,
+    Harmonics,
     Periodic,
     Samples,
     TrigonometricSeries,
@@ -165,10 +166,8 @@ def _value(node: ast.expr) -> Value:
 
 
 @lru_cache(maxsize=256)  # residual, Jacobian and sensitivities ask for the same few in turn
-def _series_of(
-    formula: Formula, values: tuple[tuple[str, float], ...]
-) -> dict[str, TrigonometricSeries]:
-    """Series of f under the name "", of its slopes under the names of the parameters."""
+def _harmonics_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[str, Harmonics]:
+    """Those of f under the name "", of its slopes under the names of the parameters."""
     params = dict(values)
     size = 16
     resolved: Any = np.False_
@@ -193,7 +192,7 @@ def _series_of(
         slope = f"the forcing {brief(f'd/d{name} of {formula.text}')}"
         _check(slope if name else subject, at, spectrum, row, fine)
     floor = 1e-17 * float(abs(spectra[0]).max())
-    responses = [TrigonometricSeries(response_of(spectrum, floor)) for spectrum in spectra]
+    responses = [response_of(spectrum, floor) for spectrum in spectra]
     return dict(zip(["", *params], responses, strict=True))
 
 
@@ -294,9 +293,9 @@ class Symbolic(Periodic):
         _check_names(formula, params)
         object.__setattr__(self, "expression", formula.text)
         object.__setattr__(self, "values", tuple((n, float(params[n])) for n in sorted(params)))
-        series = _series_of(formula, self.values)
-        object.__setattr__(self, "_series", series[""])
-        object.__setattr__(self, "_slopes", {name: series[name] for name in params})
+        harmonics = _harmonics_of(formula, self.values)
+        object.__setattr__(self, "_series", TrigonometricSeries(harmonics[""]))
+        object.__setattr__(self, "_slopes", {name: harmonics[name] for name in params})
 
     @property
     def params(self) -> dict[str, float]:
@@ -347,7 +346,7 @@ def sampled(force: Callable[[float], float]) -> Samples:
             ) from error
 
     formula = Formula(name, frozenset(), value, 1)
-    series = _series_of(formula, ())[""]
+    series = TrigonometricSeries(_harmonics_of(formula, ())[""])
     # four samples to the shortest period, as `Samples` asks for
     size = max(8, 4 * max(m for m, _, _ in series.harmonics))
     return Samples(series.second().on_grid(size) + series.mean)

@@ -11,6 +11,7 @@ entire functions of x, so that drifting (z = 0) and overdamped modes need no cas
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -19,25 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.kernels import Cube, Kernel, Vector
-from contbreather.lattice.finite import Finite, mode_solutions
+from contbreather.kernels import Kernel, Matrix, Vector, inlined
+from contbreather.lattice.finite import Finite
 from contbreather.lattice.forcing import Forcing, Harmonics
 from contbreather.lattice.uneven import Medium
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
-
-MOST = 5_000  # modes, two rows each: 10^8 numbers
-
-
-def check_modes(lattice: Finite, modes: int) -> None:
-    """Refuse more of them than a matrix of their perturbations is written down for."""
-    if modes > MOST:
-        raise BadInput(
-            f"{lattice.describe()}: its impacts move {modes} modes, and how an orbit changes is "
-            f"told by a matrix, of up to {MOST}; take fewer sites: with damping waves do not come "
-            "back."
-        )
 
 
 class ModalPropagator(NamedTuple):
@@ -54,21 +43,34 @@ class ModalPropagator(NamedTuple):
         return c * q + s * r, d * r - p * q
 
 
-def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagator:
-    """The flight over a time (or times, shape ``(..., 1)``) of modes with stiffness z."""
-    times = np.asarray(time, dtype=float)
-    out = np.empty((3, times.size, z.size))
-    PROPAGATORS(z, float(damping), times.ravel(), out)
-    cosine, reach, swing = out.reshape(3, *times.shape[:-1], z.size)
+def propagator(z: FloatArray, time: float, damping: float = 0.0) -> ModalPropagator:
+    """The flight over a time of modes with stiffness z."""
+    out = np.empty((3, z.size))
+    PROPAGATORS(z, damping, time, out)
+    cosine, reach, swing = out
     return ModalPropagator(cosine, reach, z * reach, swing)
 
 
-def propagators(z: Vector, damping: float, times: Vector, out: Cube) -> None:
-    """C, S and S' of each mode after each time."""
-    for i in range(times.size):
-        for j in range(z.size):
-            C, S, dS = mode_solutions(z[j], damping, times[i])
-            out[0, i, j], out[1, i, j], out[2, i, j] = C, S, dS
+@inlined
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
+    """C, S and S' of a mode: S is finite at z = 0, and overdamped modes neither overflow nor
+    cancel."""
+    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
+    root, decay = math.sqrt(abs(x)), math.exp(-lost)
+    if x >= 0.0:
+        c, s = decay * math.cos(root), decay * math.sin(root)
+    else:
+        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
+        c = 0.5 * (grown + fallen)
+        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
+    S = t * (s / root if root > 0.0 else decay)
+    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
+
+
+def propagators(z: Vector, damping: float, time: float, out: Matrix) -> None:
+    """C, S and S' of each mode after a time, in rows."""
+    for i in range(z.size):
+        out[0, i], out[1, i], out[2, i] = mode_solutions(z[i], damping, time)
 
 
 PROPAGATORS = Kernel(propagators)

@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, inlined
-from contbreather.lattice.periodic_green import LATE, SLACK
+from contbreather.lattice.periodic_green import section_length, sections_between
 
 CLOSE = 0.05  # of the distance to the next harmonic, z from 0 or from critical damping
 RADIUS = 0.1  # of that distance: 16 places on the circle are exact to 0.1^16
@@ -91,11 +91,6 @@ def find_waves(of: HeldModes, on: Recurring, out: ModeWaves) -> None:
 
 
 @inlined
-def section_length(on: Recurring) -> float:
-    return (1.0 if on.half else 2.0) * math.pi * on.turns
-
-
-@inlined
 def harmonic_gap(z: float, swing: float, damping: float, on: Recurring) -> float:
     """Distance of z from the harmonics of the orbit; that of 0 is taken out, and so is a swing."""
     first = 1.0 / on.turns
@@ -164,7 +159,10 @@ def grown_by(x: complex) -> complex:
 
 @inlined
 def complex_root(x: complex) -> complex:
-    half = math.sqrt(0.5 * (math.sqrt(x.real * x.real + x.imag * x.imag) + abs(x.real)))
+    size = abs(x.real)
+    if x.imag != 0.0:  # squares of small numbers vanish
+        size = math.sqrt(x.real * x.real + x.imag * x.imag)
+    half = math.sqrt(0.5 * (size + abs(x.real)))
     if half == 0.0:
         return 0j
     if x.real >= 0.0:
@@ -177,19 +175,16 @@ def modal_interactions(
     out: Cube,
 ) -> None:  # fmt: skip
     """Answers of each impact's site to each impact, ``[VALUE + order, i, j]``, order 0 to 3, and
-    their slopes in gamma, spring and damping, to order 2: as they go on where the last impact comes
-    after the first of the next section; of an impact to itself the mean velocity, and the
-    acceleration just before."""
+    their slopes in gamma, spring and damping, to order 2, see `sections_between`; of an impact to
+    itself the mean velocity, and the acceleration just before."""
     T, slope = section_length(on), 0.0
     for i in range(times.size):
         for j in range(times.size):
             for row in range(out.shape[0]):
                 out[row, i, j] = 0.0
-            since = times[i] - times[j]
-            past = math.floor((since + LATE * on.turns + SLACK * abs(since)) / T)
-            if abs(since) < 1.5 * T:
-                past = min(max(past, -1), 0)
-            s, sign = since - T * past, -1.0 if on.half and past % 2 != 0 else 1.0
+            past = sections_between(on, times[i] - times[j])
+            s = times[i] - times[j] - T * past
+            sign = -1.0 if on.half and past % 2 != 0 else 1.0
             for k in range(lam.size):
                 weight = weights[i, j, k]
                 out[VALUE, i, j] += weight * of.level[k, 0]

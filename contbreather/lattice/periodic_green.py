@@ -100,11 +100,24 @@ class Responses(NamedTuple):
 
 
 @inlined
-def sections_since(responses: Responses, since: float) -> int:
+def section_length(on: Any) -> float:
+    """Time after which impacts recur, of whatever has its ``turns`` and tells whether it is
+    ``half`` a period."""
+    return (1.0 if on.half else 2.0) * math.pi * on.turns
+
+
+@inlined
+def sections_since(on: Any, since: float) -> int:
     """Count how often an impact has recurred; just after it, it has."""
-    width = math.pi if responses.half else 2.0 * math.pi
-    s = since / responses.turns
-    return math.floor((s + LATE + SLACK * abs(s)) / width)
+    return math.floor((since + LATE * on.turns + SLACK * abs(since)) / section_length(on))
+
+
+@inlined
+def sections_between(on: Any, since: float) -> int:
+    """Count them between impacts of one section, whose answers to each other go on as they are
+    where the last one comes after the first of the next."""
+    past = sections_since(on, since)
+    return min(max(past, -1), 0) if abs(since) < 1.5 * section_length(on) else past
 
 
 @inlined
@@ -169,14 +182,11 @@ def responses_at(responses: Responses, since: Vector, rows: Counts, out: Matrix)
 
 def interactions(responses: Responses, times: Vector, out: Cube) -> None:
     """Responses of impacts of one section to each other: ``h_ij`` and three derivatives at
-    ``t_i - t_j``, as they go on where the last one comes after the first of the next section."""
-    half = (0.5 if responses.half else 1.0) * math.pi * responses.turns  # of a section
+    ``t_i - t_j``, see `sections_between`."""
     for i in range(times.size):
         for j in range(times.size):
             row, since = responses.which[i, j], times[i] - times[j]
-            past = sections_since(responses, since)
-            if abs(since) < 3.0 * half:
-                past = min(max(past, -1), 0)
+            past = sections_between(responses, since)
             h, dh, d2h, d3h = response_in(responses, row, since, past)
             out[0, i, j], out[1, i, j], out[2, i, j], out[3, i, j] = h, dh, d2h, d3h
 

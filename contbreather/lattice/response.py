@@ -146,8 +146,7 @@ class Response:
 
     def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m)."""
-        f = self.drive
-        return np.array([f.f(times), f.df(times), f.d2f(times), f.d3f(times)])
+        return np.array(TrigonometricSeries(self.drive.harmonics).motion(times))
 
     def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
         """Derivatives of that in a parameter, without the third, (3, m)."""
@@ -263,12 +262,8 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to impulses
 
-    @cached_property
-    def _waves(self) -> ModeWaves:
-        """Waves of the modes with their slopes, for kernels."""
-        return self._found(self._held_modes)
-
     def _found(self, modes: HeldModes) -> ModeWaves:
+        """Waves of the modes with their slopes, for kernels."""
         waves = _room(modes.lam.size)
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
@@ -301,7 +296,7 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        return _told(self._waves, SIZE)
+        return _told(self._found(self._held_modes), SIZE)
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
@@ -460,7 +455,6 @@ def _modal_place(of: ModalResponse, times: bytes) -> tuple[FloatArray, FloatArra
     drive = _pushes(of.lattice, of.drive, of.hits)
     MODAL_PLACE(modes, weights, of._section, drive, at, waves, out, forced)
     of._check_apart(waves)
-    of.__dict__["_waves"] = waves  # all its answers are made of these
     if math.isnan(forced[VALUE].sum()):
         of.driven()  # says why
     return out, forced

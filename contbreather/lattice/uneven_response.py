@@ -87,7 +87,7 @@ class UnevenResponse(ModalResponse):
     @cached_property
     def basis(self) -> Basis:
         size = self.lattice.sites
-        return NormalModes(np.zeros(size), np.empty(0), np.eye(size), np.ones(size))
+        return NormalModes(np.zeros(size), np.empty(0), np.eye(size))
 
     def table(self, sites: Sites, by: str = "") -> Responses:
         return _site_table(self, sites, by)

@@ -23,6 +23,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector
+from contbreather.lattice.modal_waves import complex_root
 
 NEAR = 5  # aliases |a| <= 5 are exact
 ORDERS = 11  # of w^2/kappa_a^2 <= 1/30: below rounding
@@ -140,22 +141,14 @@ def over(z: complex) -> complex:
     return z.conjugate() * (1.0 / (z.real * z.real + z.imag * z.imag))
 
 
-def root_of(x: float, y: float) -> complex:
-    """The square root of x + iy with y >= 0, in the first quadrant."""
-    if y == 0.0:
-        return complex(math.sqrt(x), 0.0) if x >= 0.0 else complex(0.0, math.sqrt(-x))
-    large = math.sqrt(0.5 * (abs(x) + math.sqrt(x * x + y * y)))
-    small = 0.5 * y / large
-    return complex(large, small) if x >= 0.0 else complex(small, large)
-
-
 def edge_root(edge: float, kappa: complex) -> complex:
     """``sqrt(kappa^2 - edge^2)``, like kappa far off, for Im kappa <= 0; on the band its limit from
     below. As a product of two roots it is exact next to either edge, and zero at them."""
     if edge == 0.0:
         return kappa
     depth = abs(kappa.imag)
-    return (root_of(kappa.real - edge, depth) * root_of(kappa.real + edge, depth)).conjugate()
+    first = complex_root(complex(kappa.real - edge, depth))
+    return (first * complex_root(complex(kappa.real + edge, depth))).conjugate()
 
 
 def band_roots(orbit: Impacts, kappa: complex) -> tuple[complex, complex]:

@@ -18,11 +18,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modal_flow import (
-    check_modes,
-    free_multipliers,
-    propagator,
-)
+from contbreather.errors import BadInput
+from contbreather.lattice.modal_flow import free_multipliers, propagator
 from contbreather.lattice.uneven import Medium
 from contbreather.one_thread import one_thread
 from contbreather.stability.saltation import Saltation, saltation
@@ -41,6 +38,7 @@ ComplexArray = NDArray[np.complex128]
 Array = NDArray[Any]
 
 EPS = float(np.finfo(float).eps)
+MOST = 5_000  # modes of which there is a matrix, two rows each: 10^8 numbers
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 DRIFTS = 1e-10  # squared frequency below which a mode only drifts over a section
 
@@ -158,7 +156,12 @@ class ModalMap:
     @cached_property
     def matrix(self) -> FloatArray:
         """The map of the modes that impacts see, (2K, 2K)."""
-        check_modes(self.lattice, self.z.size)
+        if self.z.size > MOST:
+            raise BadInput(
+                f"{self.lattice.describe()}: its impacts move {self.z.size} modes, and how an "
+                f"orbit changes is told by a matrix, of up to {MOST}; take fewer sites: with "
+                "damping waves do not come back."
+            )
         return np.asarray(self.applied(np.eye(2 * self.z.size)))
 
     @property

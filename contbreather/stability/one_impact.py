@@ -270,6 +270,12 @@ class RealScalars:
         """Count the real multipliers farther out than 1 or -1, on its side: one or none."""
         return 1 * (self.crosses(place) < 0.0)
 
+    def on_circle(self: Any, angle: float, radius: float = 1.0) -> Any:
+        """The value of `gradient` at ``radius exp(i pi angle)``; of 1 and -1 the scalar."""
+        if radius == 1.0 and angle in (0.0, 1.0):
+            return self.crosses(1.0 - 2.0 * angle)
+        return self.gradient(angle, radius).value
+
 
 @dataclass(frozen=True)
 class HalfMap(RealScalars):
@@ -317,12 +323,6 @@ class HalfMap(RealScalars):
     def nearest(self) -> float:
         """Angle, over pi, of the pair closest to leaving, at the nearer end of the window."""
         return self.window.low if self.b < self.window.centre else self.window.high
-
-    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """F at ``exp(i pi angle)``, on the band; of real ones the scalar."""
-        if angle in (0.0, 1.0):
-            return self.crosses(1.0 - 2.0 * angle)
-        return self.gradient(angle).value
 
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
         """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
@@ -399,11 +399,6 @@ class RingHalfMap(RealScalars, ModalMap):
             return super().coupled
         single = np.array([[1.0, math.pi], [0.0, 1.0]]) @ self.blows[0].saltation
         return np.append(np.linalg.eigvals(single).astype(complex), np.ones(2 * self.z.size - 2))
-
-    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        if radius == 1.0 and angle in (0.0, 1.0):
-            return self.crosses(1.0 - 2.0 * angle)
-        return self.gradient(angle, radius).value
 
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
         """D at ``radius exp(i pi angle)``, with its derivatives."""

