@@ -387,7 +387,7 @@ class Problem(Structure):
             not solution.converged
             and (abs(value) <= rounding(curve.jacobian(self.x), self.x)).all()
         ):
-            return self, Solution(self.x, True, 0, before, 0.0)
+            return self, Solution(self.x, True, 0, before)
         # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():

@@ -148,7 +148,7 @@ def _further(
     if (first := line[0]).kind == "EP" and first.parent is None:  # no end any more
         del made[0 if side == "last" else len(longer) - 1]
     points = labelled(replace(longer.points, made=made))
-    return replace(longer, points=points, stop=Stop.CLOSED, reason="", began=None, began_reason="")
+    return replace(longer, points=points, reason="", began=None, began_reason="")
 
 
 # --- finer, and with more columns ---------------------------------------------------------------
