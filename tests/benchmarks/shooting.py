@@ -116,15 +116,16 @@ def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
     from contbreather.continuation.branches.switching import follow, seeds_at
+    from contbreather.continuation.curve.settings import Settings
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
     fork = cb.trace(start, "a", within={"a": (0.7, 0.9)}).first("PF")
     seed = seeds_at(fork)[0]
-    whole = follow(fork, seed)
+    whole = follow(fork, seed, Settings())
     step = whole[-1].arclength / points  # short, for that many of them
 
     def walk() -> tuple[Any, Any]:
-        arm = follow(fork, seed, steps=cb.Steps(first=step, largest=step))
+        arm = follow(fork, seed, Settings(steps=cb.Steps(first=step, largest=step)))
         return arm, arm["unstable"]
 
     seconds = best_of(walk)

@@ -226,6 +226,15 @@ def test_a_one_way_branch_turned_ends_where_it_set_out() -> None:
     assert turned.reversed().began is None
 
 
+def test_a_closed_branch_is_closed_either_way_but_no_piece_of_it_is() -> None:
+    loop = cb.trace(CIRCLE.problem, "mu")
+    turned = loop.reversed()
+    assert loop.stop is turned.stop is turned[:].stop is Stop.CLOSED
+    with pytest.raises(BadInput, match="closed: there is nothing beyond"):
+        cb.extend(turned)
+    assert [loop[5:].stop, loop[:5].stop, loop[5:].began] == [Stop.CUT] * 3
+
+
 def test_joining_shifts_arclength_and_counts_labels_on() -> None:
     first = cb.trace(CUSP.problem, "h", within={"x": (-2.0, 0.0)}, events=[cb.fold()])
     second = cb.trace(first[-1], "h", within={"x": (-0.1, 2.0)}, events=[cb.fold()], towards="down")

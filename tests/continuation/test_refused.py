@@ -261,6 +261,8 @@ GIVEN: list[Row] = [
     (line, (), {"events": [cb.fold]},  # not called
      r"an Event was expected, fold\(\) for instance, got <function fold"),
     (line, (), {"events": [cb.user("nu", 0.3)]}, r"no 'nu' at this point; it has \['x', 'mu'\]"),
+    (cb.trace, (FOUR, "mu"), {"events": [cb.user("u", 0.3)]},
+     r"the test of UZ gave array.*; one real number was expected"),
     *(
         (measured, (value, since), {}, r"the test of UZ gave .*; one real number was expected")
         for value in (None, 1j, np.array([1.0]), [1.0, 2.0], "a")

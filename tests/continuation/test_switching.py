@@ -23,6 +23,7 @@ from contbreather.continuation.branches.switching import (
     follow,
     switch,
 )
+from contbreather.continuation.curve.settings import Settings
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from . import zoo
@@ -265,7 +266,7 @@ def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     along = np.array([0.0, 1.0])
     point, seed = with_seed(np.zeros(2), np.array([1e-3, 1.0]), along)
     with pytest.raises(ArmsCoincide, match="follows the branch it was to leave") as caught:
-        follow(point, seed, within=MU)
+        follow(point, seed, Settings(MU))
     assert caught.value.distance < 1e-4
     assert len(caught.value.arm) > 2
     assert isinstance(caught.value, NotConverged)
@@ -302,7 +303,7 @@ def test_arms_that_coincide_are_refused_with_both() -> None:
 def test_seeds_that_are_on_no_curve_are_refused(z: list[float], tangent: list[float], match: str):
     point, seed = with_seed(np.array(z), np.array(tangent))
     with pytest.raises(BadInput, match=match):
-        follow(point, seed, within=MU)
+        follow(point, seed, Settings(MU))
 
 
 def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:
@@ -314,7 +315,7 @@ def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:
     point = zoo.trace_case(zoo.PITCHFORK).first("BP")
     seed = Seed(cb.Problem(residual, {"x": 0.0}, {"mu": 0.0}), np.zeros(2), np.array([1.0, 0.0]))
     with pytest.raises(NotConverged, match="no step can be made along an arm"):
-        follow(point, seed, within=MU, steps=cb.Steps(smallest=1e-3))
+        follow(point, seed, Settings(MU, steps=cb.Steps(smallest=1e-3)))
 
 
 # --- the door to the walk ---------------------------------------------------------------------

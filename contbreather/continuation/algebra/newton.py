@@ -35,7 +35,6 @@ class Solution:
     converged: bool
     iterations: int
     residual: float  # largest entry of the equations at z
-    correction: float  # length of the last step, an estimate of the error before it
 
 
 class Equations(Protocol):
@@ -60,7 +59,7 @@ def newton(
     Raises `Undefined` where the equations have no value.
     """
     size = 1.0 + curve.length(z)
-    bound, previous, moved, reuse = tolerance * size, math.inf, math.inf, False
+    bound, previous, reuse = tolerance * size, math.inf, False
     for iteration in range(1, most + 1):
         value = curve.equations(z)
         if not reuse:
@@ -76,7 +75,7 @@ def newton(
         if slow and moved > bound:
             solved = bool((abs(value) <= rounding(matrix, z)).all())
             if solved or moved > 2.0 * previous:
-                return Solution(z, solved, iteration, float(abs(value).max()), moved)
+                return Solution(z, solved, iteration, float(abs(value).max()))
         z = z - step
         if moved <= bound and (
             slow or bound < LARGE * tolerance or _each_is_short(curve, z, step, tolerance)
@@ -87,12 +86,12 @@ def newton(
                 terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
                 # relative to the terms of its row: a solution, where Newton's iteration is blind
                 solved = bool((abs(value) <= 1e-12 * terms).all())
-            return Solution(z, solved, iteration, float(abs(value).max()), moved)
+            return Solution(z, solved, iteration, float(abs(value).max()))
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
         # and no curvature is in the way where it is so much shorter than the one before
         reuse = z.size > FEW and moved <= min(_REUSED * size, 1e-2 * previous)
         previous = moved
-    return Solution(z, False, most, float(abs(curve.equations(z)).max()), moved)
+    return Solution(z, False, most, float(abs(curve.equations(z)).max()))
 
 
 def chord(
@@ -134,7 +133,7 @@ def chord(
             if not roughly:
                 z = z - step
                 value = curve.equations(z)
-            return Solution(z, True, 1, float(abs(value).max()), moved)
+            return Solution(z, True, 1, float(abs(value).max()))
         if singular or not moved <= most:
             return None
         steps.append(step)

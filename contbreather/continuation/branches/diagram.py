@@ -23,7 +23,7 @@ from ..curve.point import Event, Point
 from ..curve.problem import Problem
 from ..curve.settings import Settings, Steps, Within
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
-from ..walk.trace import Startable, trace
+from ..walk.trace import Startable, walk_from
 from .duplicates import duplicate_of, ending_at, same_place, simplest
 from .switching import Seed, branches_leave, follow, seeds_at
 
@@ -308,9 +308,7 @@ class _Growth:
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
-        walk = partial(trace, start, self.free)
-        asked = self.settings
-        self._grow(Bifurcation(0), walk, within=asked.within, events=asked.events)
+        self._grow(Bifurcation(0), partial(walk_from, start, self.free), self.settings)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -350,17 +348,21 @@ class _Growth:
     def _follow(self, place: Place, seed: Seed) -> None:
         """Follow one arm, unless its first step is on a branch that is known."""
         problem, point = seed.problem, place.point
-        # those that were given, for the problem they were given for
-        steps, same = self.settings.steps, problem.residual is point.curve.problem.residual
-        events = self.settings.events if same else None
-        within = self._within(problem)
-        glance = partial(follow, point, seed, within=within, events=(), progress=False)
-        first = glance(steps=replace(steps, most=1))
+        settings, steps = self._settings(problem), self.settings.steps
+        if problem.residual is point.curve.problem.residual:
+            # those that were given, for the problem they were given for
+            settings = replace(settings, events=self.settings.events)
+
+        def glance(most: int) -> Branch:
+            short = replace(settings, events=(), steps=replace(steps, most=most))
+            return follow(point, seed, short, progress=False)
+
+        first = glance(1)
         if len(first) < 2 and first.stop is Stop.BOUND:
             return  # at the edge of the window, beyond which it lies
         if first.curve.length(first[-1].z - first[0].z) < 0.1 * steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
-            first = glance(steps=replace(steps, most=12))
+            first = glance(12)
         reach = first.curve.length(first[-1].z - first[0].z)
         duplicate = duplicate_of(first[-1], self.tree, reach) or ending_at(first[0], self.tree)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
@@ -378,11 +380,11 @@ class _Growth:
         birth = Bifurcation(self.tree.births[place.branch].depth + 1, place, image_of)
         small, walk = simplest(first[-1], reach), partial(follow, point, seed)
         if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
-            walk, events = partial(trace, small.problem, self.free), None
-            within = self._within(small.problem)
-        self._grow(birth, walk, within=within, events=events)
+            walk = partial(walk_from, small.problem, self.free)
+            settings = self._settings(small.problem)
+        self._grow(birth, walk, settings)
 
-    def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], **how: Any) -> None:
+    def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], settings: Settings) -> None:
         """Follow one more branch; where it is interrupted, keep what there is of it."""
 
         def whole(piece: Branch) -> Diagram | None:
@@ -392,12 +394,14 @@ class _Growth:
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
             save = self.kept and Inner(self.kept, whole)
-            branch = walk(**how, steps=self.settings.steps, progress=self.shown, save=save)
+            branch = walk(settings, progress=self.shown, save=save)
         self._add(branch, birth)
 
-    def _within(self, problem: Problem) -> Within:
+    def _settings(self, problem: Problem) -> Settings:
+        """Settings for another problem: the windows that it has, and its own events."""
         within = self.settings.within.items()
-        return {name: window for name, window in within if name in problem.names}
+        there = {name: window for name, window in within if name in problem.names}
+        return replace(self.settings, within=there, events=None)
 
     def _add(self, branch: Branch, birth: Bifurcation) -> None:
         places, fresh = list[Place](), list[Place]()

@@ -27,7 +27,7 @@ from ..curve.curve import Curve
 from ..curve.kinds import look_of
 from ..curve.point import Event, Point
 from ..curve.problem import Problem
-from ..curve.settings import Settings, Steps, Within, all_of, walls_are_lifted
+from ..curve.settings import Settings, Steps, Within, walls_are_lifted
 from ..systems.branch_points import GAP
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import walk_from
@@ -274,7 +274,7 @@ def switch(
             f"switch takes a special point of a branch, branch.first('PF') for instance; got "
             f"{kind_of(point)}"
         )
-    listed = all_of(events)
+    settings = Settings.of(within, events, steps, False)
     arms: list[Branch] = []
     with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
         inner = kept and Inner(kept, lambda arm: (*arms, arm))
@@ -283,12 +283,9 @@ def switch(
                 continue
             here, there = point.curve.problem, seed.problem
             same = there.residual is here.residual or there.events == here.events
-            asked = point.curve.asked if listed is None and same else listed
+            asked = point.curve.asked if settings.events is None and same else settings.events
             with add_partial_result(arms.append):
-                arm = follow(
-                    point, seed, within=within, events=asked, steps=steps, progress=progress,
-                    save=inner,
-                )  # fmt: skip
+                arm = follow(point, seed, replace(settings, events=asked), progress, inner)
             _refuse_twins(arm, arms)
             moved = [*images(arm[1])] if len(arm) > 1 else []
             known = (i for i, other in enumerate(arms) if any(lies_on(at, other) for at in moved))
@@ -335,19 +332,15 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
 def follow(
     point: Point,
     seed: Seed,
-    *,
-    within: Within | None = None,
-    events: Event | Iterable[Event] | None = None,
-    steps: Steps | None = None,
+    settings: Settings,
     progress: bool | Counter | None = None,
     save: Checkpoint | None = None,
 ) -> Branch:
-    """One arm from a point, which is its first; arguments are as for `trace`."""
+    """One arm from a point, which is its first; without the walls that its branch is without."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
     start = Point(Curve(seed.problem, (free,)), seed.z.copy()).problem
-    settings = Settings.of(within, events, steps, lifted)
     arm = walk_from(
-        start, free, settings, along=seed.tangent, progress=progress, save=save,
+        start, free, replace(settings, inadmissible=lifted), "both", seed.tangent, progress, save,
         whole=partial(_with_parent, point=point, seed=seed), crosses=seed.parent is not None,
     )  # fmt: skip
     if len(arm) == 1 and arm.stop.failed:

@@ -287,7 +287,8 @@ class Branch(Columns, HtmlRepr):
         piece = replace(self, points=self.points[key], doubtful=doubtful)
         if first:
             piece = replace(piece, began=Stop.CUT, began_reason="")
-        return piece if last == len(self) - 1 else replace(piece, stop=Stop.CUT, reason="")
+        whole = last == len(self) - 1 and not (first and self.stop is Stop.CLOSED)
+        return piece if whole else replace(piece, stop=Stop.CUT, reason="")
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):
@@ -380,14 +381,17 @@ class Branch(Columns, HtmlRepr):
     def reversed(self) -> Branch:
         """Walk the same points the other way."""
         end = self.points[-1].arclength
+        points = labelled(self.points.measured(-1, end))
+        doubtful = tuple(_measured(point, -1, end) for point in reversed(self.doubtful))
+        turned = replace(self, points=points, doubtful=doubtful)
+        if self.stop is Stop.CLOSED:
+            return turned
         return replace(
-            self,
-            points=labelled(self.points.measured(-1, end)),
+            turned,
             stop=self.began or Stop.START,
             began=None if self.stop is Stop.START else self.stop,
             reason=self.began_reason,
             began_reason=self.reason,
-            doubtful=tuple(_measured(point, -1, end) for point in reversed(self.doubtful)),
         )
 
     def table(self) -> Sheet:

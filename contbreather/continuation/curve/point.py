@@ -510,7 +510,8 @@ class Level:
     value: float
 
     def __call__(self, point: Point) -> float:
-        return float(point[self.name] - self.value)
+        above: float = point[self.name] - self.value
+        return above
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self(Point(curve, z.copy()))])

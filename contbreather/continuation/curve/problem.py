@@ -337,7 +337,14 @@ class Problem(Structure):
         >>> round(by_area.solve()[0].start["x"], 12), list(by_area.params)
         (2.0, ['mu', 'area'])
         """
-        return TiedProblem.tie(self, functions, values)
+        ties, params = Ties.checked(self, functions, values)
+        gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
+        return TiedProblem(
+            ties.of(self.residual), self.start, params, events=self.events, label=self.label,
+            record={**self.record, **gone}, ties=ties,
+            domain={n: edges for n, edges in self.domain.items() if n not in functions},
+            scales={n: size for n, size in self.scales.items() if n not in functions},
+        )  # fmt: skip
 
     def check_names(self, names: Iterable[str]) -> None:
         for name in names:
@@ -380,7 +387,7 @@ class Problem(Structure):
             not solution.converged
             and (abs(value) <= rounding(curve.jacobian(self.x), self.x)).all()
         ):
-            return self, Solution(self.x, True, 0, before, 0.0)
+            return self, Solution(self.x, True, 0, before)
         # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
@@ -427,20 +434,6 @@ class TiedProblem(Problem):
     """A problem whose parameters are functions of others, from `Problem.tied`."""
 
     ties: Ties = field(kw_only=True)
-
-    @classmethod
-    def tie(
-        cls, base: Problem, functions: Mapping[str, Any], values: Mapping[str, float], **more: Any
-    ) -> Any:
-        """Tie a problem; `more` are fields of a derived class."""
-        ties, params = Ties.checked(base, functions, values)
-        gone = {n: partial(_of_point, f) for n, f in functions.items() if n not in params}
-        return cls(
-            ties.of(base.residual), base.start, params, events=base.events, label=base.label,
-            record={**base.record, **gone}, ties=ties,
-            domain={n: edges for n, edges in base.domain.items() if n not in functions},
-            scales={n: size for n, size in base.scales.items() if n not in functions}, **more,
-        )  # fmt: skip
 
     @property
     def base(self) -> Problem:

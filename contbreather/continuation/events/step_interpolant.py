@@ -96,13 +96,13 @@ class StepInterpolant:
         return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
 
 
-def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
+def between(first: Point, last: Point) -> Point | None:
     """The point halfway between two neighbours of a branch, solved for; None for none."""
     # neighbours closer than this have nothing between them
     if last.arclength - first.arclength <= 1e-8 * (1 + first.curve.length(first.z)):
         return None
     try:
-        return StepInterpolant(first, last, tolerance).at(0.5)
+        return StepInterpolant(first, last, 1e-9).at(0.5)
     except OUT_OF_DOMAIN:
         return None
 

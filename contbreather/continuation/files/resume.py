@@ -142,13 +142,13 @@ def _further(
         line[-1].problem, branch.free, replace(settings, events=asked), "both",
         line[-1].direction, progress, inner, whole=whole, continues=line,
     )  # fmt: skip
-    if (longer.stop if side == "last" else longer.began) is not Stop.CLOSED:
+    if longer.stop is not Stop.CLOSED:
         return longer
     made = dict(longer.points.made)
     if (first := line[0]).kind == "EP" and first.parent is None:  # no end any more
         del made[0 if side == "last" else len(longer) - 1]
     points = labelled(replace(longer.points, made=made))
-    return replace(longer, points=points, stop=Stop.CLOSED, reason="", began=None, began_reason="")
+    return replace(longer, points=points, reason="", began=None, began_reason="")
 
 
 # --- finer, and with more columns ---------------------------------------------------------------

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ class Crossing:
 
     solution: Solution
     tangents: tuple[Array, Array]
-    double: bool = False  # whether the derivative loses another rank as close by as curves may be
+    double: bool  # whether the derivative loses another rank as close by as curves may be
 
 
 def crossing(curve: Curve, z: Array) -> Crossing:
@@ -83,9 +83,10 @@ def crossing(curve: Curve, z: Array) -> Crossing:
         size = 1 + curve.length(z)
         stalled = previous / 2 < correction <= GAP * size  # what is left is rounding
         if correction <= 1e-9 * size or stalled:
-            root = Solution(z, True, iteration, 0.0, correction)
-            resolved = _resolved(curve, root, w, null * curve.scales, form)
-            return replace(resolved, double=weak.second < GAP * size * float(abs(form).max()))
+            value = curve.equations(z)
+            tangents = _tangents(curve, z, value, w, null * curve.scales, form)
+            solution = Solution(z, True, iteration, float(abs(value).max()))
+            return Crossing(solution, tangents, weak.second < GAP * size * float(abs(form).max()))
         previous = correction
     raise Undefined("no branch point was found nearby")
 
@@ -96,9 +97,10 @@ def _second_derivatives(curve: Curve, z: Array, weak: LeastSingular) -> Array:
     return np.asarray(checked_finite(np.stack([weak.left @ change for change in turned])))
 
 
-def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) -> Crossing:
+def _tangents(
+    curve: Curve, z: Array, value: Array, w: Array, null: Array, form: Array
+) -> tuple[Array, Array]:
     """The tangents ``c . N`` with ``c^T form c = 0``, once the curves are seen to cross."""
-    z, value = root.z, curve.equations(root.z)
     # two lines are where an indefinite form vanishes: low < 0 < high on its axes, with the square
     # of half the angle between the lines as their ratio
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
@@ -113,8 +115,7 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
     # low c1^2 + high c2^2 = 0 on the axes: (c1, c2) = (sqrt(high), +- sqrt(-low))
     c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
     first, second = (curve.normalised(way) / sense(way) for way in c.T @ null)
-    solution = replace(root, residual=float(abs(value).max()))
-    return Crossing(solution, (first, second) if sense(first - second) > 0 else (second, first))
+    return (first, second) if sense(first - second) > 0 else (second, first)
 
 
 # --- the event --------------------------------------------------------------------------------

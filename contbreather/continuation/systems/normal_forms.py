@@ -310,7 +310,7 @@ def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     h = solve(-forms.closed(1.0), B @ q)
     coefficient = _sum(float(p @ C @ q) / 6, float(p @ B @ h) / 2)
     least = _ROUNDING * forms.cubic
-    return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
+    return replace(coefficient, rounding=agreed, least=least)
 
 
 def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> Coefficient:
@@ -325,4 +325,4 @@ def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> 
     if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
     coefficient = _of_pair(forms, (mu, mu**2, 1.0), 2 * mu)
-    return replace(coefficient, rounding=max(_ROUNDING, agreed))
+    return replace(coefficient, rounding=agreed)

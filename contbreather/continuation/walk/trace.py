@@ -123,10 +123,6 @@ def trace(
     >>> trace(circle, "mu").stop.name
     'CLOSED'
     """
-    if isinstance(start, Branch):
-        raise BadInput(
-            "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
-        )
     settings = Settings.of(within, events, steps, inadmissible)
     return walk_from(start, free, settings, towards, along, progress, save)
 
@@ -148,6 +144,10 @@ def walk_from(
     """Walk with these settings; from the end of a branch in its unknowns, and back to its start.
     What is returned, and kept under a name in a file, is made of the walk by `whole`, if given;
     a direction is that of one of two curves if another `crosses`."""
+    if isinstance(start, Branch):
+        raise BadInput(
+            "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
+        )
     one_of("towards", towards, ("both", "up", "down"))
     origin = start if isinstance(start, Point) else None
     if origin and free in origin.base_point.curve.free[:1]:
