@@ -309,7 +309,7 @@ class ByImpacts:
         asymmetry.
         """
         on = self.conditions
-        followed = GrazingSite(site, None if on.spring else self.response.profile(site))
+        followed = GrazingSite(site, self.response.profile(site))
         if self.section.symmetric:
             return followed
         arm = self.section.two_impacts and on.symmetric

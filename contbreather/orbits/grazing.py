@@ -46,7 +46,7 @@ class GrazingSite:
 
     site: int
     share: Array | None = None
-    """Its share of the offsets, unless it is that of the orbit."""
+    """Its share of the offsets where neither coupling nor springs hold it, unless it has none."""
     walker: Callable[..., Any] | None = None
     """Steps in machine code, with a wall first, as `DefiningSystem` has them."""
     further: tuple[Event, ...] = ()
@@ -63,16 +63,20 @@ class GrazingSite:
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         motion: SiteMotion = Point(curve, z).solution.motion
         u, v, _ = motion.at(self.site, float(extra[0]))
-        offsets = motion.representation.offsets
-        if self.share is not None and offsets:
-            u += float(self.share @ offsets - motion.offset(self.site))
+        share, offsets = self._share(motion), motion.representation.offsets
+        if share is not None and offsets:
+            u += float(share @ offsets - motion.offset(self.site))
         return np.array([u - wall, v])
 
     @chained
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         orbit: Orbit = Point(curve, z).solution
-        slopes = orbit.motion.slopes(self.site, float(extra[0]), curve.free, self.share)
+        share = self._share(orbit.motion)
+        slopes = orbit.motion.slopes(self.site, float(extra[0]), curve.free, share)
         return in_unknowns(orbit, slopes, (*curve.problem.start, *curve.free, "t"))
+
+    def _share(self, motion: SiteMotion) -> Array | None:
+        return None if motion.on.gamma or motion.on.spring else self.share
 
 
 def in_unknowns(orbit: Orbit, slopes: Mapping[str, Array], names: Iterable[str]) -> Array:

@@ -12,6 +12,7 @@ from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import spring_response
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability.one_impact import window
+from tests.orbits.field import Field
 
 
 def at_pitchfork(b: cb.Orbit) -> float:
@@ -202,3 +203,18 @@ def test_a_curve_of_grazing_by_springs_goes_on_to_no_coupling(other: str) -> Non
     end = line.special[-1]
     assert (end.kind, end["gamma"]) == ("EP", 0.0)
     assert end["a"] == pytest.approx(0.9 * math.hypot(1 - end["spring"], 0.02), abs=1e-12)
+
+
+def test_a_curve_of_grazing_from_no_springs_is_one_beyond() -> None:
+    """The idle sites are held off centre less and less: each point flown until it touches."""
+    start = cb.symmetric(0.6, 0.01, 0.88, lattice=cb.Ring(3), damping=0.005)
+    within = {"a": (0.1, 1.3), "spring": (0.0, 0.05)}
+    arm = cb.switch(cb.trace(start, "a", within=within).first("PF"), within=within)[0]
+    line = cb.boundary(arm.first("GR"), ("spring", "a"), within=within)
+    assert line.special[-1]["spring"] == 0.05
+    for point in line.points[::4]:
+        orbit, touch = point.solution, point["t"]
+        flight = Field(orbit.lattice, orbit.conditions)
+        before = touch - 0.1  # between the impacts of the site that makes them
+        x = flight.flown(before, np.concatenate(orbit.state(t=before)), 0.1)
+        assert (x[1], x[4]) == pytest.approx((1.0, 0.0), abs=1e-11)
