@@ -1,11 +1,12 @@
 """Packages that fetch what they hold when it is asked for first, as SPEC 1 has it.
 
-Its names stand in the `__init__.pyi` beside it, where type checkers read them, too.
+A package lists its names here; type checkers read them in the `__init__.pyi` beside it.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -16,7 +17,7 @@ class Front(ModuleType):
     """A package whose names, and modules, are fetched on first use."""
 
     _homes: dict[str, str]  # the module of each name; none of what is a package
-    _former: dict[str, str]  # what is called otherwise now
+    _former: dict[str, str]  # what its packages are called now
 
     def __getattr__(self, name: str) -> Any:
         if name in self._former:
@@ -49,16 +50,11 @@ class Front(ModuleType):
         return sorted(self._homes)
 
 
-def front(name: str, **former: str) -> list[str]:
-    """Make a package one of these: it holds what its `__init__.pyi` imports, a line for each name,
-    and what it was called in `former` times. Returns the names but for those of packages."""
+def front(name: str, modules: Mapping[str, str], **former: str) -> list[str]:
+    """Make a package one of these: `modules` have the names that are fetched from each, and "" its
+    own packages. Returns the names."""
     package = sys.modules[name]
-    homes: dict[str, str] = {}
-    with open(f"{package.__path__[0]}/__init__.pyi", encoding="utf-8") as lines:
-        for line in lines:
-            match line.split():
-                case "from", home, "import", held, "as", _:
-                    homes[held] = home.removeprefix(".")
+    homes = {held: module for module, names in modules.items() for held in names.split()}
     vars(package).update(_homes=homes, _former=former)
     package.__class__ = Front
     return [held for held, home in homes.items() if home]

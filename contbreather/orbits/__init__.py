@@ -4,4 +4,18 @@ from __future__ import annotations
 
 from contbreather.fronts import front
 
-__all__ = front(__name__)
+__all__ = front(
+    __name__,
+    {
+        "clearance": "Admissibility centre_margin highest_neighbour neighbour_peak",
+        "closed_form": "symmetric symmetric_roots",
+        "closed_problem": "Closure",
+        "closure": "smallest_amplitude",
+        "orbit": "Orbit orbit_of",
+        "orbit_events": "grazing neimark_sacker period_doubling pitchfork saddle_node",
+        "regions": "Region",
+        "start_search": "find_event find_symmetric",
+        "zone_diagram": "Zones",
+        "zones": "zones",
+    },
+)

@@ -7,4 +7,13 @@ from __future__ import annotations
 
 from contbreather.fronts import front
 
-__all__ = front(__name__)
+__all__ = front(
+    __name__,
+    {
+        "one_impact": "ns_points",
+        "saltation": "saltation saltation_entry",
+        "scattering": "OverReflection",
+        "verdict": "Verdict stability verdict",
+        "zeros": "Count",
+    },
+)
