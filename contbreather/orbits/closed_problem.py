@@ -56,7 +56,6 @@ from contbreather.orbits.orbit_problem import (
 )
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.one_impact import band_workspace
-from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
 Breather = Any  # `ClosedForm`, whose methods fetch what is here
@@ -153,7 +152,7 @@ class Closure:
         return ClosurePoint(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
 
-def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
+def symmetric_problem(breather: Orbit, threshold: float) -> Problem:
     """The closure (11) with the breather as its start, and all its events.
 
     Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of

@@ -7,6 +7,7 @@ How its sites move between them is asked of an `Orbit`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from contbreather.orbits.site_motion import SiteMotion
 FloatArray = NDArray[np.float64]
 
 VANISHED = 1e-8  # an impact at a smaller velocity is none
+SAME = 1e-7  # times and impulses that differ by less are equal, equations off by less right
 
 
 class Hit(NamedTuple):
@@ -185,6 +187,37 @@ class ImpactSequence:
 
     def _lacks(self, name: str, which: str) -> BadInput:
         return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
+
+    # ------------------------------------------------------------------------------- its parts
+
+    @property
+    def repeats(self) -> bool:
+        """True where the second half of a section is the first again, or its mirror image."""
+        halves = (part for part in self.parts() if 2 * part.count == self.section.count)
+        return any(map(self.first_of, halves))
+
+    def parts(self) -> Iterator[Section]:
+        """Sections of which the orbit may consist, going by its walls."""
+        impacts, turns = self.section.impacts, self.section.turns
+        if self.symmetric:
+            return
+        for number in (2, 3, 5, 7):
+            m = len(impacts) // number
+            if m and turns % number == 0 and impacts == impacts[:m] * number:
+                yield Section(impacts[:m], turns // number)
+        if self.section.mirrored and self.conditions.symmetric:
+            yield Section(impacts[: len(impacts) // 2], turns, -1)
+
+    def first_of(self, section: Section) -> tuple[Impact, ...]:
+        """The impacts of one of several equal parts, their mean; empty if these are not equal."""
+        m = section.count
+        part = np.arange(self.section.count // m)[:, None]
+        times = self.times.reshape(-1, m) - section.length * part
+        impulses = self.impulses.reshape(-1, m) * float(section.sign) ** part
+        if max(np.ptp(times, axis=0).max(), np.ptp(impulses, axis=0).max()) > SAME:
+            return ()
+        means = zip(section.impacts, times.mean(axis=0), impulses.mean(axis=0), strict=True)
+        return tuple(Impact(*impact, float(t), float(J)) for impact, t, J in means)
 
     def describe(self) -> str:
         return f"{self.section.describe()} on the {self.lattice.describe()}"

@@ -147,8 +147,6 @@ class Orbit(ImpactSequence, HtmlRepr):
         BadInput
             If an impacting site is not on that lattice, or springs and damping cannot be.
         """
-        from contbreather.orbits.symmetries import second_half_repeats
-
         if isinstance(lattice, type) or not hasattr(lattice, "sites"):
             raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is expected.")
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
@@ -158,7 +156,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         own = self.representation.on(lattice)
         there = own and replace(self, representation=own.representation)
         orbit = there or self._guessed_on(lattice)
-        if second_half_repeats(orbit) and not second_half_repeats(self):
+        if orbit.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
                 "iteration ends at one whose second half repeats the first; follow its bifurcation "

@@ -23,7 +23,7 @@ from contbreather.lattice.finite import Lattice
 from contbreather.lattice.forcing import Forcing, with_even
 from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
-from contbreather.orbits.closed_form import rooted, symmetric_roots
+from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.zone_search import up_to_the_fold
@@ -103,7 +103,7 @@ def breather_at(root: int | None = None, **conditions: Any) -> Any:
     """The symmetric breather of a root, or what it becomes under the drive's even harmonics."""
     drive = forcing_of(conditions.get("forcing"))
     odd = with_even(0.0, drive)
-    orbit = rooted(symmetric_roots(**{**conditions, "forcing": odd}), root)
+    orbit = symmetric(**{**conditions, "forcing": odd}, root=root)
     return orbit if odd is drive else grown(orbit, drive)
 
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import ROWS, Lattice
+from contbreather.orbits.impact_sequence import SAME
 from contbreather.orbits.orbit import Orbit, suitable
 from contbreather.orbits.section import Impact, Section
 
-SAME = 1e-7  # times and impulses that differ by less are equal, equations off by less right
 ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
 
 
@@ -134,10 +134,10 @@ def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
 def simpler_than(orbit: Orbit) -> Orbit | None:
     """This motion with fewer impacts: a part of its period, or half of it, mirrored."""
     on = orbit.representation.conditions
-    for section in _parts(orbit):
+    for section in orbit.parts():
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
             continue
-        kind, impacts = next(suitable(on, section), None), _first_of(orbit, section)
+        kind, impacts = next(suitable(on, section), None), orbit.first_of(section)
         if kind is None or not impacts:
             continue
         _, _, times, impulses = zip(*impacts, strict=True)
@@ -145,34 +145,3 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
         if motion.error < SAME:
             return replace(orbit, representation=motion)
     return None
-
-
-def second_half_repeats(orbit: Orbit) -> bool:
-    """Tell whether its second half is the first again, or its mirror image."""
-    halves = (part for part in _parts(orbit) if 2 * part.count == orbit.section.count)
-    return any(_first_of(orbit, half) for half in halves)
-
-
-def _first_of(orbit: Orbit, section: Section) -> tuple[Impact, ...]:
-    """The impacts of one of several equal parts, their mean; empty if the parts are not equal."""
-    m = section.count
-    part = np.arange(orbit.section.count // m)[:, None]
-    times = orbit.times.reshape(-1, m) - section.length * part
-    impulses = orbit.impulses.reshape(-1, m) * float(section.sign) ** part
-    if max(np.ptp(times, axis=0).max(), np.ptp(impulses, axis=0).max()) > SAME:
-        return ()
-    means = zip(section.impacts, times.mean(axis=0), impulses.mean(axis=0), strict=True)
-    return tuple(Impact(*impact, float(t), float(J)) for impact, t, J in means)
-
-
-def _parts(orbit: Orbit) -> Iterator[Section]:
-    """Sections of which the orbit may consist, going by its walls."""
-    impacts, turns = orbit.section.impacts, orbit.section.turns
-    if orbit.symmetric:
-        return
-    for parts in (2, 3, 5, 7):
-        m = len(impacts) // parts
-        if m and turns % parts == 0 and impacts == impacts[:m] * parts:
-            yield Section(impacts[:m], turns // parts)
-    if orbit.section.mirrored and orbit.conditions.symmetric:
-        yield Section(impacts[: len(impacts) // 2], turns, -1)
