@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, Protocol, TypedDict, TypeVar, runtime_checkable
 
@@ -143,8 +143,8 @@ def conditions_of(
                 "expected, in place of k and on rigid walls; leave out k and m, or restitution"
             )
         numbers["k"] = math.nan
-        law: Any = restitution  # where it has no hash, by which object it is
-        restitution = law if isinstance(law, Hashable) else law.__call__
+        if getattr(restitution, "__hash__", None) is None:  # then by which object it is
+            restitution = getattr(restitution, "__call__")  # noqa: B004, B009
     if m is None:
         missing = [name for name in NEEDED if name not in numbers]
         unknown = [name for name in numbers if name not in NAMES]
