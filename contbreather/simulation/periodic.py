@@ -246,7 +246,8 @@ def periodic(
         parameter of the forcing. Unknowns are the arrays ``u`` and ``v`` at its t0; columns
         ``largest`` and ``unstable`` are computed from the multipliers over the period. Where an
         impact comes to t0 they jump and the branch ends without an event (MX); it goes on with
-        another t0.
+        another t0. Where a site comes to touch a wall without an impact it ends so, too, up to
+        1e-3 before.
 
     Raises
     ------

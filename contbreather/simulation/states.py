@@ -143,6 +143,8 @@ def conditions_of(
                 "expected, in place of k and on rigid walls; leave out k and m, or restitution"
             )
         numbers["k"] = math.nan
+        if getattr(restitution, "__hash__", None) is None:  # then by which object it is
+            restitution = getattr(restitution, "__call__")  # noqa: B004, B009
     # of smooth walls there may be lam in place of k
     needed, known = (NEEDED, NAMES) if m is None else (("a", "gamma"), (*NAMES, "lam"))
     missing = [name for name in needed if name not in numbers]

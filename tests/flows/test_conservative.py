@@ -398,6 +398,22 @@ def test_how_a_field_is_differentiated_is_not_decided_by_a_step_that_is_refused(
     assert branch["energy"].min() < 4.001
 
 
+def test_the_gradient_of_an_unfolding_is_not_differentiated_in_states() -> None:
+    """It is asked for at two places for each state, and would be so once more for each."""
+    asked = {"W": 0, "force": 0}
+
+    def seen(name: str, values: Any) -> Any:
+        asked[name] += values[0].size
+        return values
+
+    start = zigzag(
+        4, lambda r: seen("W", r**2 / 2 + r**4 / 4), lambda r: seen("force", r + r**3), 0.3
+    )
+    asked.update(W=0, force=0)
+    cb.trace(start, "energy", within={"energy": (0.8, 1.0)}, events=())
+    assert 0 < asked["W"] < 8 * asked["force"]
+
+
 def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
     """K. C. Howell, Celestial Mechanics 32, 53 (1984), at mu = 0.04: x, z, dy/dt and half a period
     of the first and of the third in her table, in which the last digit is rounded."""

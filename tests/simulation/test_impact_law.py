@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -53,6 +54,22 @@ def test_a_function_that_is_constant_is_the_number_bit_for_bit(state):
         for name, (_, values) in one.variables().items():
             assert np.array_equal(other.variables()[name][1], values), name
         assert on is ON or len(one.rests) > 10
+
+
+@dataclass
+class Fading:
+    """A law with numbers of its own, compared by these, so that it has no hash."""
+
+    loss: float
+
+    def __call__(self, speed: float) -> float:
+        return 1.0 / (1.0 + self.loss * speed)
+
+
+def test_an_object_with_numbers_of_its_own_is_as_good_as_a_function(state):
+    one = sim.periodic(state, **ON, restitution=Fading(0.4), damping=0.05)
+    other = sim.periodic(state, **ON, restitution=LAWS["softer when fast"], damping=0.05)
+    assert np.array_equal(one.state, other.state)
 
 
 def test_sites_have_their_shares_of_it_as_of_k():
