@@ -250,3 +250,28 @@ def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> No
     assert point["alpha"] == pytest.approx(0.6303020, abs=5e-8)
     assert point["period"] == pytest.approx(6.364071, abs=5e-7)
     assert point["criticality"] == "supercritical"
+
+
+def test_pairs_that_a_symmetry_makes_alike_leave_the_circle_together_in_doubt() -> None:
+    """Four Stuart-Landau oscillators in a ring, neighbours in antiphase. With z_j = (-1)^j w and
+    m = mu - 4 K waves along the ring have the trace -2 m - 2 K q, q = -2 for two and -4 for one."""
+
+    def ring(t, x, p):
+        z, w = x[:4], x[4:]
+        square = z**2 + w**2
+        u, v = (np.roll(of, 1, 0) + np.roll(of, -1, 0) - 2 * of for of in (z, w))
+        return np.concatenate([
+            p["mu"] * z - 20 * w - square * (z - w) + 0.1 * (u + 2 * v),
+            p["mu"] * w + 20 * z - square * (w + z) + 0.1 * (v - 2 * u),
+        ])  # fmt: skip
+
+    turn, signs = TAU * np.linspace(0, 1, 41), math.sqrt(0.15) * np.array([[1], [-1], [1], [-1]])
+    samples = turn / 20.65, np.vstack([signs * np.cos(turn), signs * np.sin(turn)])
+    cycle = cb.cycle(ring, samples, {"mu": 0.55})
+    branch = cb.trace(cycle, "mu", within={"mu": (0.55, 1.0)})
+    assert [point.kind for point in branch.special] == ["EP", "NS", "EP"]
+    assert branch.first("NS")["mu"] == pytest.approx(0.8, abs=1e-9)
+    (doubtful,) = branch.doubtful
+    assert doubtful.kind == "NS"
+    assert doubtful["mu"] == pytest.approx(0.6, abs=1e-6)
+    assert "two NS at once" in doubtful.detail["reason"]
