@@ -35,6 +35,7 @@ from .functions import (
     slopes_along,
     values,
 )
+from .jacobian import Slopes
 
 _DRIFTS = 1e-7  # of what its terms add up to: a rate of change that is no rounding
 _ASIDE = 1e-3  # of the size of a state: how far off it the gradient of the unfolding looks
@@ -80,15 +81,11 @@ class Unfolded:
         given = getattr(self.f, "jacobian", None)
         return given is not None and bool(given.is_sparse(*at))
 
-    def slopes(
-        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
-    ) -> tuple[Array, Any, Array]:
+    def slopes(self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
         inner = slopes(self.f, t, x, p)[1][:, : len(x)]
         return values(self, t, x, p), inner, self._along(t, x, p, names)
 
-    def entries(
-        self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]
-    ) -> tuple[Array, Any, Array]:
+    def entries(self, _: Any, t: Any, x: Array, p: Params, names: tuple[str, ...]) -> Slopes:
         inner = self.f.jacobian.entries(self.f, t, x, p, ())[1]
         return values(self, t, x, p), inner, self._along(t, x, p, names)
 

@@ -167,7 +167,7 @@ def _value(node: ast.expr) -> Value:
 
 @lru_cache(maxsize=256)  # residual, Jacobian and sensitivities ask for the same few in turn
 def _harmonics_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[str, Harmonics]:
-    """Those of f under the name "", of its slopes under the names of the parameters."""
+    """Find those of f, under the name "", and of its slopes, under those of the parameters."""
     params = dict(values)
     size = 16
     resolved: Any = np.False_
