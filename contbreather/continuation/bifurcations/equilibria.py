@@ -238,10 +238,6 @@ class _OfFlow(Event):
         return {"unstable": UnstableDimension(unstable)} if problem.x.size <= spectrum.FEW else {}
 
 
-def _unstable_pairs(point: Point) -> int:
-    return eigenvalues_at(point).unstable_pairs
-
-
 def _hopf_locus(point: Point) -> DefiningSystem:
     start = {"omega2": eigenvalues_at(point).square_of_pair()}
     # trace and determinant within the plane of a pair are 0 and omega2: smooth at zero
@@ -306,7 +302,7 @@ _FOLD = Event("LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_ex
 # where parts that are alike have a fold each all but together, and only their common motion turns
 FOLD_OF_ALIKE = replace(_FOLD, locus=partial(_fold_locus, weak=systems.turning))
 _HOPF = _OfFlow(
-    "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_unstable_pairs,
+    "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_AXIS.unstable_pairs,
     locus=_hopf_locus, examine=_examine_hopf,
 )  # fmt: skip
 _AXIS.events.update(LP=_FOLD, HB=_HOPF)

@@ -40,13 +40,6 @@ def multipliers_at(point: Point) -> Multipliers:
     return base.curve.cached("multipliers", base.z, lambda _: Multipliers(*ask(base)))
 
 
-def _pairs_outside(point: Point) -> int:
-    """Half the number of those outside the circle: pairs that a symmetry makes alike leave it
-    together, without a change of sign."""
-    outside = abs(multipliers_at(point).values) > 1 + 1e-9  # closer than that is on it
-    return int(np.count_nonzero(outside)) // 2
-
-
 def _pair_followed(point: Point) -> complex:
     return cmath.exp(1j * abs(math.remainder(point["angle"], 2 * math.pi)))
 
@@ -65,7 +58,7 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
         locus=partial(_flip_locus, circle), examine=_examine_flip,
     )  # fmt: skip
     circle.events["NS"] = Event(
-        "NS", partial(circle.least_of_pairs, ""), count=_pairs_outside,
+        "NS", partial(circle.least_of_pairs, ""), count=circle.unstable_pairs,
         locus=partial(_rotation_locus, circle), examine=partial(_examine_rotation, circle),
     )  # fmt: skip
     for on in ("BP", "LP", "PD"):  # where that multiplier is there all along

@@ -60,6 +60,10 @@ class Border:
             return replace(values, values=values.values[:0])
         return values.without(upper, upper.conjugate())
 
+    def unstable_pairs(self, point: Point) -> int:
+        """Count them beyond the border: pairs that are alike pass it without a change of sign."""
+        return self.spectrum(point).unstable_pairs
+
     def least_of_pairs(self, on: str, point: Point) -> float:
         return self.others(on, point).least_of_pairs()
 

@@ -274,9 +274,8 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
 
 
 def _vanishes(samples: StepSamples, point: Point, left: float, right: float) -> bool:
-    """Tell whether a test that changes sign in a bracket does so at a point of it: there it is no
-    larger than what it changes by, on its way across the bracket, as far as it is looked at beside
-    an event."""
+    """Tell whether a test that changes sign in a bracket does so at a point of it: no larger there
+    than what it changes by, at the pace of the bracket, over `ASIDE`."""
     if samples.jumps or not (left < right and samples.changes_sign(left, right)):
         return False
     pace = (samples.values[right] - samples.values[left]) / (right - left)

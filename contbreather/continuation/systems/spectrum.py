@@ -136,6 +136,11 @@ class Multipliers(CriticalValues):
     beside = _CIRCLE
 
     @property
+    def unstable_pairs(self) -> int:
+        """Half the number of those outside the circle: closer than this they are on it."""
+        return int(np.count_nonzero(abs(self.values) > 1 + 1e-9)) // 2
+
+    @property
     def critical(self) -> Values:
         return self.values[abs(abs(self.values) - 1) < _CIRCLE]
 
