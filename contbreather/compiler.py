@@ -23,9 +23,9 @@ from contbreather.kernels import KERNELS, Kernel, Shape
 from contbreather.machine_code import INLINED, NEVER, OBJECTS, Function, NotCompiled
 
 TEXTS = (  # the modules with kernels, those with most code first; each imports but numpy
+    "contbreather.orbits.closure_kernels",
     "contbreather.simulation.event_loop",
     "contbreather.orbits.margins",
-    "contbreather.orbits.closure_kernels",
     "contbreather.stability.bordered",
     "contbreather.stability.band_pairs",
     "contbreather.orbits.site_motion",
@@ -40,39 +40,36 @@ _NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([^"(\s]+)"?(?:\(| = external)', re
 
 
 def compile_all() -> list[str]:
-    """Compile what is not there yet, module by module over the cores, and remove what is of older
+    """Compile what is not there yet, kernel by kernel over the cores, and remove what is of older
     texts; why some are not compiled."""
     OBJECTS.mkdir(exist_ok=True)
+    names = [*_kernels()]
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        failed = [reason for reasons in pool.map(compile_text, TEXTS) for reason in reasons]
-    names = _names()
+        failed = [*filter(None, pool.map(compile_one, names))]
     for path in OBJECTS.glob(f"*-{machine_code.processor()}-*.o"):
         if path.name not in names:  # of an older text
             path.unlink()
     return failed
 
 
-def compile_text(module: str) -> list[str]:
-    """Compile the kernels of a module, which call the same functions; why some are not."""
-    import_module(module)
-    failed = []
-    for kernel in KERNELS:
-        path = OBJECTS / kernel.file
-        if kernel.function.__module__ != module or path.exists():
-            continue
-        try:
-            code = object_of(kernel)
-        except NotCompiled as reason:
-            failed.append(f"{kernel.function.__name__}: {reason}")
-        else:
-            write_whole(path, lambda file, code=code: file.write(code))  # type: ignore[misc]
-    return failed
+def compile_one(name: str) -> str:
+    """Compile the kernel of this name, if it is not there; why not, or nothing. Kernels compiled in
+    one process call the same functions."""
+    path, kernel = OBJECTS / name, _kernels()[name]
+    if path.exists():
+        return ""
+    try:
+        code = object_of(kernel)
+    except NotCompiled as reason:
+        return f"{kernel.function.__name__}: {reason}"
+    write_whole(path, lambda file: file.write(code))
+    return ""
 
 
 def status() -> str:
     """Say whether all kernels are compiled, where, why not, and what compiles the others."""
     try:
-        names = _names()
+        names = _kernels()
     except ImportError as error:
         return f"nothing is compiled: {error}; pip install numba"
     folder = machine_code.OBJECTS
@@ -85,10 +82,11 @@ def status() -> str:
     return f"{said}; {why}{machine_code.COMPILE} compiles the others"
 
 
-def _names() -> list[str]:
+def _kernels() -> dict[str, Kernel]:
+    """The kernels of all texts, by the names of their files."""
     for text in TEXTS:
         import_module(text)
-    return [kernel.file for kernel in KERNELS]
+    return {kernel.file: kernel for kernel in KERNELS if kernel.function.__module__ in TEXTS}
 
 
 # --- one kernel -----------------------------------------------------------------------------------

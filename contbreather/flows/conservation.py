@@ -157,7 +157,7 @@ def refuse_drift(
     for name in ("", *(name for name in moved if name in params)):
         p = {**params, **({name: params[name] + 0.01 * (abs(params[name]) or 1.0)} if name else {})}
         for called, quantity in quantities.items():
-            check_function(f"conserves ({called})", quantity, (), 0.0, x[:, 0], p)
+            check_function(f"conserves ({called}), of x and p,", quantity, (), 0.0, x[:, 0], p)
         if drifts := drift(quantities, f, x, p, f" where {name} moves" if name else ""):
             raise BadInput(f"{drifts}; conserves= is a function of (x, p), constant along the flow")
 
