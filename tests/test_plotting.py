@@ -308,6 +308,8 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
         (lambda b, z: plots.plot_diagram([b], y="q"), "no branch has a column 'q'; there are"),
         (lambda b, z: plots.plot_diagram([b], y=3), "a function of a point, was expected, got"),
         (lambda b, z: plots.plot_diagram([]), "no branch to draw"),
+        (lambda b, z: plots.plot_diagram(b, y=lambda p: "x"), "no numbers to draw in the column"),
+        (lambda b, z: plots.plot_space_time(b[0].solution, sites=()), "at least one site was"),
         (
             lambda b, z: plots.save_figure("x.png", plots.plot(b)),
             r"first, save_figure\(figure, 'x.png'\)",

@@ -155,7 +155,10 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
 
 
 def chosen_sites(sites: object) -> list[int]:
-    return [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
+    chosen = [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
+    if not chosen:
+        raise BadInput(f"sites = {sites!r}: at least one site was expected")
+    return chosen
 
 
 def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
