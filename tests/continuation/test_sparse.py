@@ -10,6 +10,8 @@ import pytest
 from scipy.sparse import block_array, coo_array, csr_array, diags_array
 
 import contbreather as cb
+from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.systems.spectrum import eigenvalues
 from contbreather.errors import BadInput
 
 from .large import (
@@ -319,3 +321,16 @@ def test_a_hopf_point_far_up_the_axis_is_seen_among_two_hundred_sparse_unknowns(
     point = branch.first("HB")
     assert abs(point["mu"]) < 1e-9
     assert point["omega"] == pytest.approx(m, abs=1e-9)
+
+
+def test_there_are_no_pairs_where_other_units_make_the_derivative_symmetric() -> None:
+    """As of a diffusion around an axis, u'' + u'/r, with no flux where that is."""
+    n = 300
+    r, faces = np.arange(n) + 0.5, np.arange(1.0, n)
+    both = np.append(0.0, faces) + np.arange(1, n + 1)
+    laplacian = diags_array(
+        [faces / r[1:], -both / r, faces / r[:-1]], offsets=[-1, 0, 1], format="csc"
+    )
+    curve = Curve(bratu(laplacian), ("lam",))
+    near = eigenvalues(curve, curve.start)
+    assert (near.reach, near.values.size) == (np.inf, 0)

@@ -276,7 +276,8 @@ def eigenvalues_at(point: Point) -> Eigenvalues:
 def _near(matrix: Matrix) -> NearAxis:
     norm = float(abs(matrix).sum(axis=0).max())
     # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
-    highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
+    skew = [abs(of - of.T).sum(axis=0).max() for of in (matrix, _symmetrised(matrix))]
+    highest = float(np.fmin(*skew)) / 2
     # a perturbation e moves a double eigenvalue by its root: it may split into a pair so far apart
     split = 4.0 * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
@@ -293,6 +294,24 @@ def _near(matrix: Matrix) -> NearAxis:
         values = np.concatenate([values, fresh, fresh[fresh.imag > split].conj()])
         reach += radius
     return NearAxis(values, split**2, matrix, split, reach)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _symmetrised(matrix: Matrix) -> Matrix:
+    """Take unknowns in other units, in which it is symmetric if in any: a diffusion on an uneven
+    mesh is, or with a flux at its ends, or around an axis."""
+    from scipy.sparse.csgraph import breadth_first_order
+
+    rows, before = breadth_first_order(matrix, 0, directed=False)
+    columns = np.maximum(before, 0)[rows]  # the first has none before it but itself
+    there, back = abs(matrix[rows, columns]), abs(matrix[columns, rows])
+    both = (there > 0) & (back > 0)
+    ratios = np.log(np.where(both, there, 1.0) / np.where(both, back, 1.0)) / 2
+    logs = np.zeros(matrix.shape[0])
+    for i, j, ratio in zip(rows.tolist(), columns.tolist(), ratios.tolist(), strict=True):
+        logs[i] = logs[j] + ratio
+    logs -= logs.mean()
+    return scaled(matrix, np.exp(-logs), np.exp(logs))
 
 
 def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
