@@ -245,8 +245,9 @@ def axis_title(branch: Branch, name: str) -> str:
 
 def column_of(branch: Branch, name: str) -> Array:
     """Return a column as it is drawn: of arrays the entry of largest size, with its sign."""
+    values = branch[name]
     try:
-        values = np.asarray(branch[name], dtype=float)
+        values = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise BadInput(f"no numbers to draw in the column {name!r}: {error}") from error
     return values if values.ndim == 1 else _largest(values.reshape(len(values), -1))
