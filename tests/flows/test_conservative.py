@@ -441,6 +441,7 @@ def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
         (r"energy is not conserved: it changes at the rate -?\d",
          {"conserves": lambda x, p: x[0] ** 2 + x[1] ** 2}),
         ("returns shape", {"conserves": lambda x, p: x}),
+        (r"energy., of x and p, raises TypeError", {"conserves": lambda t, x, p: x[0]}),
         (r"conserves = {'energy': 3}: a function of .x, p.", {"conserves": {"energy": 3}}),
         ("fixed", {"fixed": "spin"}),
         ("positive time", {"period": lambda p: 6.0}),

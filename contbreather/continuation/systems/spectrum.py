@@ -6,8 +6,8 @@ imaginary axis (`NearAxis`); `eigenvalues` makes either, and what asks them does
 Along the axis disks are laid, the first around zero, and the eigenvalues in each of them found by
 shift and invert; up to some hundred unknowns it takes no longer to find all. How far up pairs can
 be at all is known beforehand, by the skew part of the matrix (I. Bendixson, Acta Math. 25, 359,
-1902): of a symmetric one there are none. Beyond the last disk nothing is known, and `reach` says
-so.
+1902): of one that is symmetric, in some units, there are none. Beyond the last disk nothing is
+known, and `reach` says so.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ def _near(matrix: Matrix) -> NearAxis:
     norm = float(abs(matrix).sum(axis=0).max())
     # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
     skew = [abs(of - of.T).sum(axis=0).max() for of in (matrix, _symmetrised(matrix))]
-    highest = float(np.fmin(*skew)) / 2
+    highest = float(np.fmin(*skew)) / 2  # NaN where units overflow
     # a perturbation e moves a double eigenvalue by its root: it may split into a pair so far apart
     split = 4.0 * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
@@ -306,6 +306,7 @@ def _symmetrised(matrix: Matrix) -> Matrix:
     columns = np.maximum(before, 0)[rows]  # the first has none before it but itself
     there, back = abs(matrix[rows, columns]), abs(matrix[columns, rows])
     both = (there > 0) & (back > 0)
+    # a_ij u_j / u_i = a_ji u_i / u_j, along a tree through its pattern
     ratios = np.log(np.where(both, there, 1.0) / np.where(both, back, 1.0)) / 2
     logs = np.zeros(matrix.shape[0])
     for i, j, ratio in zip(rows.tolist(), columns.tolist(), ratios.tolist(), strict=True):
