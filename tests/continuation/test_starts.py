@@ -300,3 +300,39 @@ def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None
     assert branch.start_correction == pytest.approx(0.9, abs=1e-3)
     with pytest.raises(NotConverged):
         trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})
+
+
+# --- surfaces of solutions --------------------------------------------------------------------
+
+
+def reaction(x, p):
+    rate = x[0] * (p["k"] - x[0] * x[1])
+    return np.array([rate, p.get("total", x[0] + x[1]) - x[0] - x[1] - rate])
+
+
+def two_totals(x, p):
+    return np.append(reaction(x, p), 0.0 * x[0])
+
+
+def turned(x, p):
+    return (p["mu"] - x @ x) * x
+
+
+@pytest.mark.parametrize(
+    ("residual", "start", "params"),
+    [(reaction, (2.0, 0.5), {"k": 1.0}), (reaction, (1.9, 0.6), {"k": 1.0}),
+     (turned, (0.6, 0.8), {"mu": 1.0}), (turned, (0.6, 0.7), {"mu": 1.0}),
+     (lambda x, p: 0 * x, (0.6, 0.7), {"mu": 1.0}), (two_totals, (2.0, 0.5, 1.0), {"k": 1.0})],
+)  # fmt: skip
+def test_a_start_on_a_surface_of_solutions_is_refused_with_what_to_do(residual, start, params):
+    problem = Problem(residual, dict(zip("xyz", start, strict=False)), params)
+    with pytest.raises(BadInput, match=r"fill a surface.*add \(total - it\)"):
+        trace(problem, min(params), within={"x": (0.1, 5.0)})
+
+
+def test_what_is_conserved_is_held_by_its_total() -> None:
+    """x (total - x) = k has a fold at x = total / 2 = 1."""
+    problem = Problem(reaction, {"x": 2.0, "y": 0.5}, {"k": 1.0, "total": 2.5})
+    branch = trace(problem, "total", within={"x": (0.5, 2.0)}, events=fold())
+    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
+    assert branch.first("LP")["x"] == pytest.approx(1.0, abs=1e-9)

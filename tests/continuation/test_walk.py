@@ -227,12 +227,11 @@ def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -
             assert np.geterr() == before
 
 
-def test_equations_that_hold_everywhere_or_twice_end_or_walk_but_never_hang() -> None:
-    for equation in (lambda x, p: 0 * x, lambda x, p: (x - p["mu"]) ** 2):
-        problem, counter = zoo.counted(zoo.scalar(equation, 0.0, {"mu": 0.0}))
-        branch = trace(problem, "mu", within=WIDE, events=zoo.ALL)
-        assert zoo.events_of(branch) == []
-        assert counter.calls < 6000
+def test_equations_that_hold_twice_end_or_walk_but_never_hang() -> None:
+    problem, counter = zoo.counted(zoo.scalar(lambda x, p: (x - p["mu"]) ** 2, 0.0, {"mu": 0.0}))
+    branch = trace(problem, "mu", within=WIDE, events=zoo.ALL)
+    assert zoo.events_of(branch) == []
+    assert counter.calls < 6000
 
 
 # --- interruption -----------------------------------------------------------------------------

@@ -34,9 +34,16 @@ from ..curve.point import MANY, Point
 from ..curve.problem import Problem
 from ..curve.settings import Within, windows
 from ..events.step_interpolant import closest_tangent
-from ..systems.branch_points import GAP, crossing
+from ..systems.branch_points import GAP, crossing, loses_rank
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
+
+SURFACE = (
+    "the equations lose a rank at the start and beside it: solutions fill a surface, and no one "
+    "curve leaves it. Where something is conserved, add (total - it) to one of the equations, with "
+    "total a parameter; where a symmetry shifts solutions, add an equation that says where the "
+    "solution is, and an unknown that multiplies its derivative along the shift"
+)
 
 ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
 STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
@@ -257,11 +264,15 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     if singular:
         try:
             branch_point = crossing(curve, z)
-            if curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z)):
-                return closest_tangent(branch_point.tangents, curve.metric * along), 0
+            tangent = closest_tangent(branch_point.tangents, curve.metric * along)
+            near = curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z))
+            if near and not _fill_surface(curve, tangent):
+                return tangent, 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, sign = curve.tangent_at(z, along)
+    if singular and _fill_surface(curve, tangent):
+        raise BadInput(SURFACE)
     # a parameter that changes by less, of the length of the curve: nearly a fold
     if abs(tangent[-1]) > 1e-3:
         return tangent, sign
@@ -277,6 +288,19 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         tangent = -math.copysign(1.0, slope) * tangent
     # across the parameter that determinant is the less certain the less it changes
     return curve.tangent_at(z, tangent)
+
+
+def _fill_surface(curve: Curve, tangent: Array) -> bool:
+    """Tell whether solutions fill a surface: a rank is lost a little further on as at the start."""
+    z = curve.start
+    if not loses_rank(curve, z):
+        return False
+    ahead = z + AHEAD * (1 + curve.length(z)) * tangent
+    try:
+        solution = newton(curve, ahead, curve.metric * tangent)
+    except Undefined:
+        return False
+    return solution.converged and loses_rank(curve, solution.z)
 
 
 # --- infinity ---------------------------------------------------------------------------------
