@@ -51,6 +51,11 @@ class LeastSingular:
         return self.following()
 
     @property
+    def lost(self) -> bool:
+        """Whether a rank is lost, to rounding."""
+        return self.size <= 1e-10 * self.largest
+
+    @property
     def plane(self) -> Array:
         """`right` and the null vectors, in rows."""
         return np.vstack([self.right, self.null])

@@ -280,7 +280,7 @@ class Curve:
             return self.normalised(tangent), side
         weak = least_singular(checked_finite(self.jacobian(z)))
         # where the derivative has lost a rank, all of a plane are null vectors
-        vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
+        vectors = weak.plane if weak.lost else weak.null
         nearest = (vectors @ row) @ vectors
         if self.length(nearest) > LEVEL:
             return self.normalised(nearest), 0

@@ -218,13 +218,6 @@ class Crossings:
         return branch_point.solution, detail
 
 
-def loses_rank(curve: Curve, z: Array) -> bool:
-    """Tell whether the derivative in unknowns and parameters loses a rank, or more."""
-    matrix = curve.balanced(curve.jacobian(z))
-    weak = least_singular(matrix)
-    return weak.size < _lost(matrix, weak)
-
-
 def branches_cross(base: Point) -> bool:
     """Tell whether the derivative in unknowns and both parameters loses one rank."""
     matrix = base.curve.balanced(base.curve.jacobian(base.z))

@@ -34,7 +34,7 @@ from ..curve.point import MANY, Point
 from ..curve.problem import Problem
 from ..curve.settings import Within, windows
 from ..events.step_interpolant import closest_tangent
-from ..systems.branch_points import GAP, crossing, loses_rank
+from ..systems.branch_points import GAP, crossing
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 
@@ -293,14 +293,18 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
 def _fill_surface(curve: Curve, tangent: Array) -> bool:
     """Tell whether solutions fill a surface: a rank is lost a little further on as at the start."""
     z = curve.start
-    if not loses_rank(curve, z):
+    if not _loses_rank(curve, z):
         return False
     ahead = z + AHEAD * (1 + curve.length(z)) * tangent
     try:
         solution = newton(curve, ahead, curve.metric * tangent)
     except Undefined:
         return False
-    return solution.converged and loses_rank(curve, solution.z)
+    return solution.converged and _loses_rank(curve, solution.z)
+
+
+def _loses_rank(curve: Curve, z: Array) -> bool:
+    return least_singular(curve.balanced(curve.jacobian(z))).lost
 
 
 # --- infinity ---------------------------------------------------------------------------------
