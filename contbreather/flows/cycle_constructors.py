@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import brief, check_kind, number, numbers, one_of
+from ..continuation.algebra.linear_algebra import least_singular
 from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event
@@ -440,12 +441,17 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
             return  # too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
         others = orbit.indices if orbit.paired else orbit.others
+        # what is conserved and linear is so off the orbit, too: there is no orbit to find alone
+        if not solved and error and orbit.equations.condensed:
+            curve = Curve(problem, ())
+            solved = least_singular(curve.balanced(curve.jacobian(problem.x))).lost
         if solved and abs(others - 1).min(initial=math.inf) <= near:
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
                 "1: it is one of a family, as where energy is conserved, or more (conserves=), or "
-                f"at a bifurcation (take other parameters){_unforced(orbit.equations)}",
+                "a sum of states, held by (total - it) added to the rate of one of them; or at a "
+                f"bifurcation (take other parameters){_unforced(orbit.equations)}",
                 residual=float(abs(left).max()),
             ) from error
 

@@ -482,6 +482,22 @@ def test_a_family_in_something_more_than_the_energy_is_refused_where_it_starts()
         dimer((2.0, 1.0, 0.0, 0.0))
 
 
+def test_a_sum_of_states_that_is_conserved_is_said_and_held_by_its_total() -> None:
+    """Newton's iteration went astray there, which was said to be for want of a better start."""
+
+    def enzyme(t, x, p):
+        a, b, free, bound = x
+        taken, loop = 0.3 * free * a - 0.5 * bound, a * a * b
+        held = p.get("total", free + bound) - free - bound
+        return [1.0 - (p["B"] + 1) * a + loop, p["B"] * a - loop, held - taken, taken]
+
+    start = {"a": 1.0, "b": 2.0, "free": 0.5, "bound": 0.5}
+    with pytest.raises(cb.NotConverged, match=r"second multiplier is 1: it is.*\(total - it\)"):
+        cb.cycle(enzyme, start, {"B": 2.5})
+    (flight,) = cb.flows.cycle_of(cb.cycle(enzyme, start, {"B": 2.5, "total": 1.0})).flights
+    assert flight.states[:, 2:].sum(axis=1) == pytest.approx(1.0, abs=1e-9)
+
+
 def test_a_parameter_that_damps_is_not_traced() -> None:
     damped = cb.cycle(
         lambda t, x, p: [x[1], -x[0] - x[0] ** 3 - p["d"] * x[1]],
