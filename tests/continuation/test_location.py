@@ -347,7 +347,7 @@ def test_where_frequencies_of_a_conservative_flow_meet_is_no_hopf_point() -> Non
     assert not point.located
 
 
-@pytest.mark.parametrize("stiff", [1.0, 1e5])
+@pytest.mark.parametrize("stiff", [1.0, 1e5, 1e8])
 @pytest.mark.parametrize("start", [-0.31, 0.0])
 def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float) -> None:
     def flow(u: zoo.Array, p: Mapping[str, float]) -> zoo.Array:
@@ -358,6 +358,21 @@ def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float)
     branch = trace(mine, "mu", within={"mu": (-1, 1)}, events=[hopf()])
     assert branch.first("HB")["mu"] == pytest.approx(0, abs=1e-12)
     assert branch.doubtful == ()
+
+
+def test_a_double_zero_beside_fast_variables_is_found_on_both_of_its_curves() -> None:
+    def flow(u: zoo.Array, p: Mapping[str, float]) -> zoo.Array:
+        x, y, z = u
+        return np.array([y, p["b1"] + p["b2"] * y + z * z - x * y, 1e7 * (x - z)])
+
+    start, params = {"x": -1.1, "y": 0.0, "z": -1.1}, {"b1": -1.21, "b2": -1.0}
+    mine = Problem(flow, start, params, events=[fold(), hopf()])
+    branch = trace(mine, "b1", within={"x": (-2, 1)})
+    for kind in ("LP", "HB"):
+        curve = cb.boundary(branch.first(kind), ("b1", "b2"), within={"b2": (-1.5, 0.5)})
+        there = curve.first("BT")
+        assert (there["b1"], there["b2"]) == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert curve.doubtful == ()
 
 
 # --- what an event does to its branch ---------------------------------------------------------

@@ -277,9 +277,13 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     forms = Forms(point)
     weak = least_singular(forms.A)
     q0, p1 = weak.right, weak.left
-    # fine meshes have small singular values everywhere
-    small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
-    if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
+    if is_sparse(forms.A):  # fine meshes have small singular values everywhere
+        alone = weak.second > weak.size
+    else:  # each row in its own size: beside fast ones what is slow is small
+        sizes = np.maximum(abs(forms.A).max(axis=1, keepdims=True), 1e-300)
+        rows = np.linalg.svd(forms.A / sizes, compute_uv=False)
+        alone = forms.n > 1 and rows[-2] > _DEFECTIVE * rows[0]
+    if not alone or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
     # chains: A q0 = 0, A q1 = q0; A^T p1 = 0, A^T p0 = p1 (Kuznetsov, section 8.4)
     turned = forms.A.T.tocsc() if is_sparse(forms.A) else forms.A.T

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any, Self
@@ -157,7 +158,14 @@ class Eigenvalues(CriticalValues):
 
     @cached_property
     def beside(self) -> float:
-        return 1e-6 * float(np.linalg.norm(self.matrix, 2))  # a double zero splits by a root
+        """How far from zero the two of a double zero may be: what rounds is of the size of the
+        matrix, and splits them by the root of it times what couples them, which may be slow."""
+        size = coupling = float(np.linalg.norm(self.matrix, 2))
+        if self.values.size > 2:
+            with suppress(Undefined):
+                form, _ = _ordered(self.matrix, self.values, self.nearest_pair().prod().real)
+                coupling = float(np.linalg.norm(form[:2, :2], 2))
+        return 1e-6 * math.sqrt(size * coupling)
 
     @property
     def upper(self) -> Values:
