@@ -209,8 +209,8 @@ def _moves(point: Point) -> float:
         return math.nan  # changes neither the least nor the largest of what else is known
     moved = 0.0
     for name in {*curve.free} - {"period"}:
-        size = max(abs(point[name]), float(curve.problem.scales.get(name, 1.0)))
-        moved = max(moved, abs(tangent[curve.slots[name]]) / size)
+        known = point[name], curve.start[curve.slots[name]], curve.problem.scales.get(name, 0.0)
+        moved = max(moved, abs(tangent[curve.slots[name]]) / (np.abs(known).max() or 1.0))
     longer = float(abs(tangent[lengths].sum())) / base.solution.period
     return math.log(max(float(moved), 1e-300) / max(longer, 1e-300))
 

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from ...errors import BadInput, NotConverged
 from ..algebra.linear_algebra import least_singular, sense
 from ..algebra.newton import Array, Undefined, approach, newton
-from ..algebra.sparse import is_sparse, scaled
+from ..algebra.sparse import dense, is_sparse, scaled
 from ..curve.branch import Points
 from ..curve.curve import AHEAD, LEVEL, Curve
 from ..curve.derivative_checks import check_start, reconsider
@@ -304,7 +304,10 @@ def _fill_surface(curve: Curve, tangent: Array) -> bool:
 
 
 def _loses_rank(curve: Curve, z: Array) -> bool:
-    return least_singular(curve.balanced(curve.jacobian(z))).lost
+    """Tell whether a rank is lost, whatever the units of unknowns and parameter."""
+    matrix = curve.balanced(curve.jacobian(z))
+    largest = np.ravel(dense(abs(matrix).max(axis=0)))
+    return least_singular(scaled(matrix, np.ones(curve.size), 1 / (largest + (largest == 0)))).lost
 
 
 # --- infinity ---------------------------------------------------------------------------------
