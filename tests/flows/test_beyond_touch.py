@@ -135,16 +135,6 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
         np.testing.assert_allclose(curve["F"], reached, atol=1e-9)
 
 
-def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
-    start = resonance[1].problem
-    plain, beyond = (
-        cb.diagram(start, "w", within={"w": (0.75, 0.88)}, depth=1, beyond=beyond)
-        for beyond in (False, True)
-    )
-    assert len(plain) == 1
-    assert {branch[0].detail.get("beyond") for branch in beyond} >= {"persists"}
-
-
 def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch, touches) -> None:
     """Its first flow and its mesh may be others there: the orbits are the same."""
     _, arm = min(touches, key=lambda pair: pair[0]["w"])

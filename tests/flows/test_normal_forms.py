@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, FHN, RADIUS, bautin, fitzhugh_nagumo, half_turned
+from .zoo import CASES, FHN, RADIUS, bautin, fitzhugh_nagumo, half_turned, van_der_pol
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -220,10 +220,7 @@ def ends_at_generalised_hopf(line, place) -> None:
 
 def test_a_hopf_point_without_cubic_terms_is_degenerate() -> None:
     """At mu = 0 van der Pol's oscillator is the harmonic one."""
-    rest = cb.equilibrium(
-        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
-        {"x": 0.0, "v": 0.0}, {"mu": -0.5},
-    )  # fmt: skip
+    rest = cb.equilibrium(van_der_pol, {"x": 0.0, "v": 0.0}, {"mu": -0.5})
     point = cb.trace(rest, "mu", within={"mu": (-1, 1)}).first("HB")
     assert (point["l1"], point["criticality"]) == (pytest.approx(0, abs=1e-15), "degenerate")
 

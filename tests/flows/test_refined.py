@@ -281,7 +281,7 @@ def test_a_mesh_that_leads_to_no_orbit_is_fitted_to_the_motion_again() -> None:
 
 def test_a_finer_mesh_begins_at_the_start_however_far_the_branch_has_come() -> None:
     up = {"towards": "up", "within": {"I": (1.4, 1.85)}, "events": ()}
-    branch = cb.trace(bursting(1.4, 3000), "I", **up)
+    branch = cb.trace(bursting(1.4, 600), "I", **up)
     assert (branch[0]["I"], branch[-1]["I"]) == (1.4, 1.85)
     assert branch["mesh"].shape[1] == 80
 
