@@ -317,14 +317,6 @@ def test_a_curve_that_crosses_itself_at_its_start_closes_only_when_it_is_through
     assert [point.kind for point in zoo.events_of(branch)] == ["BP", "LP", "LP", "BP", "LP", "LP"]
 
 
-def test_isola_is_seen_whole_from_any_of_its_points() -> None:
-    whole = zoo.trace_case(zoo.ISOLA)
-    for i in range(0, len(whole), 7):
-        again = zoo.trace_case(zoo.ISOLA, start=whole[i])
-        assert again.stop is Stop.CLOSED
-        assert again[-1].arclength == pytest.approx(whole[-1].arclength, rel=1e-3)
-
-
 # --- steps ------------------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ from scipy.special import mathieu_a, mathieu_b
 import contbreather as cb
 from contbreather.flows import Collocation, Cycle, cycle_of
 
-from .zoo import BAND, CASES, FHN, TABLE, fitzhugh_nagumo, roessler, van_der_pol
+from .zoo import BAND, CASES, FHN, TABLE, born, fitzhugh_nagumo, roessler, van_der_pol
 
 TAU = 2 * math.pi
 BEGIN = {"x": 2.0, "y": 0.0, "z": 0.1}
@@ -183,17 +183,6 @@ def test_samples_of_two_periods_are_one_orbit_of_either(relaxation: Cycle) -> No
     assert orbit.period == pytest.approx(relaxation.period, abs=1e-9)
 
 
-def test_states_are_known_at_all_times(relaxation: Cycle) -> None:
-    orbit = relaxation
-    t = np.linspace(0, orbit.period, 7)
-    run = solve_ivp(
-        lambda t, x: van_der_pol(t, x, {"mu": 1.0}), (0, orbit.period), orbit.states(0.0),
-        method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True,
-    )  # fmt: skip
-    assert orbit.states(t) == pytest.approx(run.sol(t), abs=1e-6)
-    assert orbit.states(3 * orbit.period) == pytest.approx(orbit.states(0.0), abs=1e-9)
-
-
 def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     """FitzHugh and Nagumo's cycles fold where their mean divergence vanishes: current and period by
     Taylor series of 45 digits. It changes by 1e-13 while the period grows by a third.
@@ -201,8 +190,7 @@ def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     With v for -v and w for 1.75 - w the current is 1.75 - I."""
     rest = cb.equilibrium(fitzhugh_nagumo, {"v": -1.2, "w": -0.62}, {**FHN, "I": 0.0},
                           collocation=Collocation(intervals=40))  # fmt: skip
-    hopf = cb.trace(rest, "I", within={"I": (-0.5, 1.0)}).first("HB")
-    (cycles,) = cb.switch(hopf, within={"I": (0, 2)})
+    cycles = born(rest, "I", (-0.5, 1.0), I=(0, 2))
     first, second = (point for point in cycles.special if point.kind == "LP")
     for point, current in ((first, first["I"]), (second, 1.75 - second["I"])):
         assert current == pytest.approx(0.324178522503710167, abs=1e-14)
@@ -218,8 +206,7 @@ def test_a_canard_explosion_without_folds_has_none() -> None:
 
     few = Collocation(intervals=12)
     rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2}, collocation=few)
-    hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
-    (cycles,) = cb.switch(hopf, within={"a": (0.9, 1.1), "period": (0.1, 3.5)})
+    cycles = born(rest, "a", (0.9, 1.3), a=(0.9, 1.1), period=(0.1, 3.5))
     assert cycles[-1]["period"] == 3.5
     assert max(cycles["unstable"]) == 0
     assert [point.kind for point in cycles.special] == ["EP", "EP"]

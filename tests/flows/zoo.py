@@ -61,6 +61,22 @@ def cycle(flows: Any, start: Mapping[str, float], params: Mapping[str, float], *
     return lambda: cb.cycle(flows, start=dict(start), params=dict(params), **more)
 
 
+def born(rest: Any, free: str, window: tuple[float, float], **within: Any) -> cb.Branch:
+    """The cycles that leave the Hopf point of an equilibrium, within its window or these."""
+    hopf = cb.trace(rest, free, within={free: window}).first("HB")
+    (cycles,) = cb.switch(hopf, within=within or {free: window})
+    return cycles
+
+
+def across(
+    start: cb.Problem, free: str, kind: str, within: Any, **how: Any
+) -> tuple[cb.Point, cb.Branch]:
+    """Where a branch ends, and the one that sets out there."""
+    place = cb.trace(start, free, within=within, **how).first(kind)
+    (arm,) = cb.switch(place, within=within)
+    return place, arm
+
+
 # --- equilibria -----------------------------------------------------------------------------------
 
 
