@@ -43,17 +43,6 @@ def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path, error, se
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
-    target = tmp_path / "table.csv"
-
-    def slowly(file: BinaryIO) -> None:
-        file.write(b"one\n")
-        assert not target.exists()
-        file.write(b"two\n")
-
-    assert write_whole(target, slowly).read_text() == "one\ntwo\n"
-
-
 def test_bytes_are_on_the_disk_before_they_have_the_name(monkeypatch, tmp_path):
     seen: list[int] = []
 

@@ -12,7 +12,8 @@ SHOWING = ("matplotlib", "sympy", "networkx", "rich", "cyclopts")
 HEAVY = (*SHOWING, "numba", "xarray", "h5netcdf", "pandas")
 BREATHER = "import contbreather as cb; b = cb.symmetric(a=0.5, gamma=0.08, k=0.8); "
 MOST = 32  # of our modules, for a breather
-FIRST_USE = ("symmetric", "trace", "boundary", "zones", "plot", "InfiniteChain", "Problem")
+WALKS = ("trace", "boundary", "diagram", "zones")
+FIRST_USE = ("symmetric", *WALKS, "plot", "InfiniteChain", "Problem")
 
 
 def modules_of(statement: str) -> set[str]:

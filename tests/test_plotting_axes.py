@@ -14,12 +14,10 @@ from contbreather.orbits.constructors import asymmetric
 from contbreather.plotting import plot, plot_diagram, plot_motion, plot_space_time, plot_sweep
 from contbreather.simulation import Sample, simulate_smooth, sweep, there_and_back
 
+from .test_plotting import curves
+
 SET: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
 RING = cb.Ring(8)
-
-
-def curves(ax: Any) -> list:
-    return [line for line in ax.get_lines() if line.get_linestyle() != "None"]
 
 
 def legend(ax: Any) -> list[str]:

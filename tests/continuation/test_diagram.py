@@ -300,18 +300,6 @@ def test_the_tree_is_shown_as_it_grew() -> None:
     assert "meets branch 0: BP2" in text
 
 
-def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
-    import subprocess
-    import sys
-
-    code = (
-        "import sys; from contbreather.continuation.branches.diagram import diagram;"
-        "print([m for m in ('networkx', 'rich', 'matplotlib') if m in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
-
-
 # --- in files -----------------------------------------------------------------------------------
 
 

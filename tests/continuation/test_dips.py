@@ -54,10 +54,10 @@ def test_two_close_bifurcations_are_both_found(make, gap: float, rate: float) ->
 
 
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("make", [rings, forks])
-def test_two_bifurcations_at_once_are_doubtful_with_the_reason(make, rate: float) -> None:
+@pytest.mark.parametrize(("make", "gap"), [(rings, 0.0), (forks, 0.0), (forks, 1e-9)])
+def test_two_bifurcations_at_once_are_doubtful_with_the_reason(make, gap, rate: float) -> None:
     kind, event = ("HB", hopf()) if make is rings else ("BP", branch_point())
-    branch = trace(make(0.0, rate), "m", within=UNIT, events=[event])
+    branch = trace(make(gap, rate), "m", within=UNIT, events=[event])
     assert events_of(branch) == []
     (point,) = branch.doubtful
     assert point.kind == kind
@@ -160,15 +160,6 @@ def test_two_close_branch_points_are_there_with_any_steps(kind: str, gap: float)
         places = [branch.first(label)[name] for label in ("BP1", "BP2")]
         np.testing.assert_allclose(places, [first, first + gap], rtol=0, atol=1e-9)
         assert not branch.doubtful
-
-
-def test_two_branch_points_that_cannot_be_told_apart_are_doubtful() -> None:
-    problem, within = crossings(1e-9, "axis")
-    for largest in (0.05, 0.1, 0.37):
-        steps = Steps(largest=largest)
-        branch = trace(problem, "mu", within=within, events=[branch_point()], steps=steps)
-        assert [point.kind for point in branch.special] == ["EP", "EP"]
-        assert {point.kind for point in branch.doubtful} == {"BP"}
 
 
 def test_foci_that_are_neutral_together_are_no_hopf_point() -> None:

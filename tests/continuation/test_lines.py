@@ -74,11 +74,6 @@ def test_hopf_curve_ends_at_takens_bogdanov_as_neutral_saddles_are_no_hopf_point
         assert abs(curve["omega2"] + curve["b2"]).max() < 1e-12
 
 
-@pytest.mark.parametrize("line", [lines.TAKENS_LP, lines.TAKENS_HB], ids=lambda line: line.name)
-def test_an_ordinary_bt_is_not_called_degenerate(line: lines.Line) -> None:
-    assert "degenerate" not in lines.walked(line).first("BT").detail
-
-
 def test_without_hopf_among_the_events_a_fold_curve_knows_no_flow() -> None:
     line = replace(lines.TAKENS_LP, problem=replace(lines.TAKENS, events=(cb.fold(),)))
     assert lines.kinds(line.from_(line.first)) == []
@@ -144,10 +139,19 @@ def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
     assert curve.first("BT").detail["degenerate"]
 
 
-@pytest.mark.parametrize("which", ["a degenerate R1", "the R1 of an odd map"])
-def test_a_curve_of_neimark_sacker_points_ends_where_branches_cross(which) -> None:
-    end = lines.walked(lines.LINES[f"NS that ends at {which}"]).first("R1")
-    assert "branches cross here" in end.detail["degenerate"]
+@pytest.mark.parametrize(
+    ("name", "kind", "degenerate"),
+    [
+        ("LP of takens", "BT", False),
+        ("HB of takens", "BT", False),
+        ("NS that ends at a degenerate R1", "R1", True),
+        ("NS that ends at the R1 of an odd map", "R1", True),
+    ],
+)
+def test_a_meeting_is_called_degenerate_where_branches_cross(name, kind, degenerate) -> None:
+    detail = lines.walked(lines.LINES[name]).first(kind).detail
+    assert ("degenerate" in detail) == degenerate
+    assert ("branches cross here" in detail.get("degenerate", "")) == degenerate
 
 
 # --- maps -------------------------------------------------------------------------------------

@@ -219,15 +219,15 @@ def test_a_step_that_would_end_on_a_branch_point_is_shortened() -> None:
     assert back.doubtful == ()
 
 
-@pytest.mark.parametrize("back", range(1, 6))
-def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt(back: int) -> None:
+def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt() -> None:
     """From a point of an arm the same steps lead back to where it set out from."""
     within = {"r": (0.5, 20)}
     origin = zoo.LORENZ.problem.at(x=0.0, y=0.0, z=0.0, r=0.6)
     arms = cb.switch(trace(origin, "r", within=within, events=zoo.ALL).first("BP"), within=within)
-    branch = trace(arms[0][back].problem, "r", within=within, events=zoo.ALL)
-    assert [(p.kind, p["r"]) for p in zoo.events_of(branch)] == [("BP", pytest.approx(1.0))]
-    assert branch.doubtful == ()
+    for point in arms[0][1:6]:
+        branch = trace(point.problem, "r", within=within, events=zoo.ALL)
+        assert [(p.kind, p["r"]) for p in zoo.events_of(branch)] == [("BP", pytest.approx(1.0))]
+        assert branch.doubtful == ()
 
 
 @pytest.mark.parametrize("largest", [0.01, 0.02, 0.05, 0.1, 0.5])

@@ -10,10 +10,10 @@ import pytest
 
 from contbreather.continuation import Branch, Steps, boundary, trace
 from contbreather.continuation.bifurcations.maps import FixedPoint
-from contbreather.continuation.branches.switching import NothingToSwitch, switch
+from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput
 
-from .lines import PLANE, XY, Params, at, henon, kinds, of_map
+from .lines import PLANE, XY, Params, at, kinds, of_map
 from .zoo import Array, logistic
 
 
@@ -135,20 +135,10 @@ def test_bouncing_ball_doubles_its_period_where_the_formula_says(n: int, r: floa
     at(branch.first("PD"), g=g)
     at(branch.first("LP"), g=2 * math.pi * n * (1 - r))
     (arm,) = switch(branch.first("PD"), within={"g": (0.1, 12.0)})
+    assert np.prod(branch[3].solution.multipliers) == pytest.approx(r, abs=1e-12)
     points = arm[5].solution.points
     assert abs(points[0] - points[1]).max() > 1e-3
     assert np.allclose(ball.residual.map(points[1], arm[5].params), points[0], atol=1e-10)
-
-
-def test_determinant_of_the_bouncing_ball_is_its_restitution() -> None:
-    """A second road for the multipliers: their product."""
-    ball = of_map(
-        lambda u, p: [u[0] + u[1], 0.8 * u[1] - p["g"] * np.cos(u[0] + u[1])],
-        {"phi": math.pi / 2, "v": 0.0},
-        g=1.0,
-    )
-    point = trace(ball, "g", within={"g": (0.5, 2.0)})[3]
-    assert np.prod(point.solution.multipliers) == pytest.approx(0.8, abs=1e-12)
 
 
 # --- what is told apart, and what is refused --------------------------------------------------
@@ -165,12 +155,6 @@ def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:
     wrong = logistic(0.16, 3.84, period=3, jacobian=lambda x, p: logistic_slope(x, p) + 0.1)
     with pytest.raises(BadInput, match="Jacobian that was given does not fit"):
         trace(wrong, "r")
-
-
-def test_neimark_sacker_points_have_no_arms_that_are_solutions() -> None:
-    curve = trace(henon(1.0, 0.5, 0.5), "beta", within={"beta": (0.0, 2.0)})
-    with pytest.raises(NothingToSwitch, match="leave points of kind NS"):
-        switch(curve.first("NS"))
 
 
 def test_scales_of_a_map_are_heeded() -> None:

@@ -208,12 +208,6 @@ def test_one_equation_may_be_a_number() -> None:
     assert [p.label for p in branches[0].special] == ["EP1", "LP1", "LP2", "EP2"]
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
-def test_a_start_is_as_exact_whatever_the_scales(scale: float) -> None:
-    mine = Problem(lambda x, p: x**2 - 0.3, {"x": 1.0}, {}, scales={"x": scale})
-    assert mine.solve()[0].start["x"] == pytest.approx(math.sqrt(0.3), abs=1e-14)
-
-
 # --- functions written by others ------------------------------------------------------------------
 
 
@@ -335,21 +329,24 @@ def test_equations_are_not_solved_for_being_small(equation, x: float, residual: 
         scalar(equation, x, {"mu": 0.0}).solve()
 
 
-@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
-def test_equations_are_solved_whatever_their_size(size: float) -> None:
-    _, found = scalar(lambda x, p: size * (x**2 - 2), 1.0, {"mu": 0.0}).solve()
-    assert found.z[0] == pytest.approx(2**0.5, rel=1e-15)
+def square(x, p):
+    return x**2 - 2
 
 
-@pytest.mark.parametrize("other", [1.0, 1e6, 1e10])
-def test_an_unknown_is_solved_for_to_the_last_digits_whatever_the_size_of_another(other) -> None:
-    problem = Problem(
-        lambda u, p: np.array([u[0] ** 2 - 2 + 0 * p["mu"], u[1] / other - 1]),
-        {"x": 1.6, "y": other},
-        {"mu": 0.0},
-    )
-    _, found = problem.solve()
-    assert found.z[0] == pytest.approx(2**0.5, rel=1e-14)
+SOLVED = [
+    *(scalar(lambda x, p, size=size: size * square(x, p), 1.0, {}) for size in (1e-12, 1.0, 1e12)),
+    *(scalar(square, 1.0, {}, scales={"x": scale}) for scale in (1e-3, 1e6)),
+    *(
+        Problem(lambda u, p, y=y: [square(u[0], p), u[1] / y - 1], {"x": 1.6, "y": y}, {})
+        for y in (1e6, 1e10)
+    ),
+]
+
+
+@pytest.mark.parametrize("problem", SOLVED)
+def test_an_unknown_is_solved_for_to_the_last_digits(problem: Problem) -> None:
+    """Whatever the size of its equation, its scale, and the size of another."""
+    assert problem.solve()[0].start["x"] == pytest.approx(2**0.5, rel=1e-15)
 
 
 def test_maps_may_return_one_array_each_time() -> None:

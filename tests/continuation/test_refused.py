@@ -56,9 +56,6 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
     one = cb.Problem(lambda u, p: u - p["m"], {"x": 0.0}, {"m": 0.0})
     with pytest.raises(BadInput, match=r"the file has \['x', 'y', 'm'\], the problem has"):
         cb.load(path, problem=one)
-    three = cb.Problem(lambda u, p: u - p["m"], {"x": 0.0}, {"m": 0.0, "n": 1.0})
-    with pytest.raises(BadInput, match=r"the problem has \['n'\], which the file has not"):
-        cb.load(path, problem=three)
 
 
 # --- coefficients ---------------------------------------------------------------------------------
@@ -94,19 +91,6 @@ def test_without_values_to_both_sides_there_is_no_coefficient(mine, kind, name, 
     assert name not in point.detail
     for what, value in known.items():
         assert point.detail[what] == pytest.approx(value, abs=1e-9)
-
-
-def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling() -> None:
-    mine = cb.FixedPoint(
-        lambda u, p: [-(1.0 + p["m"]) * u[0] + u[0] ** 3, -(1.0 + p["m"]) * u[1] + u[1] ** 3],
-        START, {"m": -0.31},
-    )  # fmt: skip
-    branch = cb.trace(mine, "m", within={"m": (-0.4, 0.3)})
-    assert [point.kind for point in branch.special] == ["EP", "EP"]
-    assert {point.kind: point.detail["reason"] for point in branch.doubtful} == {
-        "NS": "a double -1: R2, no pair on the unit circle",
-        "PD": "two PD at once, or too close to be separated: not simple",
-    }
 
 
 # --- what was given -------------------------------------------------------------------------------

@@ -69,9 +69,9 @@ def test_a_step_that_rounding_leaves_to_the_edge_of_a_window_is_made() -> None:
         w = w + 0.85 * np.sin(u[0] + u[1])
         return np.concatenate([q + w, w])
 
-    fixed = cb.FixedPoint(rotors, {"q": np.pi, "r": 0.0, "v": 0.0, "w": 0.0}, {"K": 0.5})
+    fixed = cb.FixedPoint(rotors, {"q": np.pi, "r": 0.0, "v": 0.0, "w": 0.0}, {"K": 4.5})
     for largest in (0.01, 0.1 * 0.1):
-        branch = cb.trace(fixed, "K", within={"K": (-4, 6)}, steps=cb.Steps(largest=largest))
+        branch = cb.trace(fixed, "K", within={"K": (4, 6)}, steps=cb.Steps(largest=largest))
         assert [branch[0].kind, branch[-1].kind] == ["EP", "EP"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -54,15 +53,6 @@ def test_both_arms_of_a_pitchfork_super_or_subcritical(sign: int) -> None:
         assert abs(arm["x"][1:]).min() > 0
         assert arm.doubtful == ()
         assert arm.stop is Stop.BOUND
-
-
-def test_the_other_curve_of_a_transcritical_point_in_both_directions_and_not_the_first() -> None:
-    branch = zoo.trace_case(zoo.TRANSCRITICAL)  # on x = mu; the axis crosses it
-    arms = switch(branch.first("BP"), within=MU)
-    assert sorted(arm[-1]["mu"] for arm in arms) == [-1, 1]
-    for arm in arms:
-        assert abs(arm["x"]).max() < 1e-12
-        assert not lies_on(arm[5], branch)
 
 
 def test_arms_leave_where_folds_crowd_the_branch_point() -> None:
@@ -237,13 +227,6 @@ def test_a_lift_to_equations_that_fold_there_is_refused() -> None:
     assert "they fold there" in str(refused(point))
 
 
-def with_seed(
-    z: zoo.Array, tangent: zoo.Array, parent: zoo.Array | None = None
-) -> tuple[object, Seed]:
-    point = zoo.trace_case(zoo.PITCHFORK).first("BP")
-    return point, Seed(point.problem, z, tangent, parent)
-
-
 @pytest.mark.parametrize("size", [1e-9, 1e9])
 def test_arms_of_a_lift_set_out_whatever_the_size_of_their_unknowns(size: float) -> None:
     """x / size = +- sqrt(mu)."""
@@ -263,8 +246,8 @@ def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
 
 
 def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
-    along = np.array([0.0, 1.0])
-    point, seed = with_seed(np.zeros(2), np.array([1e-3, 1.0]), along)
+    point = zoo.trace_case(zoo.PITCHFORK).first("BP")
+    seed = Seed(point.problem, np.zeros(2), np.array([1e-3, 1.0]), parent=np.array([0.0, 1.0]))
     with pytest.raises(ArmsCoincide, match="follows the branch it was to leave") as caught:
         follow(point, seed, Settings(MU))
     assert caught.value.distance < 1e-4
@@ -288,22 +271,6 @@ def test_arms_that_coincide_are_refused_with_both() -> None:
         switch(point, within=MU)
     assert caught.value.distance < 1e-12
     assert np.allclose(caught.value.arm[1].z, caught.value.other[1].z)
-
-
-@pytest.mark.parametrize(
-    ("z", "tangent", "match"),
-    [
-        ([0.3, 0.5], [1.0, 0.0], "no curve leaves the start in this direction: the residual"),
-        ([1.0, 1.0], [1.0, 0.0], "no curve leaves the start in this direction"),
-        ([0.0, 0.0], [0.0, 0.0], "a direction of shape"),
-        ([0.0, 0.0], [1.0, math.nan], "a direction of shape"),
-        ([0.0, 0.0], [1.0, 0.0, 0.0], "a direction of shape"),
-    ],
-)
-def test_seeds_that_are_on_no_curve_are_refused(z: list[float], tangent: list[float], match: str):
-    point, seed = with_seed(np.array(z), np.array(tangent))
-    with pytest.raises(BadInput, match=match):
-        follow(point, seed, Settings(MU))
 
 
 def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from contbreather.continuation import Problem, Steps, fold, iterate, trace
+from contbreather.continuation import Problem, Steps, fold, trace
 
 from . import zoo
 
@@ -77,14 +77,6 @@ def test_both_directions_together_are_what_both_gives(case: zoo.Case) -> None:
     joined = down.reversed().join(up)
     assert [p.label for p in joined.special] == [p.label for p in whole.special]
     assert np.array_equal(joined["arclength"], whole["arclength"])
-
-
-@every
-def test_up_is_up_and_down_is_down(case: zoo.Case) -> None:
-    for side, sign in (("up", 1), ("down", -1)):
-        walker = iterate(case.problem, case.free, towards=side, events=())
-        start, after = next(walker), next(walker)
-        assert sign * (after[case.free] - start[case.free]) > 0
 
 
 @every

@@ -13,6 +13,8 @@ from scipy.linalg import expm
 
 import contbreather as cb
 
+from .zoo import across, van_der_pol
+
 TAU = 2 * np.pi
 ON = {"c": 0.1, "k": 0.6, "w": 3.0, "s": 0.2}
 
@@ -90,14 +92,15 @@ def first_impact(w: float) -> tuple[Any, ...]:
     """Start without impacts, and follow it to where it touches the wall and beyond."""
     reach = amplitude(ON["c"], w)
     start, within = without_impacts(HIT, w=w, s=1.2 * reach), {"s": (0.3 * reach, 1.5 * reach)}
-    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
-    (arm,) = cb.switch(grazing, within=within)
-    return reach, start, within, grazing, arm
+    return reach, start, within, *across(start, "s", "GR", within, towards="down")
 
 
 def test_a_diagram_goes_beyond_the_first_impact() -> None:
+    """When it is asked to."""
     _, start, within, grazing, arm = first_impact(3.0)
-    tree = cb.diagram(start, "s", within=within, depth=1, beyond=True)
+    asked = {"within": within, "depth": 1}
+    assert len(cb.diagram(start, "s", **asked)) == 1
+    tree = cb.diagram(start, "s", **asked, beyond=True)
     assert tree.failed == ()
     (birth,) = tree.births[1:]
     assert birth.place.point["s"] == pytest.approx(grazing["s"], rel=1e-9)
@@ -126,10 +129,8 @@ def test_the_first_impact_is_that_of_the_closed_form(w: float, beyond: str) -> N
 @pytest.mark.parametrize("w", [3.0, 1.5])
 def test_the_way_back_leads_to_the_same_orbits_without_an_impact(w: float) -> None:
     reach, start, within, grazing, arm = first_impact(w)
-    there = cb.trace(arm[3].problem, "s", within=within, events=())
-    gone = there.first("VI")
+    gone, back = across(arm[3].problem, "s", "VI", within, events=())
     assert gone["s"] == pytest.approx(grazing["s"], rel=1e-9)
-    (back,) = cb.switch(gone, within=within)
     assert back[0]["beyond"] == arm[0]["beyond"]
     assert back[0]["s"] == pytest.approx(grazing["s"], rel=1e-9)
     assert back[-1]["s"] == 1.5 * reach
@@ -165,8 +166,7 @@ def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
 def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
     on, within = {"c": 0.04, "k": 0.5, "w": 2.2, "s": 0.3}, {"w": (2.1, 2.3)}
     orbit = cb.cycle([HIT], {"x": -0.2, "v": 0.0}, on, period=period, settle=60)
-    branch = cb.trace(orbit, "w", within=within, towards="down", events=())
-    (arm,) = cb.switch(branch.first("GR"), within=within, events=())
+    _, arm = across(orbit, "w", "GR", within, towards="down", events=())
     gone = arm.first("VI")
     (back,) = cb.switch(gone, within=within)
     long, short = gone.solution, back[0].solution
@@ -213,23 +213,6 @@ def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
     assert met == [{right}, {right, left}]
 
 
-def test_a_compliant_stop_is_a_wall_of_two_flows() -> None:
-    def pressed(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], field(t, x, p)[1] - 20 * (x[0] - p["s"])]
-
-    stop = [cb.Flow(field, until=right), cb.Flow(pressed, until=lambda t, x, p: x[0] - p["s"])]
-    start = without_impacts([stop], s=0.2, w=3.0)
-    within = {"s": (0.05, 0.3)}
-    grazing = cb.trace(start, "s", within=within, towards="down").first("GR")
-    (arm,) = cb.switch(grazing, within=within)
-    assert arm[0]["s"] == pytest.approx(amplitude(0.1, 3.0), rel=1e-9)
-    assert arm[3].solution.equations.flows == tuple(stop)
-    gone = cb.trace(arm[3].problem, "s", within=within, events=()).first("GR")
-    (back,) = cb.switch(gone, within=within)
-    assert back[0]["s"] == pytest.approx(grazing["s"], rel=1e-9)
-    assert back[-1].solution.equations.flows == start.residual.flows
-
-
 def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None:
     within = {"s": (0.05, 0.3)}
 
@@ -256,17 +239,12 @@ def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None
 def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
     """Van der Pol's cycle has a wall moved into it. In a plane what an impact takes off the
     velocity is a later time: the orbit goes on as one that hits, and back."""
-
-    def van_der_pol(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], 0.5 * (1 - x[0] ** 2) * x[1] - x[0]]
-
     hit = cb.Flow(
         van_der_pol, until=lambda t, x, p: p["g"] - x[0], reset=lambda t, x, p: [x[0], -0.7 * x[1]]
     )
-    free = cb.cycle(cb.Flow(van_der_pol, walls=(hit,)), {"x": 2.0, "v": 0.0}, {"g": 2.3}, settle=99)
-    window = {"g": (1.0, 2.5)}
-    grazing = cb.trace(free, "g", within=window).first("GR")
-    (hits,) = cb.switch(grazing, within=window)
+    start, params, window = {"x": 2.0, "v": 0.0}, {"g": 2.3, "mu": 0.5}, {"g": (1.0, 2.5)}
+    free = cb.cycle(cb.Flow(van_der_pol, walls=(hit,)), start, params, settle=99)
+    grazing, hits = across(free, "g", "GR", window)
     assert [(end.kind, end["g"]) for end in hits.special] == [
         ("EP", pytest.approx(grazing["g"], abs=1e-7)), ("EP", 1.0)
     ]  # fmt: skip

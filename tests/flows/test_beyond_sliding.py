@@ -13,7 +13,7 @@ import contbreather as cb
 from contbreather import Problem
 
 from .test_filippov import MASS, pushed
-from .zoo import STICK_SLIP
+from .zoo import STICK_SLIP, across
 
 TAU = 2 * np.pi
 ONSET = np.sqrt(1 + np.pi**2 / 4)  # where a pushed mass begins to stick: Den Hartog
@@ -85,16 +85,14 @@ def check(branch: cb.Branch, system: cb.Filippov, flows: list[str], V: float = 0
 
 def test_both_sides_of_a_symmetric_orbit_begin_to_stick_at_once() -> None:
     within = {"A": (1.75, 2.0)}
-    moving = cb.trace(pushed(2.0), "A", within=within, towards="down", events=())
-    (sticking,) = cb.switch(moving.first("SL"), within=within, events=())
+    _, sticking = across(pushed(2.0), "A", "SL", within, towards="down", events=())
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["A"] == pytest.approx(ONSET, abs=1e-12)
     assert sticking[-1]["A"] == 1.75
     check(sticking, MASS, ["below", "sticks up", "above", "sticks down"])
     # and from the other side
-    again = cb.trace(pushed(1.8), "A", within=within, towards="up", events=()).first("SL")
+    again, back = across(pushed(1.8), "A", "SL", within, towards="up", events=())
     assert again["A"] == pytest.approx(ONSET, abs=1e-12)
-    (back,) = cb.switch(again, within=within, events=())
     assert (back[0]["beyond"], back[-1]["A"]) == ("persists", 2.0)
     check(back, MASS, ["below", "above"])
 
@@ -155,17 +153,14 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
     rest, turn = {"x": 0.3, "v": 0.0}, TAU / 0.7
     start = cb.cycle(slips, rest, {"a": 0.3}, period=turn, settle=200, collocation=MESH)
     within = {"a": (0.3, 0.78)}
-    grazing = cb.trace(start, "a", within=within, events=()).first("GR")
+    grazing, sticking = across(start, "a", "GR", within, events=())
     known = abs(1 - 0.49 + 0.14j) / 0.7  # the velocity of the linear motion is that of the belt
     assert grazing["a"] == pytest.approx(known, rel=1e-9)
-    (sticking,) = cb.switch(grazing, within=within, events=())
     assert sticking[0]["beyond"] == "persists"
     assert sticking[0]["a"] == pytest.approx(known, rel=1e-9)
     check(sticking, belt, ["below", "sticks down"], V=1.0)
-    back_there = {"towards": "down", "within": within, "events": ()}
-    lost = cb.trace(sticking[3].problem, "a", **back_there).special[-1]
-    (back,) = cb.switch(lost, within=within, events=())
-    assert (lost.kind, back[0]["a"]) == ("SL", pytest.approx(known, rel=1e-9))
+    _, back = across(sticking[3].problem, "a", "SL", within, towards="down", events=())
+    assert back[0]["a"] == pytest.approx(known, rel=1e-9)
     assert back[-1].solution.equations.flows == start.residual.flows
 
 
@@ -183,20 +178,17 @@ def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
 def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
     mass, orbit = rocked(0.02)
     within = {"B": (0.36, 0.5)}
-    touched = cb.trace(orbit, "B", within=within, events=()).first("GR")
+    touched, leaving = across(orbit, "B", "GR", within, events=())
     # where the push next to t = 2 pi / 6 just overcomes friction
     t = np.linspace(0.9, 1.2, 30_001)
     known = brentq(lambda B: (1.1 * np.cos(t) + B * np.cos(6 * t)).max() + 0.02 - 1, 0.3, 0.5)
     assert touched["B"] == pytest.approx(known, abs=1e-9)
-    (leaving,) = cb.switch(touched, within=within, events=())
     assert leaving[0]["beyond"] == "persists"
     # the time off the surface that counts as none is that far beyond, as its square
     assert leaving[0]["B"] == pytest.approx(known, abs=1e-6)
     slips = ["sticks up", "above"]
     check(leaving, mass, ["below", *slips, *slips, "sticks down"])
-    fewer = {"towards": "down", "within": within, "events": ()}
-    lost = cb.trace(leaving[3].problem, "B", **fewer).first("SL")
-    (back,) = cb.switch(lost, within=within, events=())
+    _, back = across(leaving[3].problem, "B", "SL", within, towards="down", events=())
     assert (back[0]["beyond"], back[0]["B"]) == ("persists", pytest.approx(known, abs=1e-9))
     check(back, mass, ["below", *slips, "sticks down"])
 

@@ -12,6 +12,7 @@ import contbreather as cb
 from contbreather.continuation.branches.duplicates import Duplicate, ending_at
 
 from .test_beyond_impact import misses
+from .zoo import across
 
 TAU = 2 * np.pi
 WITHIN = {"w": (0.5, 2.0)}
@@ -135,16 +136,6 @@ def test_the_last_contact_leaves_the_linear_motion(jump: float, w: float, beyond
         np.testing.assert_allclose(curve["F"], reached, atol=1e-9)
 
 
-def test_a_diagram_goes_beyond_when_asked(resonance: cb.Branch) -> None:
-    start = resonance[1].problem
-    plain, beyond = (
-        cb.diagram(start, "w", within={"w": (0.75, 0.88)}, depth=1, beyond=beyond)
-        for beyond in (False, True)
-    )
-    assert len(plain) == 1
-    assert {branch[0].detail.get("beyond") for branch in beyond} >= {"persists"}
-
-
 def test_a_branch_is_known_from_its_other_end(resonance: cb.Branch, touches) -> None:
     """Its first flow and its mesh may be others there: the orbits are the same."""
     _, arm = min(touches, key=lambda pair: pair[0]["w"])
@@ -183,12 +174,10 @@ def test_contacts_come_and_go_where_the_phase_is_an_angle(settle: float, first: 
     start, window = {"x": 0.0, "v": 0.0, "angle": 0.0}, {"F": (0.02, 0.7)}
     orbit = cb.cycle(flows, start, {"F": 0.6}, wraps={"angle": TAU}, settle=settle)
     assert orbit.residual.flows[0].f.__name__ == first  # the turn is taken back after the other
-    shrunk = cb.trace(orbit, "F", within=window, towards="down").special[-1]
-    assert (shrunk.kind, shrunk["F"]) == ("GR", pytest.approx(0.08, rel=1e-9))
-    (apart,) = cb.switch(shrunk, within=window)
+    shrunk, apart = across(orbit, "F", "GR", window, towards="down")
+    assert shrunk["F"] == pytest.approx(0.08, rel=1e-9)
     assert [at["max(x)"] for at in apart] == pytest.approx([10 * at["F"] for at in apart])
-    touched = cb.trace(apart[-1].problem, "F", within=window, towards="up").special[-1]
-    (again,) = cb.switch(touched, within={"F": (0.02, 0.6)})
+    _, again = across(apart[-1].problem, "F", "GR", {"F": (0.02, 0.6)}, towards="up")
     assert again[-1]["max(x)"] == pytest.approx(cb.flows.cycle_of(orbit).max["x"], rel=1e-9)
 
 
@@ -206,9 +195,8 @@ def test_a_rotation_meets_its_stop_and_leaves_it() -> None:
     start, window = {"theta": 0.0, "v": 2.0}, {"torque": (0.7, 1.0)}
     over = cb.Flow(pendulum, walls=(brakes,))
     orbit = cb.cycle(over, start, {"torque": 0.75}, wraps={"theta": TAU}, settle=80)
-    touched = cb.trace(orbit, "torque", within=window, towards="up").special[-1]
-    assert (touched.kind, touched["max(v)"]) == ("GR", pytest.approx(3.0, rel=1e-9))
-    (slower,) = cb.switch(touched, within=window)
+    touched, slower = across(orbit, "torque", "GR", window, towards="up")
+    assert touched["max(v)"] == pytest.approx(3.0, rel=1e-9)
     assert slower[0]["beyond"] == "persists"
     last = slower[-1].solution
     assert last.flights[-1].end - last.flights[0].states[0] == pytest.approx([TAU, 0.0], abs=1e-9)

@@ -8,6 +8,8 @@ import pytest
 import contbreather as cb
 from contbreather.errors import BadInput
 
+from .zoo import CASES
+
 PERIOD = 0.5
 ON = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])
 OFF = cb.Flow(lambda t, x, p: [-p["b"] * x[0] ** 3], at=0)
@@ -59,20 +61,13 @@ def test_a_clock_without_a_period_and_beside_a_condition_is_refused() -> None:
 
 
 def test_what_only_the_period_ends_has_doubled_orbits() -> None:
-    """A damped rotor, kicked once a period: (th, v) -> -(th, v) from one period to the next, with
-    th = v (1 - exp(-d))/d of free motion, is K sin th = 2 d coth(d/2) th."""
-    flow = cb.Flow(
-        lambda t, x, p: [x[1], -p["d"] * x[1] + 0 * x[0]],
-        reset=lambda t, x, p: [x[0], x[1] - p["K"] * np.sin(x[0])],
-    )
-    rest = cb.cycle([flow], {"th": 0.0, "v": 0.0}, {"K": 1.0, "d": 0.3}, period=1.0)
-    flip = cb.trace(rest, "K", within={"K": (0.9, 5)}).first("PD")
-    steepest = 0.6 / np.tanh(0.15)
-    assert flip["K"] == pytest.approx(steepest, rel=1e-9)
-    (arm,) = cb.switch(flip, within={"K": (0.9, 6)}, events=())
-    th = arm["max(th)"][1:]
-    assert arm[-1]["K"] == 6
-    assert arm["K"][1:] * np.sin(th) == pytest.approx(steepest * th, rel=1e-8)
+    """The kicked rotor: (x, v) -> -(x, v) from one period to the next, with x = v (1 - exp(-d))/d
+    of free motion, is -K sin x = 2 d coth(d/2) x."""
+    flip = CASES["kicked rotor"].branch.first("PD")
+    (arm,) = cb.switch(flip, within={"K": (-6, 0)}, events=())
+    x = arm["max(x)"][1:]
+    assert arm[-1]["K"] == -6
+    assert -arm["K"][1:] * np.sin(x) == pytest.approx(0.6 / np.tanh(0.15) * x, rel=1e-8)
 
 
 def test_a_map_at_each_stroke_has_its_double_multiplier() -> None:

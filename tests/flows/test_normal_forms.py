@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, FHN, RADIUS, bautin, fitzhugh_nagumo, half_turned
+from .zoo import CASES, FHN, RADIUS, bautin, born, fitzhugh_nagumo, half_turned, van_der_pol
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -199,8 +199,7 @@ def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes() -> None:
     """FitzHugh and Nagumo's equations: 1 - 2 b + b^2 eps = 0."""
     at, eps = {**FHN, "eps": 0.6, "I": 0.0}, (2 * 0.8 - 1) / 0.8**2
     rest = cb.equilibrium(fitzhugh_nagumo, {"v": -1.2, "w": -0.62}, at)
-    hopf = cb.trace(rest, "I", within={"I": (-0.5, 1)}, towards="up").first("HB")
-    (cycles,) = cb.switch(hopf, within={"I": (0, 1)})
+    cycles = born(rest, "I", (-0.5, 1), I=(0, 1))
     line = cb.boundary(cycles.first("LP"), ("eps", "I"), within={"eps": (0.5, 2)}, towards="up")
     v = -math.sqrt(1 - 0.8 * eps)
     ends_at_generalised_hopf(line, {"eps": eps, "I": (v + 0.7) / 0.8 - v + v**3 / 3})
@@ -220,10 +219,7 @@ def ends_at_generalised_hopf(line, place) -> None:
 
 def test_a_hopf_point_without_cubic_terms_is_degenerate() -> None:
     """At mu = 0 van der Pol's oscillator is the harmonic one."""
-    rest = cb.equilibrium(
-        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
-        {"x": 0.0, "v": 0.0}, {"mu": -0.5},
-    )  # fmt: skip
+    rest = cb.equilibrium(van_der_pol, {"x": 0.0, "v": 0.0}, {"mu": -0.5})
     point = cb.trace(rest, "mu", within={"mu": (-1, 1)}).first("HB")
     assert (point["l1"], point["criticality"]) == (pytest.approx(0, abs=1e-15), "degenerate")
 

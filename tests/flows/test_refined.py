@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import BAND, roessler, van_der_pol
+from .zoo import BAND, born, roessler, van_der_pol
 
 FEW = Collocation(intervals=6, points=4)
 TEN = Collocation(intervals=10, points=4)
@@ -83,29 +83,31 @@ def forked(t, x, p):
 
 
 @pytest.fixture(scope="module")
-def born() -> cb.Branch:
-    """The cycles from their Hopf point to beyond where they fork."""
+def rest() -> cb.Problem:
     start = {"x": 0.0, "v": 0.0, "w": 0.0}
-    rest = cb.equilibrium(forked, start, {"mu": -0.5}, collocation=FEW)
-    line = cb.trace(rest, "mu", within={"mu": (-1.0, 0.4)})
-    (cycles,) = cb.switch(line.first("HB"), within={"mu": (-1.0, 0.7)})
-    return cycles
+    return cb.equilibrium(forked, start, {"mu": -0.5}, collocation=FEW)
 
 
-def test_an_arm_of_cycles_on_a_finer_mesh_is_itself_and_not_what_it_left(born) -> None:
-    arms = cb.switch(born.first("BP"), within={"mu": (0.2, 6.7)})
+@pytest.fixture(scope="module")
+def cycles(rest) -> cb.Branch:
+    """From their Hopf point to beyond where they fork."""
+    return born(rest, "mu", (-1.0, 0.4), mu=(-1.0, 0.7))
+
+
+def test_an_arm_of_cycles_on_a_finer_mesh_is_itself_and_not_what_it_left(cycles) -> None:
+    arms = cb.switch(cycles.first("BP"), within={"mu": (0.2, 6.7)})
     assert sorted(round(arm[-1]["max(w)"], 9) for arm in arms) == [-2.48997992, 2.48997992]
     for arm in arms:
-        assert arm["mesh"].shape[1] > born["mesh"].shape[1]
+        assert arm["mesh"].shape[1] > cycles["mesh"].shape[1]
         np.testing.assert_allclose(arm["max(w)"] ** 2, arm["mu"] - 0.5, atol=1e-10)
         np.testing.assert_allclose(arm["min(w)"], arm["max(w)"], atol=1e-10)
         assert not arm.doubtful
 
 
-def test_what_goes_on_from_a_cycle_does_not_begin_at_its_hopf_point_again(born) -> None:
-    longer = cb.extend(born, within={"mu": (-1.0, 6.6)}, end="last")
+def test_what_goes_on_from_a_cycle_does_not_begin_at_its_hopf_point_again(cycles) -> None:
+    longer = cb.extend(cycles, within={"mu": (-1.0, 6.6)}, end="last")
     assert [point.label for point in longer.special] == ["EP1", "BP1", "EP2"]
-    assert longer["mesh"].shape[1] == born["mesh"].shape[1]
+    assert longer["mesh"].shape[1] == cycles["mesh"].shape[1]
     (place,) = longer.doubtful
     assert "the mesh is too coarse near t" in place.detail["reason"]
 
@@ -122,8 +124,7 @@ def test_arms_of_a_symmetric_circuit_are_followed_into_where_they_need_more_inte
         ]
 
     rest = cb.equilibrium(circuit, {"x": 0.0, "y": 0.0, "z": 0.0}, {"nu": -0.9}, collocation=TEN)
-    line = cb.trace(rest, "nu", within={"nu": (-1.2, -0.58)})
-    (cycles,) = cb.switch(line.first("HB"), within={"nu": (-0.6, -0.3)})
+    cycles = born(rest, "nu", (-1.2, -0.58), nu=(-0.6, -0.3))
     steps = cb.Steps(most=22)
     arms = cb.switch(cycles.first("BP"), within={"nu": (-0.77, -0.58)}, steps=steps)
     assert len(arms) == 2
@@ -147,15 +148,13 @@ def test_cycles_from_a_hopf_point_get_more_intervals_whatever_the_units_of_their
 
     few = Collocation(intervals=8, points=4)
     rest = cb.equilibrium(neuron, {"V": 8.3, "w": 0.4}, {"I": 97.5}, collocation=few)
-    hopf = cb.trace(rest, "I", within={"I": (97, 98)}).first("HB")
-    (cycles,) = cb.switch(hopf, within={"I": (97, 120)})
+    cycles = born(rest, "I", (97, 98), I=(97, 120))
     assert cycles["mesh"].shape[1] > 8
     assert not cycles.doubtful
     assert cycles.first("LP")["I"] == pytest.approx(115.94872149, abs=1e-6)
 
 
-def test_a_diagram_has_arms_on_finer_meshes_and_what_they_left_once() -> None:
-    rest = cb.equilibrium(forked, {"x": 0.0, "v": 0.0, "w": 0.0}, {"mu": -0.5}, collocation=FEW)
+def test_a_diagram_has_arms_on_finer_meshes_and_what_they_left_once(rest) -> None:
     tree = cb.diagram(rest, "mu", within={"mu": (-0.5, 1.8)})
     cycles = [branch for branch in tree if branch[-1].kind == "EP" and "mesh" in branch[-1].values]
     assert not tree.failed
@@ -281,7 +280,7 @@ def test_a_mesh_that_leads_to_no_orbit_is_fitted_to_the_motion_again() -> None:
 
 def test_a_finer_mesh_begins_at_the_start_however_far_the_branch_has_come() -> None:
     up = {"towards": "up", "within": {"I": (1.4, 1.85)}, "events": ()}
-    branch = cb.trace(bursting(1.4, 3000), "I", **up)
+    branch = cb.trace(bursting(1.4, 600), "I", **up)
     assert (branch[0]["I"], branch[-1]["I"]) == (1.4, 1.85)
     assert branch["mesh"].shape[1] == 80
 

@@ -40,11 +40,11 @@ def test_special_points_are_where_they_are_known_to_be_and_no_others(case: Case)
 @pytest.mark.parametrize("case", CYCLES, ids=named)
 def test_a_cycle_comes_back_under_another_integrator(case: Case) -> None:
     orbit = cb.flows.cycle_of(case.problem())
-    flows, begin = orbit.equations.flows, float(orbit.times[0])
+    flows, begin, p = orbit.equations.flows, float(orbit.times[0]), orbit.params
     events = len(flows) if flows[0].until else None
     far = None if events else orbit.period
-    run = cb.integrate(flows, orbit.states(begin), orbit.params, events=events, time=far, t0=begin)
-    final = run.final if events or not flows[0].reset else flows[0].reset(0, run.final, {})
+    run = cb.integrate(flows, orbit.states(begin), p, events=events, time=far, t0=begin)
+    final = run.final if events or not flows[0].reset else flows[0].reset(0, run.final, p)
     growth = max(1.0, *abs(orbit.multipliers))
     np.testing.assert_allclose(run.pieces[-1].t[-1] - begin, orbit.period, atol=1e-9 * growth)
     np.testing.assert_allclose(final, orbit.states(begin), atol=1e-9 * growth)

@@ -61,6 +61,22 @@ def cycle(flows: Any, start: Mapping[str, float], params: Mapping[str, float], *
     return lambda: cb.cycle(flows, start=dict(start), params=dict(params), **more)
 
 
+def born(rest: Any, free: str, window: tuple[float, float], **within: Any) -> cb.Branch:
+    """The cycles that leave the Hopf point of an equilibrium, within its window or these."""
+    hopf = cb.trace(rest, free, within={free: window}).first("HB")
+    (cycles,) = cb.switch(hopf, within=within or {free: window})
+    return cycles
+
+
+def across(
+    start: cb.Problem, free: str, kind: str, within: Any, **how: Any
+) -> tuple[cb.Point, cb.Branch]:
+    """Where a branch ends, and the one that sets out there."""
+    place = cb.trace(start, free, within=within, **how).first(kind)
+    (arm,) = cb.switch(place, within=within)
+    return place, arm
+
+
 # --- equilibria -----------------------------------------------------------------------------------
 
 
@@ -100,20 +116,6 @@ enter(
         ("HB", (v + 0.7) / 0.8 - v + v**3 / 3)
         for v in (-math.sqrt(1 - 0.064), math.sqrt(1 - 0.064))
     ),
-)  # fmt: skip
-
-# Rosenzweig-MacArthur: x = d h/(e - d) meets y = 0 at K = x, and its trace is zero at K = h + 2 x.
-enter(
-    "rosenzweig-macarthur",
-    rest(
-        lambda t, x, p: [
-            x[0] * (1 - x[0] / p["K"]) - x[0] * x[1] / (x[0] + p["h"]),
-            x[0] * x[1] / (x[0] + p["h"]) - p["d"] * x[1],
-        ],
-        {"x": 1 / 3, "y": 0.5}, {"K": 0.8, "h": 0.5, "d": 0.4},
-    ),
-    "K", (0.2, 3.0), (("BP", 1 / 3), ("HB", 0.5 + 2 / 3)),
-    lambda at: [(at["x"], 1 / 3), (at["y"], (1 - at["x"] / at["K"]) * (at["x"] + 0.5))],
 )  # fmt: skip
 
 
@@ -275,21 +277,6 @@ def van_der_pol(t: Any, x: Any, p: Any) -> Any:
     return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
 
 
-# The period at mu = 1 is known to many digits.
-PERIOD_AT_ONE = 6.663286859323130
-
-
-def at_one(at: Any) -> Pairs:
-    return [(at["period"], PERIOD_AT_ONE)] if at["mu"] == 1.0 else []
-
-
-enter(
-    "van der pol",
-    cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50),
-    "mu", (0.2, 3.0), (), at_one,
-)  # fmt: skip
-
-
 def roessler(t: Any, x: Any, p: Any) -> Any:
     return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
 
@@ -358,7 +345,8 @@ enter(
 )  # fmt: skip
 
 
-# A linear oscillator: amplitude F / |1 - w^2 + 2 i c w|, its multipliers are
+# A linear oscillator beside a wall at 1, which it grazes where its amplitude
+# F / |1 - w^2 + 2 i c w| is 1: the branch ends. Its multipliers are
 # exp((-c +- i sqrt(1 - c^2)) 2 pi/w).
 def linear(t: Any, x: Any, p: Any) -> Any:
     return [x[1], p["F"] * np.cos(p["w"] * t) - x[0] - 2 * p["c"] * x[1]]
@@ -376,19 +364,11 @@ def along_linear(at: Any) -> Pairs:
             (found.sum(), 2 * pair.real)]  # fmt: skip
 
 
-LINEAR = {"F": 1.0, "w": 1.5, "c": 0.1}
-enter(
-    "linear resonance",
-    cycle(linear, {"x": 0.0, "v": 0.0}, LINEAR, period=turn, settle=100),
-    "w", (0.9, 1.6), (), along_linear,
-)  # fmt: skip
-
-# The same beside a wall at 1, which it grazes where its amplitude is 1: the branch ends.
 enter(
     "linear beside a wall",
     cycle(
         cb.Flow(linear, walls=(lambda t, x, p: 1 - x[0],)),
-        {"x": 0.0, "v": 0.0}, {**LINEAR, "F": 0.5}, period=turn, settle=100,
+        {"x": 0.0, "v": 0.0}, {"F": 0.5, "w": 1.5, "c": 0.1}, period=turn, settle=100,
     ),
     "F", (0.2, 3.0), (("GR", abs(1 - 1.5**2 + 0.3j)),), along_linear,
 )  # fmt: skip
@@ -693,8 +673,8 @@ LOSS = math.exp(-0.3)
 enter(
     "kicked rotor",
     cycle(
-        cb.Flow(lambda t, x, p: [x[1], -0.3 * x[1]], at=0,
-                reset=lambda t, x, p: [x[0], x[1] + p["K"] * np.sin(x[0])]),
+        [cb.Flow(lambda t, x, p: [x[1], -0.3 * x[1]],
+                 reset=lambda t, x, p: [x[0], x[1] + p["K"] * np.sin(x[0])])],
         {"x": 0.0, "v": 0.0}, {"K": -1.0}, period=1.0,
     ),
     "K", (-4.5, 0.5), (("PD", -2 * 0.3 * (1 + LOSS) / (1 - LOSS)), ("BP", 0.0)),
