@@ -133,6 +133,16 @@ def test_a_branch_between_walls_ends_where_a_neighbour_touches_its_wall() -> Non
     assert abs(branch.first("GR")["a"] - shot.first("GR")["a"]) < 1e-8
 
 
+def test_an_arm_that_turns_back_in_the_coupling_says_so_and_how_far_it_came() -> None:
+    """Alone a site settles on one of two mirror images, and these come together on the way."""
+    chain = cb.Oscillators(
+        V="s*u**2/2", W="c*r**2/2", lattice=cb.Ring(4), damping=0.02, drive="a*cos(t)",
+        walls=1.0, k=0.8,
+    )  # fmt: skip
+    with pytest.raises(cb.NoSolution, match=r"reaches 0\.442. of the .* there it turns back"):
+        cb.breather(chain, {1: 1}, omega=1.0, params={"a": 0.75, "c": 0.04, "s": 0.05})
+
+
 def test_nonlinear_sites_impact_and_return_under_an_integration_with_impacts() -> None:
     chain = cb.Oscillators(
         V="u**2/20 + u**4/40", W="c*r**2/2", lattice=cb.OpenChain(4), damping=0.05,
