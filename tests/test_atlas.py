@@ -107,6 +107,10 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(found, at={"c3": 0.5})
     with pytest.raises(cb.BadInput, match=r"a kind must be 'LP', .* got 'PD'"):
         plot_atlas(found, at={"c3": 0.0}, kinds=["PD"])
+    with pytest.raises(cb.BadInput, match=r"kinds = 3: several were expected"):
+        plot_atlas(found, kinds=3)  # type: ignore[arg-type]
+    once = plot_atlas(found, over="c3", at={"k": 0.8}, kinds=iter(["LP"])).axes
+    assert [text.get_text() for text in once.get_legend().get_texts()] == ["fold (LP)"]
     with pytest.raises(cb.BadInput, match="an atlas was expected"):
         plot_atlas(3)  # type: ignore[arg-type]
 

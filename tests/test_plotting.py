@@ -275,8 +275,9 @@ def test_kinds_and_colours_are_those_that_were_asked_for(in_a: Branch) -> None:
     assert {line.get_color() for line in curves(ax)} == {"teal"}
     with pytest.raises(cb.BadInput, match="a colour for each of 1"):
         plots.plot(in_a, colours=["teal", "red"])
-    with pytest.raises(cb.BadInput, match="kinds = 'PF': several were expected"):
-        plots.plot(in_a, kinds="PF")
+    for wrong in ("PF", [["PF"]], 3):  # a list within a list was a TypeError
+        with pytest.raises(cb.BadInput, match=r"kinds = .*: several were expected, as in kinds="):
+            plots.plot(in_a, kinds=wrong)
     # also where they can be read once only
     once = plots.plot(in_a, in_a[:], kinds=iter(["PF"])).axes
     assert [line.get_marker() for line in once.get_lines()].count("^") == 2

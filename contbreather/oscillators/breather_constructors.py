@@ -194,8 +194,10 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
         if start is None and last[SHARE] == 1.0:
             return last.problem
-    end = max((*branch.special, last), key=lambda point: float(point[SHARE]))
-    turns = "it turns back" if end.kind == "LP" else "its steps shrink to nothing"
+    # the farthest, also where it turns back without a fold, onto the other arm of a pitchfork
+    end = max((*branch.special, *branch), key=lambda point: float(point[SHARE]))
+    back = end.kind == "LP" or last[SHARE] < end[SHARE]
+    turns = "it turns back" if back else "its steps shrink to nothing"
     raise CouplingEnds(
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
         f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)[0]}.",

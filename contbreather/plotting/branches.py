@@ -77,9 +77,7 @@ def plot_branches(
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
     x = branches[0].free if x is None else x
     y = _ordinate(branches) if y is None else y
-    if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
-        raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
-    wanted = None if kinds is None else {*kinds}
+    wanted = None if kinds is None else {*canvas.kinds_of(kinds)}
     marked = [_marked(branch, wanted) for branch in branches]
     with canvas.drawing(ax) as (drawn, axes):
         canvas.name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))

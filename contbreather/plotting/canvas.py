@@ -292,6 +292,15 @@ def to_the_rim(artists: Iterable[Artist]) -> None:
         artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
 
 
+def kinds_of(kinds: object) -> list[str]:
+    """Hand over the words for the kinds that were asked for, or refuse what is none."""
+    if isinstance(kinds, Iterable) and not isinstance(kinds, str):
+        given = [*kinds]
+        if all(isinstance(kind, str) for kind in given):
+            return given
+    raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
+
+
 def marker_of(kind: str) -> dict[str, Any]:
     """Marker of a kind, and its size in points: those with little inside are larger."""
     marker = look_of(kind).marker

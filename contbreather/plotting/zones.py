@@ -3,7 +3,7 @@ many of them in space, and the surfaces that their curves make."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import chain, pairwise
 from string import ascii_lowercase
@@ -253,7 +253,7 @@ def plot_atlas(
     *,
     over: str | None = None,
     at: Mapping[str, float] | None = None,
-    kinds: Sequence[str] = KINDS,
+    kinds: Iterable[str] = KINDS,
 ) -> Drawn:
     """Draw the limits of existence and stability over a third parameter, as surfaces.
 
@@ -271,7 +271,7 @@ def plot_atlas(
         The third parameter; unless given the one that has several values.
     at : dict, optional
         Values of the others that have several, ``{"k": 0.8}``.
-    kinds : sequence of str
+    kinds : iterable of str
         Of LP, GR, PF and NS.
 
     Raises
@@ -292,6 +292,7 @@ def plot_atlas(
     if over not in atlas.variables:
         fixed = ", ".join(_words(atlas, "fixed"))
         raise BadInput(f"over = {over!r}: this atlas has no values of it, but of {fixed}.")
+    kinds = canvas.kinds_of(kinds)
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
     if not any(lines.values()):
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")

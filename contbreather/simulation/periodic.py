@@ -405,6 +405,9 @@ class MotionProblem(maps.MapCycleProblem):
 
         return along if exact else None
 
+    def over(self, period: int) -> Problem:
+        return _dressed(super().over(period), self.back)
+
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         def doubled(point: Point) -> SwitchingProblem:
             twice = with_period(point.problem, 2 * self.period)

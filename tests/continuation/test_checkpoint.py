@@ -127,6 +127,19 @@ def test_a_closed_curve_goes_once_around_however_often_it_is_extended() -> None:
             cb.extend(piece, end="first")
 
 
+def test_a_closed_curve_goes_once_around_whatever_the_units_of_its_start(tmp_path: Path) -> None:
+    def circle(size: float) -> cb.Problem:
+        start = {"x": 0.6}, {"mu": 0.8}
+        return cb.Problem(lambda x, p: x**2 + p["mu"] ** 2 - 1, *start, scales={"x": size})
+
+    piece = cb.trace(circle(1.0), "mu", events=[cb.fold()], steps=cb.Steps(most=7))
+    cb.save(tmp_path / "run.nc", piece)
+    for size in (1.1, 3.0):  # the metric in which a tangent has length 1 is another
+        again = cb.load(tmp_path / "run.nc", problem=circle(size))
+        longer = cb.extend(again, steps=cb.Steps(most=300))
+        assert (longer.stop, len(longer.special)) == (Stop.CLOSED, 2)
+
+
 def test_interrupted_work_is_kept(tmp_path: Path) -> None:
     def residual(x: Any, p: Any) -> Any:
         if p["mu"] > 1.3:

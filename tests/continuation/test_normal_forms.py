@@ -205,6 +205,24 @@ def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
     assert calls <= 65
 
 
+def test_a_coefficient_asks_for_no_derivative_in_a_parameter() -> None:
+    calls = 0
+
+    def image(x: Array, p: Mapping[str, float]) -> Array:
+        nonlocal calls
+        calls += 1
+        return p["r"] * x * (1 - x)
+
+    def slopes(x: Array, p: Mapping[str, float]) -> Array:
+        return p["r"] * (1 - 2 * x[:, None])
+
+    mine = FixedPoint(image, {"x": 0.6}, {"r": 2.5}, jacobian=slopes)
+    point = trace(mine, "r", within={"r": (2.5, 3.5)}).first("PD")
+    calls = 0
+    assert point.detail["c"] == pytest.approx(9.0, rel=1e-9)
+    assert calls == 0
+
+
 # --- how close is close ---------------------------------------------------------------------------
 
 

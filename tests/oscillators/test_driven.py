@@ -118,6 +118,31 @@ def test_without_potentials_it_is_the_chain_of_the_paper(k: float) -> None:
     assert apart(orbit.multipliers, closed_form.multipliers(sites=10)) < 1e-9
 
 
+def test_a_branch_between_walls_ends_where_a_neighbour_touches_its_wall() -> None:
+    """Not where rounding puts a site behind the wall that it has just left."""
+    ring, on = cb.Ring(4), {"a": 0.7, "damping": 0.02, "k": 0.8, "spring": 0.05}
+    chain = cb.Oscillators(
+        V="s*u**2/2", W="c*r**2/2", lattice=ring, damping=0.02, drive="a*cos(t)", walls=1.0, k=0.8
+    )
+    hit = cb.breather(chain, {1: 1}, omega=1.0, params={"a": 0.7, "c": 0.04, "s": 0.05})
+    branch = cb.trace(hit, "a", within={"a": (0.7, 0.95)}, towards="up")
+    orbit = cb.symmetric(gamma=0.04, lattice=ring, **on)
+    shot = cb.trace(orbit, "a", within={"a": (0.7, 0.95)}, towards="up")
+    assert [point.kind for point in branch.special] == ["EP", "BP", "GR"]
+    assert abs(branch.first("BP")["a"] - shot.first("PF")["a"]) < 1e-8
+    assert abs(branch.first("GR")["a"] - shot.first("GR")["a"]) < 1e-8
+
+
+def test_an_arm_that_turns_back_in_the_coupling_says_so_and_how_far_it_came() -> None:
+    """Alone a site settles on one of two mirror images, and these come together on the way."""
+    chain = cb.Oscillators(
+        V="s*u**2/2", W="c*r**2/2", lattice=cb.Ring(4), damping=0.02, drive="a*cos(t)",
+        walls=1.0, k=0.8,
+    )  # fmt: skip
+    with pytest.raises(cb.NoSolution, match=r"reaches 0\.442. of the .* there it turns back"):
+        cb.breather(chain, {1: 1}, omega=1.0, params={"a": 0.75, "c": 0.04, "s": 0.05})
+
+
 def test_nonlinear_sites_impact_and_return_under_an_integration_with_impacts() -> None:
     chain = cb.Oscillators(
         V="u**2/20 + u**4/40", W="c*r**2/2", lattice=cb.OpenChain(4), damping=0.05,

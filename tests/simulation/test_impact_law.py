@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,3 +169,18 @@ def test_an_orbit_is_let_go_under_another_law():
         run.final, sim.simulate(orbit.state(), **ON, restitution=law, periods=2).final
     )
     assert "nan" not in str(run.table())
+
+
+def test_an_arm_in_a_file_is_what_it_was_of_the_motion_that_is_given_again(tmp_path: Path) -> None:
+    law = lambda speed: 0.9 / (1.0 + 0.15 * speed)  # noqa: E731
+    start = cb.symmetric(0.7, 0.04, 0.8).state(4)
+    on = {"a": 0.7, "gamma": 0.04, "damping": 0.02, "restitution": law}
+    found = sim.periodic(start, symmetric=True, **on)
+    branch = cb.trace(found, "a", within={"a": (0.7, 0.82)}, towards="up")
+    (arm,) = cb.switch(branch.first("PF"), steps=cb.Steps(most=3))
+    cb.save(tmp_path / "arm.nc", arm)
+    again = cb.load(tmp_path / "arm.nc", problem=found)
+    assert repr(again) == repr(arm)
+    kinds = [[event.kind for event in one.problem.events] for one in (again, arm)]
+    assert kinds[0] == kinds[1]
+    assert "PD" in kinds[0]

@@ -238,6 +238,10 @@ class MapCycleProblem(Problem):
         points = np.array(self.residual.phases(point.x, point.params))
         return MapCycle(points, multiplier_matrix(point), point.params)
 
+    def over(self, period: int) -> Problem:
+        """Write the same orbit as one of another period."""
+        return with_period(self, period)
+
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)[1:]
 

@@ -288,6 +288,10 @@ class Curve:
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone; not to be written to."""
+        known = z.tobytes() in self._known["jacobian"]
+        # what is given for the unknowns needs no differences in the parameters
+        if self.problem.jacobian is not None and self.problem.derivatives is None and not known:
+            return self.cached("in unknowns", z, partial(self.call, self._given_in_unknowns))
         return first_columns(self.jacobian(z), self.size)
 
     def spectrum(self, z: Array) -> NDArray[np.complex128]:
@@ -320,14 +324,8 @@ class Curve:
             return whole if is_sparse(whole) else np.asarray(whole)
         if problem.jacobian is None:
             return self._by_trying(self.residual, z, range(z.size), self.scales)
-        if isinstance(problem.jacobian, Pattern):
-            # unknowns of one colour move together, each in proportion to its size
-            steps = np.maximum(self.scales, abs(z))[:n]
-            few = partial(self._by_few, z, columns=range(1))
-            jacobian = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
-        else:
-            jacobian = problem.jacobian(z[:n].copy(), self.params(z))
-            jacobian = canonical(jacobian) if is_sparse(jacobian) else jacobian
+        jacobian = self._known["in unknowns"].get(z.tobytes())
+        jacobian = self._given_in_unknowns(z) if jacobian is None else jacobian
         columns = np.empty((n, len(self.free)))  # in the parameters
         if problem.sensitivity is not None:
             for i, name in enumerate(self.free):
@@ -341,6 +339,17 @@ class Curve:
             matrix[:, :n], matrix[:, n:] = jacobian, columns
             return matrix
         return checked_finite(beside(jacobian, columns))
+
+    def _given_in_unknowns(self, z: Array) -> Matrix:
+        given: Any = self.problem.jacobian
+        n = self.size
+        if isinstance(given, Pattern):
+            # unknowns of one colour move together, each in proportion to its size
+            steps = np.maximum(self.scales, abs(z))[:n]
+            few = partial(self._by_few, z, columns=range(1))
+            return checked_finite(given.derivative(lambda way: few(way)[:, 0], steps))
+        matrix: Any = given(z[:n].copy(), self.params(z))
+        return checked_finite(canonical(matrix)) if is_sparse(matrix) else np.asarray(matrix)
 
     def _by_few(self, z: Array, way: Array, columns: range) -> Array:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""

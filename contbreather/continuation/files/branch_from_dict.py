@@ -17,7 +17,7 @@ from ...storage.netcdf import check_lengths
 from ...storage.serialise import can_read, check_types, from_dict
 from ..algebra.newton import Undefined
 from ..bifurcations.equilibria import branch_point, fold, hopf
-from ..bifurcations.maps import Iterate, with_period
+from ..bifurcations.maps import MapCycleProblem
 from ..branches.boundary import boundary_problem
 from ..curve.branch import Branch, Points, Stop, labelled
 from ..curve.curve import Curve
@@ -139,9 +139,9 @@ class _Stored:
             if content["boundary"]:
                 curve.varied = (content["free"][0], content["unknowns"][-1])
             return curve, self._settings(()), ()
-        if content["period"] is not None and isinstance(problem.residual, Iterate):
+        if content["period"] is not None and isinstance(problem, MapCycleProblem):
             # of the map that was given, another iterate
-            problem = with_period(problem, content["period"])
+            problem = problem.over(content["period"])
         absent = [name for name in problem.names if name not in first]
         if absent:
             raise BadInput(

@@ -78,7 +78,8 @@ class Stepper:
     def __init__(self, way: StartOnCurve, steps: Steps, home: Point) -> None:
         self.bounds, self.steps, self.curve = way.bounds, steps, way.point.curve
         # loops come back to the start of the branch, across its tangent
-        self.home, self.across = home, self.curve.metric * home.direction
+        self.home, self.outwards = home, self.curve.normalised(home.direction)
+        self.across = self.curve.metric * self.outwards
         self.angles = bool(self.curve.problem.modulo(home.x, self.curve.params(home.z)))
         self.outset = home is way.point
         # whether that is a branch point
@@ -183,10 +184,10 @@ class Stepper:
             return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            closes = max(off, _angle(self.curve, slope, self.home.direction)) <= 0.03
+            closes = max(off, _angle(self.curve, slope, self.outwards)) <= 0.03
         else:
             # across the start only: along the curve Newton's linear condition keeps the place
-            guess = start + gap - row.dot(gap) * self.home.direction
+            guess = start + gap - row.dot(gap) * self.outwards
             z = self.correct(guess, row).z
             # back at the start to this relative distance
             closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
