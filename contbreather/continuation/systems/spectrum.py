@@ -160,14 +160,10 @@ class Eigenvalues(CriticalValues):
     def beside(self) -> float:
         """How far from zero the two of a double zero may be: what rounds is of the size of the
         matrix, and splits them by the root of it times what couples them, which may be slow."""
-        from scipy.linalg import matrix_balance
-
-        # whatever the units of unknowns
-        matrix = np.asarray(matrix_balance(self.matrix, permute=False)[0], dtype=float)
-        size = coupling = float(np.linalg.norm(matrix, 2))
+        size = coupling = float(np.linalg.norm(self.matrix, 2))
         if self.values.size > 2:
             with suppress(Undefined):
-                form, _ = _ordered(matrix, self.values, self.nearest_pair().prod().real)
+                form, _ = _ordered(self.matrix, self.values, self.nearest_pair().prod().real)
                 coupling = float(np.linalg.norm(form[:2, :2], 2))
         return 1e-6 * math.sqrt(size * coupling)
 
