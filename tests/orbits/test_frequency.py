@@ -207,23 +207,6 @@ def test_other_parameters_join_and_a_point_at_frequency_one_is_one_like_any_othe
     assert (both.omega, both.spring, "omega" in both.conditions.params) == (1.0, 0.0, False)
 
 
-@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
-def test_files_hold_branches_and_boundaries_in_the_frequency(tmp_path, lattice):
-    more = {} if lattice is None else {"damping": 0.01, "lattice": lattice}
-    branch = cb.trace(cb.symmetric(0.9, 0.05, 0.8, **more), "omega", within={"omega": (0.9, 1.2)})
-    within, steps = {"omega": (0.9, 1.2)}, cb.Steps(most=4)
-    line = cb.boundary(branch.first("PF"), ("omega", "a"), within=within, steps=steps)
-    cb.save(tmp_path / "run.nc", branch=branch, line=line)
-    again = cb.load(tmp_path / "run.nc")
-    assert again["branch"][-1].solution.a == pytest.approx(0.9, rel=1e-14)
-    assert again["branch"][-1].solution.omega == branch[-1]["omega"]
-    more_of_it = cb.extend(again["branch"], within={"omega": (0.9, 1.4)})
-    assert more_of_it["omega"].max() == pytest.approx(1.4)
-    assert again["line"]["a"] == pytest.approx(line["a"], abs=0)
-    other = cb.boundary(again["branch"].first("PF"), ("omega", "a"), towards="up", steps=steps)
-    assert other["a"][0] == pytest.approx(branch.first("PF")["a"])
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_parameters_come_back_as_they_were_given(name, tmp_path):
     make, on = CASES[name]

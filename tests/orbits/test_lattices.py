@@ -427,25 +427,6 @@ def test_a_number_of_sites_names_a_ring_only() -> None:
             make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)
 
 
-def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
-    """The one is shot, the other a closed form: the same labels at the same places."""
-    bare, damped = (
-        cb.trace(cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12), damping=mu), "a")
-        for mu in (0.0, 1e-9)
-    )
-    assert [p.label for p in damped.special] == [p.label for p in bare.special]
-    for one, other in zip(damped.special, bare.special, strict=True):
-        assert one["a"] == pytest.approx(other["a"], abs=1e-6)
-    assert damped.doubtful == ()
-    lines = [
-        cb.boundary(b.first("GR"), ("gamma", "a"), within={"gamma": (0.005, 0.12)})
-        for b in (bare, damped)
-    ]
-    met = [[(p.label, p["gamma"]) for p in line.special] for line in lines]
-    assert [label for label, _ in met[0]] == [label for label, _ in met[1]]
-    assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
-
-
 # --- the ring of the chain's own closed forms as an oracle ------------------------------------
 
 
