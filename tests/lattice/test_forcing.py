@@ -244,10 +244,13 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (
-            lambda: Fourier(cos={"x": 1}),
-            "cos harmonic 'x': harmonics of the forcing are the whole numbers 1, 2, 3, ..., "
-            "with the period 2 pi; cos={1: -1.0} is -cos",
+        *(
+            (
+                lambda m=m: Fourier(cos={m: 1}),
+                f"cos harmonic {m!r}: harmonics of the forcing are the whole numbers 1, 2, 3, ..., "
+                "with the period 2 pi; cos={1: -1.0} is -cos",
+            )
+            for m in ("x", -1, 1.5, True)
         ),
         (lambda: Fourier(), "is zero"),
         (lambda: Fourier(cos={1: 0.0}), "is zero"),
@@ -258,7 +261,10 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Samples(np.cos(GRID[:63])), "63 samples: give an even number"),
         (lambda: Samples([1.0, 0.0, -1.0, 0.0]), "at least 8"),
         (lambda: Samples(np.sign(np.cos(GRID + 0.01))), "do not resolve"),
-        (lambda: Samples(np.cos(17 * GRID)), "do not resolve"),
+        (
+            lambda: Samples(np.cos(17 * GRID)),
+            "do not resolve.* sample finer, or say with harmonics= how many are kept of noisy ones",
+        ),
         (lambda: Samples(np.zeros(16)), "is zero"),
         (lambda: Samples([1.0] + [np.nan] * 15), r"values\[1\] = nan: finite"),
         (lambda: Samples("abc"), "values = 'abc': finite real numbers"),

@@ -171,28 +171,6 @@ def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     assert "pass each other" in line.doubtful[0].detail["reason"]
 
 
-def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
-    """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
-    lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}
-    branch = cb.trace(
-        cb.symmetric(0.6, lattice=lattice, site=1, **on), "a", within={"a": (0.6, 0.9)}
-    )
-    (fork,) = [point for point in branch.special if point.kind == "PF"]
-    arms = cb.switch(fork, within={"a": (0.6, fork["a"] + 0.03)})
-    assert len(arms) == 2
-    arm = arms[0][-1].solution
-    assert arm.stability(threshold=1.0).stable
-    broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
-    assert not broken.stability(threshold=1.0).stable
-    start = float(arm.times[0]) - 0.3
-    x = np.concatenate(broken.state(t=start))
-    x[lattice.sites + 1] += 1e-3
-    x, *_ = Field(lattice, arm.conditions).run(x, start, start + 160 * math.pi)
-    ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
-    assert min(abs(x - end).max() for end in ends) < 1e-5
-    assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
-
-
 # --- lattices ---------------------------------------------------------------------------------
 
 
