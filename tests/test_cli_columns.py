@@ -148,14 +148,7 @@ def data_of(ax) -> np.ndarray:
 @pytest.mark.parametrize(
     ("line", "x", "y", "labels"),
     [
-        ("branch --free gamma --a 0.2 --k 0.8", "gamma", "p", (r"$\gamma$", "$p$")),
         ("boundary PF --k 0.8", "gamma", "a", (r"$\gamma$", "$a$")),
-        (
-            "branch --free gamma --a 0.2 --k 0.8 --x p --y unstable",
-            "p",
-            "unstable",
-            ("$p$", "unstable"),
-        ),
         (
             "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101 --y nu --x k",
             "k",

@@ -87,10 +87,12 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: cb.Event("XX", "x - 1"), "event XX: its test and all else must be functions of a po"),
     (lambda: problem(scales={"x": 0.0}), r"scale of 'x' must be finite and positive, got 0\.0"),
+    (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),
     (lambda: problem(scales={"y": 1.0}), r"no 'y' in this problem; it has \['x', 'mu'\]"),
     (lambda: cb.user(3, 0.1), r"user\(3, \.\.\.\): the name of an unknown or a parameter"),
     (lambda: cb.user("mu", math.nan), r"value = nan: the level to stop at"),
     # maps
+    (lambda: cb.FixedPoint(3.0, {"x": 0.6}, {"r": 2.5}), r"a map, and its jacobian, are functions"),
     (
         lambda: cb.FixedPoint(grown, {"x": 0.6}, {"r": 2.5}, jacobian=1.0),
         r"a map, and its jacobian, are functions; got .* and 1\.0",
@@ -113,6 +115,8 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
     (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
     (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
+    (lambda: cb.Lattice(np.zeros((0, 0))), r"the stiffness has shape \(0, 0\)"),
+    (lambda: cb.Lattice([1.0, 2.0]), r"the stiffness has shape \(2,\)"),
     (lambda: cb.Lattice([[1.0, 0.0], [0.0, math.nan]]), r"stiffness\[1, 1\] = nan is not finite"),
     (
         lambda: cb.Lattice([[1.0, -0.5], [-1.0, 1.0]]),
@@ -128,6 +132,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.Lattice(PAIR, drive=["a", "b"]), r"drive = \['a', 'b'\]: one number for each site"),
     (lambda: cb.Lattice(PAIR, drive=[1.0, math.inf]), r"drive = \[1\.0, inf\]: finite numbers"),
     (lambda: cb.Lattice.from_graph(3), r"graph = 3: an undirected networkx graph with at least"),
+    (lambda: cb.Lattice.from_graph(nx.DiGraph([(0, 1)])), r"an undirected networkx graph"),
     (lambda: cb.Lattice.from_graph(nx.Graph()), r"an undirected networkx graph with at least one"),
     (
         lambda: cb.Lattice.from_graph(nx.Graph([(0, 1, {"weight": "heavy"})])),

@@ -421,20 +421,27 @@ def test_a_function_of_time_is_the_drive_of_its_formula(function, formula):
     np.testing.assert_allclose(taken.f(TIMES), written.f(TIMES), atol=1e-14 * scale)
 
 
-def test_a_function_of_time_is_taken_wherever_a_forcing_is():
+def test_functions_of_time_and_formulas_are_taken_wherever_a_forcing_is():
     def push(t: float) -> float:
         return -math.cos(t) - 0.3 * math.cos(3 * t)
 
     on = {"a": 0.5, "gamma": 0.06, "k": 0.8}
-    text = "-cos(t) - 0.3*cos(3*t)"
-    taken, written = (cb.symmetric(**on, forcing=f) for f in (push, text))
-    assert taken.p == pytest.approx(written.p, abs=1e-14)
-    shots = [cb.shooting(written, sites=8, forcing=f) for f in (push, text)]
-    np.testing.assert_allclose(*[orbit_at(shot).impulses for shot in shots], atol=1e-12)
-    ends = [cb.simulate(written.state(8), **on, periods=3, forcing=f).final for f in (push, text)]
-    np.testing.assert_allclose(*ends, atol=1e-12)
+    series = Fourier(cos={1: -1.0, 3: -0.3})
+    wanted = cb.symmetric(**on, forcing=series)
+    shot = orbit_at(cb.shooting(wanted, sites=8)).impulses
+    end = cb.simulate(wanted.state(8), **on, periods=3, forcing=series).final
+    for drive in (push, "-cos(t) - 0.3*cos(3*t)"):
+        assert cb.symmetric(**on, forcing=drive).p == pytest.approx(wanted.p, abs=1e-14)
+        impulses = orbit_at(cb.shooting(wanted, sites=8, forcing=drive)).impulses
+        np.testing.assert_allclose(impulses, shot, atol=1e-12)
+        run = cb.simulate(wanted.state(8), **on, periods=3, forcing=drive)
+        np.testing.assert_allclose(run.final, end, atol=1e-12)
     two = cb.multibreather([0, 4], **{**on, "gamma": 0.02}, lattice=cb.Ring(8), forcing=push)
     assert two.section.count == 2
+    plane = {"gamma": (0.02, 0.03), "a": (0.3, 0.5)}
+    named, plain = (cb.zones(k=0.8, within=plane, **how) for how in ({"forcing": " - cos(t)"}, {}))
+    assert named.curves.keys() == plain.curves.keys()
+    assert isinstance(cb.symmetric(**on, forcing="-cos(t)").forcing, Harmonic)
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,7 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
     ),
     ({"t1": "x"}, {"sites": 4, "sequence": ONE}, "t1 = 'x': a time of impact"),
     (3.0, {"sites": 4}, "a seed is an orbit, .* float"),
+    ("ab", {"sites": 4}, "a seed is an orbit, .* str"),
     (([0.1, 0.2], [0.1, 0.2]), {"sites": 3}, "the state has 2 sites, but sites = 3 was asked for"),
     ((["a"], [0.1]), {"sites": 1}, r"a state is a pair \(u, v\) of rows of numbers"),
     (([0.1, 0.2], [0.1]), {}, r"rows of equal length; shapes \(2,\) and \(1,\)"),
@@ -71,7 +72,9 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             ((1, 2), r"impacts are pairs \(site, wall\)"),
             (0.0, r"sequence = 0\.0: impacts are pairs \(site, wall\)"),
             (((4, 1),), "no such site on the ring of 4; sites are whole numbers from 0 to 3"),
+            (((-4, 1),), "no such site on the ring of 4"),
             (((0.5, 1),), "sites are whole numbers"),
+            (((True, 1),), "sites are whole numbers"),
             ((((2, 2), 1),), r"site \(2, 2\): .* of a grid has the number i columns \+ j"),
             ((("a", 1),), r"site 'a': .* a node of a graph its place among the nodes"),
             (((0, 2),), r"impact \(0, 2\): walls are \+1 and -1"),
@@ -79,10 +82,13 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             (ONE, r"hits the wall at \+1 only"),
         )
     ),
-    (
-        BREATHER,
-        {"sites": 5, "walls": {7: (-1, 1)}},
-        "walls of site 7: there is no such site on the ring of 5; sites are 0 to 4",
+    *(
+        (
+            BREATHER,
+            {"sites": 5, "walls": {site: (-1, 1)}},
+            f"walls of site {site}: there is no such site on the ring of 5; sites are 0 to 4",
+        )
+        for site in (7, -5)
     ),
     (
         BREATHER,

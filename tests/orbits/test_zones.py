@@ -184,13 +184,6 @@ def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
         cb.zones(k=0.8, within={"gamma": (0.3, 0.4)})
 
 
-def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
-    try:
-        return len(cb.orbits.symmetric_roots(a, gamma, 0.8, forcing=forcing))
-    except cb.NoSolution:
-        return 0
-
-
 @pytest.mark.slow
 def test_all_sheets_of_a_forcing_with_several_breathers(several: cb.orbits.Zones) -> None:
     """Every event on the branch through every admissible root lies on a curve of the diagram."""
@@ -242,20 +235,6 @@ def test_the_limit_goes_on_with_site_zero_in_the_plane_of_k_and_gamma(a: float) 
     at_corner = corner.solution.admissibility()
     assert at_corner.centre == pytest.approx(0.0, abs=1e-9)
     assert at_corner.neighbours == pytest.approx(0.0, abs=1e-9)
-
-
-def test_zones_of_another_forcing() -> None:
-    """f = cos t + 0.1 cos 3t: across the lower limit two solutions of (11) appear."""
-    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
-    diagram = cb.zones(k=0.8, forcing=forcing, within={"gamma": (0.0, 0.1)})
-    for line in diagram.curves["LP"]:
-        for point in list(line)[1:-1:9]:
-            below, above = (
-                roots_at(point["a"] * (1 + shift), point["gamma"], forcing)
-                for shift in (-1e-7, 1e-7)
-            )
-            assert abs(above - below) == 2
-    assert diagram.curves["GR"]
 
 
 @pytest.mark.parametrize(

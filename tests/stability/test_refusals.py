@@ -24,8 +24,10 @@ REFUSED = [
     ),
     (lambda: InfiniteChain(0.7).chi(0.08), "must stay below 1"),
     (lambda: InfiniteChain(1.2).chi(0.01), "spring"),
+    (lambda: InfiniteChain(-0.1).chi(0.1), "spring"),
     # losses and entries
     (lambda: stability.stability(0.1, 1.2, 0.1), "restitution"),
+    (lambda: stability.stability(0.1, -0.1, 0.0, sites=12), "restitution"),
     (lambda: stability.stability(0.1, "much", 0.1), "must be a number with 0 <= k <= 1"),
     (lambda: stability.stability(0.1, 0.8, math.nan), "finite"),
     (lambda: stability.saltation_entry(1.0, 0, 0.8), "w_minus = 0: a finite velocity other than 0"),
