@@ -99,6 +99,15 @@ def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
     assert b.displacement(n, at) == pytest.approx(height, abs=1e-14)
 
 
+def test_on_the_lower_branch_it_is_the_second_neighbour_that_comes_closest():
+    """Appendix B proves u_1 the highest only on the upper limit of the upper branch."""
+    upper, lower = symmetric_roots(0.9, 0.12, 0.8)
+    assert highest_neighbour(upper)[0] == 1
+    assert highest_neighbour(lower)[0] == 2
+    assert neighbour_peak(lower, 2)[1] > neighbour_peak(lower, 1)[1] + 0.015
+    assert lower.admissibility().neighbours == 1.0 - neighbour_peak(lower, 2)[1]
+
+
 @settings(max_examples=60)
 @given(st.floats(0.001, 0.2499), st.floats(0.1, 1.0))
 def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
