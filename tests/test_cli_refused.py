@@ -61,8 +61,6 @@ zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4 >> no curve passes the
 zones --a 2 >> no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;
 zones --k 0.8 --gamma 0.05 --a 0.5 >> values of exactly one of k, gamma, a, got k, gamma, a
 boundary HB --k 0.8 >> the kind must be 'LP', 'PF', 'NS', 'GR' or 'PD', got 'HB'
-boundary PD --k 0.9 --gamma 0.1 --sites 9 --threshold 1.1
-    >> judged by the paper's 1\.005; leave it out
 boundary PF --pair a a --k 0.8 >> two different parameters
 boundary PF --pair a b --k 0.8 >> the parameter must be .*, got 'b'
 boundary PF --k 0.8 --window 0.1 0.2 >> no PF found for gamma between 0\.1 and 0\.2

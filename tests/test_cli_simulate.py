@@ -40,6 +40,7 @@ def test_run_is_that_of_the_library_to_the_last_digit(run):
     rows = table("s.csv")
     sites = [f"{name}_{n}" for name in "uv" for n in range(12)]
     assert list(rows[0]) == ["period", "time", *sites]
+    assert [float(row["time"]) for row in rows] == own.times.tolist()
     assert [float(row["u_3"]) for row in rows] == own.strobe.u[:, 3].tolist()
     assert [float(row["v_11"]) for row in rows] == own.strobe.v[:, 11].tolist()
     assert [float(row["phase"]) for row in table("i.csv")] == own.impacts["phase"].tolist()

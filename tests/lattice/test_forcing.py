@@ -128,15 +128,6 @@ def test_formulas_that_are_no_polynomials_are_found_to_rounding(e):
         assert abs(forcing.d2f(0.7) - float(force(0.7))) < 2e-14
 
 
-def test_bessel_forcing_has_the_harmonics_of_jacobi_and_anger():
-    """J1(x cos t) = 2 sum over odd ... ; its first harmonic is 2 J0(x/2) J1(x/2)."""
-    x = 2.5
-    c1 = 2 * mp.besselj(0, x / 2) * mp.besselj(1, x / 2)
-    order, c, s = Symbolic("besselj(1, x*cos(t))", x=x).harmonics[0]
-    assert (order, s) == (1, pytest.approx(0.0, abs=1e-15))
-    assert c == pytest.approx(-float(c1), abs=2e-15)
-
-
 def test_a_sympy_expression_is_as_good_as_its_text():
     import sympy
 

@@ -346,7 +346,7 @@ def test_margins_are_continuous_along_a_branch(name):
     """Halving the step halves the largest change: no jumps, also where the worst site changes."""
     where = {"a": (0.35, 1.1), "gamma": (0.0, 0.249), "k": (0.0, 1.0)}[name]
     changes = []
-    for count in (200, 400, 800):
+    for count in (100, 200, 400):
         margins = []
         for value in np.linspace(*where, count + 1):
             point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}

@@ -20,7 +20,6 @@ from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.symmetries import simpler_than
-from contbreather.runs import load, save
 
 from .by_hand import derivatives, started_on_arm
 
@@ -105,25 +104,6 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
 
 
 # --- arms and their pitchfork ---------------------------------------------------------------------
-
-
-def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
-    arm = arms(0.04, 0.8)[0]
-    u, v = arm[5].state(sites=20, t=0.3)
-    assert u[0] == pytest.approx(arm[5].solution.on(Ring(20)).displacement(0, 0.3), abs=1e-15)
-    assert arm[5].velocity(3, 0.3) == arm[5].solution.velocity(3, 0.3)
-    assert "at the limit: site 1 reaches |u| = 1 at t =" in arm[-1].admissibility().reason
-    shot = shooting(arm[5], sites=20)
-    branch = trace(shot, "a", within={"a": (0.75, 0.85)}, events=())
-    start = min(branch, key=lambda point: abs(point["a"] - arm[5]["a"]))
-    again = start.state(sites=20, t=0.3)
-    assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
-    larger = branch[3].solution.on(Ring(21))
-    assert np.array_equal(branch[3].state(sites=21, t=0.1)[0], larger.state(t=0.1)[0])
-    save(tmp_path / "run.nc", branch)
-    bare, attached = load(tmp_path / "run.nc"), load(tmp_path / "run.nc", problem=shot)
-    for again in (bare, attached):
-        assert np.array_equal(again[3].state(t=0.1)[0], branch[3].state(t=0.1)[0])
 
 
 @cache

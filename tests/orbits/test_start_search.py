@@ -118,16 +118,6 @@ def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> 
     assert 0.0 <= found.k <= 0.9
 
 
-@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
-def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
-    orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
-    plain = orbit.problem.having("a", "gamma")
-    assert "p" in plain.start
-    freed = orbit.problem.having("gamma", "spring")
-    assert ("p" in freed.start) == (lattice is None)
-    assert "spring" in freed.params
-
-
 def test_arms_are_judged_by_the_threshold_of_the_paper_alone() -> None:
     with pytest.raises(cb.BadInput, match=r"threshold = 1\.01: PD is found on arms"):
         find_event("PD", ("gamma", "a"), gamma=0.1, k=0.8, threshold=1.01)

@@ -167,15 +167,6 @@ def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
         assert not branch["unstable"].any()
 
 
-def test_energy_and_frequency_are_each_other_s_parameter() -> None:
-    start = phi4(cb.Ring(5), {2: 1}, 0.05)
-    energy = cb.trace(start, "omega", within={"omega": (1.5, 1.7)})[-1]["energy"]
-    back = cb.trace(start, "energy", within={"energy": (1.0, energy)})[-1]
-    assert back["omega"] == pytest.approx(1.7, abs=1e-8)
-    again = cb.trace(back.problem, "omega", within={"omega": (1.5, 1.8)}, towards="down")[-1]
-    assert again["energy"] == pytest.approx(start.solution.energy, abs=1e-8)
-
-
 def test_potentials_may_be_functions() -> None:
     """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
     V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
