@@ -41,14 +41,6 @@ def test_variation_of_chosen_vectors_is_the_matrix_times_them():
         variation(run, vectors[:6])
 
 
-@pytest.mark.parametrize("sites", [5, 20])
-def test_largest_exponent_of_the_unstable_breather_is_its_largest_multiplier(sites):
-    own = symmetric(0.8, 0.03, 0.8, lattice=Ring(sites))
-    wanted = math.log(np.abs(own.multipliers(half=True)).max()) / math.pi
-    found = lyapunov(own.state(sites), a=0.8, gamma=0.03, k=0.8, periods=20, settle=30, count=1)
-    assert found.exponents[0] == pytest.approx(wanted, rel=1e-5)
-
-
 def test_exponents_of_a_damped_attractor_are_its_multipliers():
     conditions = {"a": 0.3, "gamma": 0.08, "k": 0.8, "damping": 0.05}
     orbit = breather(6, **conditions)
