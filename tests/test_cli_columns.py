@@ -35,20 +35,6 @@ def column(rows: list[dict[str, str]], name: str) -> list[float]:
 
 
 @pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
-def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> None:
-    """Of a run that sets out at t0 = pi/2, whole or from a folder."""
-    assert run(f"{ELASTIC} --sites 3 --periods 6 --csv s.csv {stream}")[0] == DONE
-    rows, b = table("s.csv"), cb.symmetric(0.2, 0.08, 1.0)
-    assert column(rows, "period") == list(range(7))
-    assert column(rows, "time") == pytest.approx(
-        [0.5 * math.pi + 2 * math.pi * i for i in range(7)], abs=1e-12
-    )
-    u, v = b.state(3, 0.5 * math.pi)
-    assert [float(rows[0][f"u_{n}"]) for n in range(3)] == pytest.approx(u.tolist(), abs=1e-12)
-    assert [float(rows[0][f"v_{n}"]) for n in range(3)] == pytest.approx(v.tolist(), abs=1e-12)
-
-
-@pytest.mark.parametrize("stream", ["", "--stream kept.nc"])
 def test_every_column_of_the_impacts_is_what_it_says(run, stream: str) -> None:
     """By what impacts are: the wall at the place, the law of restitution, time and phase."""
     assert run(f"{ELASTIC} --sites 3 --periods 6 --impacts i.csv {stream}")[0] == DONE
@@ -148,14 +134,7 @@ def data_of(ax) -> np.ndarray:
 @pytest.mark.parametrize(
     ("line", "x", "y", "labels"),
     [
-        ("branch --free gamma --a 0.2 --k 0.8", "gamma", "p", (r"$\gamma$", "$p$")),
         ("boundary PF --k 0.8", "gamma", "a", (r"$\gamma$", "$a$")),
-        (
-            "branch --free gamma --a 0.2 --k 0.8 --x p --y unstable",
-            "p",
-            "unstable",
-            ("$p$", "unstable"),
-        ),
         (
             "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101 --y nu --x k",
             "k",

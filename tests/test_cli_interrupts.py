@@ -79,11 +79,9 @@ def test_what_is_done_is_written_and_marked_as_cut_short(run: Run, monkeypatch: 
     # and in tables for people
     clock.asked, clock.last = 0, 24  # of more than forty
     assert "interrupted, curves may be missing." in run(ZONES.replace("--json ", ""))[1]
-
-
-@pytest.mark.apart
-def test_before_there_is_anything_nothing_is_said_or_written(run, monkeypatch):
-    Clock(monkeypatch, cb.InfiniteChain).last = 1
+    Path("zones.csv").unlink()
+    # and before there is anything to be said or written
+    clock.last, Clock(monkeypatch, cb.InfiniteChain).last = math.inf, 1
     assert run(ZONES) == (INTERRUPTED, "", "contbreather: interrupted\n")
     assert os.listdir() == []
 

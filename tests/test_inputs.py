@@ -188,36 +188,7 @@ def test_whatever_is_given_comes_to_an_answer_or_to_a_sentence(breather: cb.Orbi
                     assert 10 < len(str(error)) < 2000, (name, argument)  # noqa: PT017
 
 
-# --- what the command line accepts ----------------------------------------------------------------
-
-FORMULA = "-cos(t) - 0.3*cos(3*t)"
-
-
-def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Orbit) -> None:
-    series = cb.Fourier(cos={1: -1.0, 3: -0.3})
-    typed, given = (cb.symmetric(**HERE, forcing=one) for one in (FORMULA, series))
-    assert typed.p == pytest.approx(given.p, abs=1e-14)
-    runs = [
-        cb.simulate(breather.state(6), **HERE, periods=2, forcing=one) for one in (FORMULA, series)
-    ]
-    np.testing.assert_allclose(runs[0].final.u, runs[1].final.u, atol=1e-12)
-    plane = {"gamma": (0.02, 0.03), "a": (0.3, 0.5)}
-    assert cb.zones(k=0.8, forcing=" - cos(t)", within=plane).curves.keys() == {
-        *cb.zones(k=0.8, within=plane).curves
-    }
-    assert isinstance(cb.symmetric(**HERE, forcing="-cos(t)").forcing, cb.Harmonic)
-
-
-# --- files and figures ----------------------------------------------------------------------------
-
-
-def test_a_file_takes_its_equations_from_a_breather(breather, branch, tmp_path):
-    cb.save(tmp_path / "b.nc", branch)
-    back = cb.load(tmp_path / "b.nc", problem=breather)
-    assert isinstance(back, cb.Branch)
-    assert back.first("PF").solution.p == pytest.approx(branch.first("PF").solution.p, abs=1e-12)
-    with pytest.raises(cb.BadInput, match="a Problem was expected"):
-        cb.load(tmp_path / "b.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
+# --- figures ------------------------------------------------------------------------------------
 
 
 PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "plot_localisation",

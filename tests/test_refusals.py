@@ -26,7 +26,7 @@ from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits import find_symmetric, neighbour_peak
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_of
-from contbreather.simulation import judge, open_recording, periodic, simulate_smooth
+from contbreather.simulation import judge, open_recording, periodic
 
 LINE: dict[str, Any] = {
     "residual": lambda x, p: x - p["mu"],
@@ -58,7 +58,6 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.trace(swing(), "energi"), r"'energi' is not .*it has \['b', 'period', 'energy'\]"),
     # problems
     (lambda: problem(residual=3.0), r"residual must be a function, got 3\.0"),
-    (lambda: problem(residual=None), r"residual must be a function, got None"),
     (
         lambda: problem(jacobian=3.0),
         r"jacobian must be a function, or a pattern of its entries; got 3\.0",
@@ -88,11 +87,9 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: cb.Event("XX", "x - 1"), "event XX: its test and all else must be functions of a po"),
     (lambda: problem(scales={"x": 0.0}), r"scale of 'x' must be finite and positive, got 0\.0"),
-    (lambda: problem(scales={"x": -1.0}), r"scale of 'x' must be finite and positive, got -1\.0"),
     (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),
     (lambda: problem(scales={"y": 1.0}), r"no 'y' in this problem; it has \['x', 'mu'\]"),
     (lambda: cb.user(3, 0.1), r"user\(3, \.\.\.\): the name of an unknown or a parameter"),
-    (lambda: cb.user("mu", "x"), r"value = 'x': the level to stop at"),
     (lambda: cb.user("mu", math.nan), r"value = nan: the level to stop at"),
     # maps
     (lambda: cb.FixedPoint(3.0, {"x": 0.6}, {"r": 2.5}), r"a map, and its jacobian, are functions"),
@@ -117,7 +114,6 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.OpenChain(0), "at least 1"),
     (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
     (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
-    (lambda: cb.symmetric(0.6, 0.05, 0.8, damping=0.1), "infinite chain"),
     (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
     (lambda: cb.Lattice(np.zeros((0, 0))), r"the stiffness has shape \(0, 0\)"),
     (lambda: cb.Lattice([1.0, 2.0]), r"the stiffness has shape \(2,\)"),
@@ -128,7 +124,6 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: cb.Lattice(-PAIR), r"has the eigenvalue -2: it must be positive semidefinite"),
     (lambda: cb.Lattice(PAIR, masses=[1.0, 0.0]), r"masses\[1\] = 0: every mass must be positive"),
-    (lambda: cb.Lattice(PAIR, masses=[-2.0, 1.0]), r"masses\[0\] = -2: every mass must be"),
     (lambda: cb.Lattice(PAIR, masses=[1.0]), r"masses = .* has shape \(1,\); .* for each of 2"),
     (
         lambda: cb.Lattice(PAIR, drive=[1.0, 1.0, 1.0]),
@@ -136,7 +131,6 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: cb.Lattice(PAIR, drive=["a", "b"]), r"drive = \['a', 'b'\]: one number for each site"),
     (lambda: cb.Lattice(PAIR, drive=[1.0, math.inf]), r"drive = \[1\.0, inf\]: finite numbers"),
-    (lambda: cb.Lattice(PAIR, masses=[math.nan, 1.0]), r"masses = \[nan, 1\.0\]: finite numbers"),
     (lambda: cb.Lattice.from_graph(3), r"graph = 3: an undirected networkx graph with at least"),
     (lambda: cb.Lattice.from_graph(nx.DiGraph([(0, 1)])), r"an undirected networkx graph"),
     (lambda: cb.Lattice.from_graph(nx.Graph()), r"an undirected networkx graph with at least one"),
@@ -151,19 +145,9 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     # forcings
     (lambda: Fourier(cos=[1.0]), r"cos = \[1\.0\]: coefficients by harmonic were expected"),
     (lambda: Fourier(cos={}, sin=3.0), r"sin = 3\.0: coefficients by harmonic were expected"),
-    *(
-        (
-            lambda m=m: Fourier(cos={m: 1.0}),
-            rf"cos harmonic {m!r}: harmonics of the forcing are the whole numbers",
-        )
-        for m in (-1, 1.5, True)
-    ),
-    (lambda: Fourier(sin={1: math.nan}), r"sin harmonic 1: its coefficient nan is not a finite"),
     (lambda: Fourier(sin={1: "a"}), r"sin harmonic 1: its coefficient 'a' is not a finite"),
     (lambda: Fourier(cos={1: 1e-200}), r"too little to be computed with; .* scale it up"),
-    (lambda: Fourier(cos={1: 1e200}), r"too large to be computed with; .* scale it down"),
     (lambda: Harmonic().slope_harmonics("c3"), r"unknown forcing parameter 'c3': this forcing"),
-    (lambda: Fourier(cos={1: -1.0}).slope_harmonics("s1"), r"unknown forcing parameter 's1'"),
     (lambda: Fourier(cos={1: -1.0}).at(c3=0.1), r"unknown forcing parameter 'c3': .* has c1"),
 ]
 
@@ -211,7 +195,6 @@ CASES += [
     ),
     # orbits
     (lambda: alone().state(), "the infinite chain has no end: ask for state"),
-    (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was expected"),
     (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
     (
         lambda: alone().unfolded().representation.equations.along(np.ones(5), HERE, {"nu": 1.0}),
@@ -230,10 +213,6 @@ CASES += [
         "^spring = '0.1': the on-site stiffness must be a number",
     ),
     (
-        lambda: cb.Samples(np.cos(np.arange(64) * np.pi / 32) + 1e-3 * np.cos(np.arange(64) ** 2)),
-        "sample finer, or say with harmonics= how many are kept of noisy ones",
-    ),
-    (
         lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
         "9 sites with 1 times the frequency of the drive is in resonance with the orbit: change "
         "gamma, spring or omega",
@@ -243,10 +222,6 @@ CASES += [
             a=0.5, gamma=0.0, k=0.8, spring=[0.5, 0.2, 9.0], lattice=cb.OpenChain(3), site=0
         ),
         "springs .* with 3 times the frequency of the drive is in resonance with the orbit",
-    ),
-    (
-        lambda: cb.symmetric(**HERE, lattice=Ring(10_001), damping=0.01).stability(),
-        "^ring of 10001: its impacts move 5001 modes, and how an orbit changes is told by a matrix",
     ),
     # what is larger than anything, or not even text
     (lambda: cb.OpenChain(10**400), "^sites is above 9007199254740992: no computer counts"),
@@ -283,7 +258,6 @@ CASES += [
     (lambda: InfiniteChain().chi("x"), "^gamma = 'x': the coupling must be a number"),
     (lambda: judge(3), "^a run of simulate was expected, got an int"),  # type: ignore[arg-type]
     (lambda: periodic(alone().state(4), **HERE, m=6, walls=(-1, 2)), "^smooth walls are at -1"),
-    (lambda: simulate_smooth(alone().state(4), **HERE, m=6, periods=1, tolerance=3), "^tolerance"),
     (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
     (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
     (lambda: cb.zones(k=0.8, lattice=Ring(3), site="x"), "^site = 'x': a whole number was"),
@@ -295,8 +269,6 @@ CASES += [
         for bad in (lambda: 3, lambda: cb.plotting.new_figure()[0])
     ),
     (lambda: cb.plotting.plot_energy(problem()), "^a branch of breathers was expected, got a"),
-    (lambda: cb.simulation.Sample(sites=()), "one site or several were expected"),
-    (lambda: cb.zones(k=[]), "got none"),
     *(
         (lambda make=make, bad=bad: make(forcing=bad), "forcing = .* was expected")
         for bad in (3, Harmonic, {1: -1.0}, [1.0])

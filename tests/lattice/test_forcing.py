@@ -128,15 +128,6 @@ def test_formulas_that_are_no_polynomials_are_found_to_rounding(e):
         assert abs(forcing.d2f(0.7) - float(force(0.7))) < 2e-14
 
 
-def test_bessel_forcing_has_the_harmonics_of_jacobi_and_anger():
-    """J1(x cos t) = 2 sum over odd ... ; its first harmonic is 2 J0(x/2) J1(x/2)."""
-    x = 2.5
-    c1 = 2 * mp.besselj(0, x / 2) * mp.besselj(1, x / 2)
-    order, c, s = Symbolic("besselj(1, x*cos(t))", x=x).harmonics[0]
-    assert (order, s) == (1, pytest.approx(0.0, abs=1e-15))
-    assert c == pytest.approx(-float(c1), abs=2e-15)
-
-
 def test_a_sympy_expression_is_as_good_as_its_text():
     import sympy
 
@@ -244,10 +235,13 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (
-            lambda: Fourier(cos={"x": 1}),
-            "cos harmonic 'x': harmonics of the forcing are the whole numbers 1, 2, 3, ..., "
-            "with the period 2 pi; cos={1: -1.0} is -cos",
+        *(
+            (
+                lambda m=m: Fourier(cos={m: 1}),
+                f"cos harmonic {m!r}: harmonics of the forcing are the whole numbers 1, 2, 3, ..., "
+                "with the period 2 pi; cos={1: -1.0} is -cos",
+            )
+            for m in ("x", -1, 1.5, True)
         ),
         (lambda: Fourier(), "is zero"),
         (lambda: Fourier(cos={1: 0.0}), "is zero"),
@@ -258,7 +252,10 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Samples(np.cos(GRID[:63])), "63 samples: give an even number"),
         (lambda: Samples([1.0, 0.0, -1.0, 0.0]), "at least 8"),
         (lambda: Samples(np.sign(np.cos(GRID + 0.01))), "do not resolve"),
-        (lambda: Samples(np.cos(17 * GRID)), "do not resolve"),
+        (
+            lambda: Samples(np.cos(17 * GRID)),
+            "do not resolve.* sample finer, or say with harmonics= how many are kept of noisy ones",
+        ),
         (lambda: Samples(np.zeros(16)), "is zero"),
         (lambda: Samples([1.0] + [np.nan] * 15), r"values\[1\] = nan: finite"),
         (lambda: Samples("abc"), "values = 'abc': finite real numbers"),
@@ -415,20 +412,27 @@ def test_a_function_of_time_is_the_drive_of_its_formula(function, formula):
     np.testing.assert_allclose(taken.f(TIMES), written.f(TIMES), atol=1e-14 * scale)
 
 
-def test_a_function_of_time_is_taken_wherever_a_forcing_is():
+def test_functions_of_time_and_formulas_are_taken_wherever_a_forcing_is():
     def push(t: float) -> float:
         return -math.cos(t) - 0.3 * math.cos(3 * t)
 
     on = {"a": 0.5, "gamma": 0.06, "k": 0.8}
-    text = "-cos(t) - 0.3*cos(3*t)"
-    taken, written = (cb.symmetric(**on, forcing=f) for f in (push, text))
-    assert taken.p == pytest.approx(written.p, abs=1e-14)
-    shots = [cb.shooting(written, sites=8, forcing=f) for f in (push, text)]
-    np.testing.assert_allclose(*[orbit_at(shot).impulses for shot in shots], atol=1e-12)
-    ends = [cb.simulate(written.state(8), **on, periods=3, forcing=f).final for f in (push, text)]
-    np.testing.assert_allclose(*ends, atol=1e-12)
+    series = Fourier(cos={1: -1.0, 3: -0.3})
+    wanted = cb.symmetric(**on, forcing=series)
+    shot = orbit_at(cb.shooting(wanted, sites=8)).impulses
+    end = cb.simulate(wanted.state(8), **on, periods=3, forcing=series).final
+    for drive in (push, "-cos(t) - 0.3*cos(3*t)"):
+        assert cb.symmetric(**on, forcing=drive).p == pytest.approx(wanted.p, abs=1e-14)
+        impulses = orbit_at(cb.shooting(wanted, sites=8, forcing=drive)).impulses
+        np.testing.assert_allclose(impulses, shot, atol=1e-12)
+        run = cb.simulate(wanted.state(8), **on, periods=3, forcing=drive)
+        np.testing.assert_allclose(run.final, end, atol=1e-12)
     two = cb.multibreather([0, 4], **{**on, "gamma": 0.02}, lattice=cb.Ring(8), forcing=push)
     assert two.section.count == 2
+    plane = {"gamma": (0.02, 0.03), "a": (0.3, 0.5)}
+    named, plain = (cb.zones(k=0.8, within=plane, **how) for how in ({"forcing": " - cos(t)"}, {}))
+    assert named.curves.keys() == plain.curves.keys()
+    assert isinstance(cb.symmetric(**on, forcing="-cos(t)").forcing, Harmonic)
 
 
 @pytest.mark.parametrize(

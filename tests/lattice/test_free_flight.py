@@ -6,8 +6,6 @@ import math
 
 import mpmath as mp
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from contbreather.lattice import InfiniteChain, Ring
 from tests.lattice.by_hand import response, ring_mean
@@ -48,27 +46,6 @@ def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
         got = response(CHAIN, gamma, n, s)
         exact = mode_sum(gamma, n, s, laps)
         assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 1e-15 / r
-
-
-@settings(max_examples=50)
-@given(st.floats(0.0, 0.2499), st.integers(1, 30), st.floats(0.0, math.pi))
-def test_response_obeys_the_equation_of_motion_between_impacts(gamma, n, s):
-    for lattice in (CHAIN, Ring(7)):
-        v = {m: response(lattice, gamma, m, s) for m in (n - 1, n, n + 1)}
-        force = gamma * (v[n - 1][0] + v[n + 1][0] - 2 * v[n][0])
-        assert abs(v[n][2] - force) < 1e-15 / math.sqrt(1 - 4 * gamma)
-
-
-@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(6)])
-def test_response_turns_over_after_half_a_period_and_the_impact_takes_two(lattice):
-    for n in (0, 1, 2):
-        v, slope, bend = response(lattice, 0.2, n, [0.0, math.pi - 1e-8, math.pi])
-        assert v[2] == pytest.approx(-v[0], abs=1e-14)
-        before = slope[1] + 1e-8 * bend[1]
-        hit = lattice.distance(n) == 0
-        assert slope[2] - before == pytest.approx(2.0 if hit else 0.0, abs=1e-14)
-    assert response(lattice, 0.2, 0, 0.0)[0] == pytest.approx(lattice.chi(0.2), abs=1e-14)
-    assert response(lattice, 0.2, 0, 0.0)[2] == pytest.approx(-lattice.eta(0.2), abs=1e-14)
 
 
 @pytest.mark.parametrize("gamma", [1e-6, 0.1, 0.2499])

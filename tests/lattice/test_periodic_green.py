@@ -12,7 +12,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
 from contbreather.lattice.answers import answers_of
 from contbreather.lattice.periodic_green import periodic_green
-from tests.lattice.by_hand import response, ring_mean
+from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()
 
@@ -89,30 +89,12 @@ def test_infinite_chain_is_the_limit_of_rings(gamma, distance):
         assert np.abs(value - wanted).max() < 2e-14
 
 
-def test_without_coupling_only_the_own_site_answers_with_a_parabola():
-    s = np.linspace(0.0, 6.2, 9)
-    y = math.pi - s
-    assert np.abs(periodic_green(CHAIN, 0.0, (3,)).at(s)[0]).max() == 0.0
-    parabola = -(y * y / 4 - math.pi**2 / 12) / math.pi
-    assert np.abs(periodic_green(CHAIN, 0.0, (0,)).at(s)[0] - parabola).max() < 1e-15
-
-
 @pytest.mark.parametrize("gamma", [0.0, 0.04, 0.2, 0.2499])
 def test_mid_period_is_the_papers_chi_and_sigma(gamma):
     h = periodic_green(CHAIN, gamma, (0,))
     rise = h.at(math.pi)[0] - h.at(0.0)[0]
     assert rise == pytest.approx(CHAIN.chi(gamma) / 2, rel=1e-14)
     assert h.at(math.pi)[2] == pytest.approx(-CHAIN.sigma(gamma) / 2, rel=1e-13)
-
-
-@pytest.mark.parametrize("n", [0, 1, 5])
-def test_opposite_impulses_half_a_period_apart_make_the_symmetric_flight(n):
-    s = np.linspace(0.0, math.pi, 12)
-    h = periodic_green(CHAIN, 0.11, (n,))
-    both = [2 * (b - a) for a, b in zip(h.at(s), h.at(s + math.pi), strict=True)]
-    for value, wanted in zip(both[:3], response(CHAIN, 0.11, n, s), strict=True):
-        # the flight starts just after an impulse, and s = pi is just before the next
-        assert np.abs(value[:-1] - wanted[:-1]).max() < 5e-15
 
 
 def test_doubled_period_is_the_same_function_on_a_slower_clock():

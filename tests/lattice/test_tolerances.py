@@ -14,8 +14,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Samples, Symbolic
-from contbreather.orbits import smallest_amplitude
+from contbreather.lattice import Fourier, InfiniteChain, Samples, Symbolic
 from tests.lattice.by_hand import slope_of
 
 GRID = 2 * np.pi * np.arange(64) / 64
@@ -98,24 +97,3 @@ def test_a_small_term_of_a_formula_is_kept_to_rounding(text, m, coefficient, rou
 def test_a_small_slope_of_a_formula_is_kept() -> None:
     own = Symbolic("-cos(t) - s*cos(3*t)*1e-14", s=1.0)
     assert slope_of(own, "s", 0.0, 0) == pytest.approx(1e-14 / 9, rel=1e-9, abs=0)
-
-
-SAME = Fourier(cos={1: -1.0, 3: 0.0})  # the harmonic one, by the general road
-
-
-# --- the closure ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("above", [1e-11, 1e-8, 1e-5])
-def test_next_to_the_fold_there_are_two_roots_and_each_solves_the_closure(above: float) -> None:
-    """In either road; their distance is that of a parabola."""
-    least = smallest_amplitude(0.1, 0.8)
-    apart = []
-    for forcing in (Harmonic(), SAME):
-        found = cb.orbits.symmetric_roots(least * (1 + above), 0.1, 0.8, forcing=forcing)
-        assert len(found) == 2
-        assert max(b.residual for b in found) < 4e-16
-        apart.append(found[0].p - found[1].p)
-    chi, q = CHAIN.chi(0.1), 1 / 9
-    wanted = 2 * q * math.sqrt(2 * above) / (chi**2 + q * q)
-    assert apart == pytest.approx([wanted] * 2, rel=1e-4)

@@ -341,28 +341,12 @@ def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
 # ----------------------------------------------------------------------------------- verdicts
 
 
-@settings(max_examples=50)
-@given(breathers())
-def test_the_verdict_is_the_worst_margin_at_the_place_it_names(b):
-    verdict = b.admissibility()
-    assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
-    assert verdict.ok == bool(verdict) == (verdict.margin > 0)
-    assert math.isfinite(verdict.margin)
-    assert math.isfinite(verdict.time)
-    assert verdict.reason.endswith(".")
-    if verdict.site:
-        reached = abs(b.displacement(verdict.site, verdict.time))
-        assert reached == pytest.approx(1 - verdict.margin, abs=1e-13)
-    if verdict.site == 0 and verdict.margin < -1e-4 and b.k > 0:
-        assert abs(b.displacement(0, verdict.time)) > 1.0
-
-
 @pytest.mark.parametrize("name", ["a", "gamma", "k"])
 def test_margins_are_continuous_along_a_branch(name):
     """Halving the step halves the largest change: no jumps, also where the worst site changes."""
     where = {"a": (0.35, 1.1), "gamma": (0.0, 0.249), "k": (0.0, 1.0)}[name]
     changes = []
-    for count in (200, 400, 800):
+    for count in (100, 200, 400):
         margins = []
         for value in np.linspace(*where, count + 1):
             point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}

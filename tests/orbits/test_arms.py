@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Steps, Stop, boundary, trace
-from contbreather.continuation.branches.diagram import diagram
 from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, InfiniteChain, Ring
-from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
+from contbreather.orbits import neimark_sacker, pitchfork, symmetric
 from contbreather.orbits.asymmetric_breather import AsymmetricEquations
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.symmetries import simpler_than
-from contbreather.runs import load, save
 
 from .by_hand import derivatives, started_on_arm
 
@@ -108,25 +106,6 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
 # --- arms and their pitchfork ---------------------------------------------------------------------
 
 
-def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
-    arm = arms(0.04, 0.8)[0]
-    u, v = arm[5].state(sites=20, t=0.3)
-    assert u[0] == pytest.approx(arm[5].solution.on(Ring(20)).displacement(0, 0.3), abs=1e-15)
-    assert arm[5].velocity(3, 0.3) == arm[5].solution.velocity(3, 0.3)
-    assert "at the limit: site 1 reaches |u| = 1 at t =" in arm[-1].admissibility().reason
-    shot = shooting(arm[5], sites=20)
-    branch = trace(shot, "a", within={"a": (0.75, 0.85)}, events=())
-    start = min(branch, key=lambda point: abs(point["a"] - arm[5]["a"]))
-    again = start.state(sites=20, t=0.3)
-    assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
-    larger = branch[3].solution.on(Ring(21))
-    assert np.array_equal(branch[3].state(sites=21, t=0.1)[0], larger.state(t=0.1)[0])
-    save(tmp_path / "run.nc", branch)
-    bare, attached = load(tmp_path / "run.nc"), load(tmp_path / "run.nc", problem=shot)
-    for again in (bare, attached):
-        assert np.array_equal(again[3].state(t=0.1)[0], branch[3].state(t=0.1)[0])
-
-
 @cache
 def arm_back():
     return trace(asymmetric(0.8, 0.04, 0.8), "a", towards="down", within={"a": (0.7, 0.81)})
@@ -165,20 +144,6 @@ def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
     assert [one.unstable for one in verdicts] == [0, 0]
     assert not any(one.certain for one in verdicts)
     assert point["unstable"] == switch(point, events=(), steps=Steps(most=1))[0][0]["unstable"] == 0
-
-
-def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
-    tree = diagram(
-        symmetric(0.68, 0.0, 0.8, lattice=Ring(1)),
-        "a",
-        within={"a": (0.6, 0.97)},
-        depth=2,
-        progress=False,
-    )
-    labels = sorted(branch.problem.label for branch in tree.branches)
-    assert sum(label.startswith("symmetric breather") for label in labels) == 1
-    assert sum(label.startswith("asymmetric breather (ring of 1") for label in labels) == 2
-    assert sum(label.startswith("orbit with impacts") for label in labels) == 1
 
 
 def test_only_a_located_pitchfork_or_doubling_is_lifted():
@@ -416,14 +381,6 @@ def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold(s
         mu = point.base_point.solution.multipliers()
         wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
         assert abs(mu - wanted).min() < 1e-10
-
-
-def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
-    arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
-    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.75, 0.85)})
-    for point in line.points[::3]:
-        single = orbit_at(point.base_point.problem).on(Ring(1))
-        assert np.abs(single.multipliers() + 1).min() < 1e-10
 
 
 def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:

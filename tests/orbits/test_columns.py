@@ -122,27 +122,6 @@ def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
     )
 
 
-@pytest.mark.parametrize("free", ["a", "gamma", "k"])
-def test_a_whole_column_of_counts_is_that_of_its_points(free: str) -> None:
-    within = {"a": (0.06, 0.95), "gamma": (0.0, 0.2), "k": (0.3, 1.0)}
-    steps = cb.Steps(largest=0.002)
-    breather = cb.symmetric(0.5, 0.05, 0.8)
-    branch = cb.trace(breather, free, within=within, towards="both", steps=steps)
-    single = [point["unstable"] for point in branch]
-    assert len(set(single)) > 1
-    assert branch["unstable"].tolist() == single
-    assert branch["unstable"].dtype.kind == "i"
-    assert branch[3:40:7]["unstable"].tolist() == single[3:40:7]
-
-
-@pytest.mark.parametrize("forcing", [{"spring": 0.1}, {"forcing": cb.Fourier(cos={1: -1, 3: 0.1})}])
-def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_points(forcing):
-    start = cb.symmetric(0.5, 0.05, 0.8, **forcing)
-    for free in ("gamma", start.problem.names[-1]):
-        branch = cb.trace(start, free, within={free: (0.0, 0.11)}, events=(), towards="both")
-        assert branch["unstable"].tolist() == [point["unstable"] for point in branch]
-
-
 def test_where_damping_ends_there_is_no_count_for_the_circle_itself() -> None:
     start = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=0.01)
     event = cb.neimark_sacker(threshold=1.0)

@@ -133,12 +133,6 @@ def test_on_its_own_boundary_a_count_is_no_number(kind):
     assert np.isnan(line["unstable"]).all()
 
 
-def test_on_a_line_of_grazing_a_count_is_one():
-    start = cb.trace(cb.symmetric(0.5, 0.15, 0.8), "a", towards="up").first("GR")
-    line = cb.boundary(start, ("gamma", "a"), within={"gamma": (0.142, 0.2), "a": (0.01, 1)})
-    assert set(line["unstable"].tolist()) <= {0, 1, 2, 3}
-
-
 def test_a_branch_that_starts_at_its_pitchfork_counts_it_once():
     pitchfork = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first("PF")
     for start in (cb.symmetric(pitchfork["a"], 0.04, 0.8), pitchfork):

@@ -171,28 +171,6 @@ def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     assert "pass each other" in line.doubtful[0].detail["reason"]
 
 
-def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
-    """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
-    lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}
-    branch = cb.trace(
-        cb.symmetric(0.6, lattice=lattice, site=1, **on), "a", within={"a": (0.6, 0.9)}
-    )
-    (fork,) = [point for point in branch.special if point.kind == "PF"]
-    arms = cb.switch(fork, within={"a": (0.6, fork["a"] + 0.03)})
-    assert len(arms) == 2
-    arm = arms[0][-1].solution
-    assert arm.stability(threshold=1.0).stable
-    broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
-    assert not broken.stability(threshold=1.0).stable
-    start = float(arm.times[0]) - 0.3
-    x = np.concatenate(broken.state(t=start))
-    x[lattice.sites + 1] += 1e-3
-    x, *_ = Field(lattice, arm.conditions).run(x, start, start + 160 * math.pi)
-    ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
-    assert min(abs(x - end).max() for end in ends) < 1e-5
-    assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
-
-
 # --- lattices ---------------------------------------------------------------------------------
 
 
@@ -425,25 +403,6 @@ def test_a_number_of_sites_names_a_ring_only() -> None:
     for make in (cb.multibreather, lambda _, **on: cb.multibreathers(**on)):
         with pytest.raises(cb.BadInput, match="a finite one is expected"):
             make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)
-
-
-def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
-    """The one is shot, the other a closed form: the same labels at the same places."""
-    bare, damped = (
-        cb.trace(cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12), damping=mu), "a")
-        for mu in (0.0, 1e-9)
-    )
-    assert [p.label for p in damped.special] == [p.label for p in bare.special]
-    for one, other in zip(damped.special, bare.special, strict=True):
-        assert one["a"] == pytest.approx(other["a"], abs=1e-6)
-    assert damped.doubtful == ()
-    lines = [
-        cb.boundary(b.first("GR"), ("gamma", "a"), within={"gamma": (0.005, 0.12)})
-        for b in (bare, damped)
-    ]
-    met = [[(p.label, p["gamma"]) for p in line.special] for line in lines]
-    assert [label for label, _ in met[0]] == [label for label, _ in met[1]]
-    assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
 
 
 # --- the ring of the chain's own closed forms as an oracle ------------------------------------

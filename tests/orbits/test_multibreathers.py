@@ -18,19 +18,6 @@ from .by_hand import run_once
 AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 
 
-def test_two_sites_are_what_shooting_from_their_phases_finds() -> None:
-    two = cb.multibreather([0, 6], lattice=cb.Ring(12), **AT)
-    b = cb.symmetric(**AT)
-    shot = orbit_at(
-        cb.shooting(
-            {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
-            symmetric=True, **AT,
-        )
-    )  # fmt: skip
-    assert two.times == pytest.approx(shot.times, abs=1e-11)
-    assert two.residual < 1e-13
-
-
 def test_one_site_is_the_breather() -> None:
     one = cb.multibreather([3], lattice=cb.Ring(12), **AT)
     own = cb.symmetric(lattice=cb.Ring(12), **AT)

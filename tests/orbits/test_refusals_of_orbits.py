@@ -82,15 +82,13 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             (ONE, r"hits the wall at \+1 only"),
         )
     ),
-    (
-        BREATHER,
-        {"sites": 5, "walls": {7: (-1, 1)}},
-        "walls of site 7: there is no such site on the ring of 5; sites are 0 to 4",
-    ),
-    (
-        BREATHER,
-        {"sites": 5, "walls": {-5: (-1, 1)}},
-        "walls of site -5: there is no such site on the ring of 5; sites are 0 to 4",
+    *(
+        (
+            BREATHER,
+            {"sites": 5, "walls": {site: (-1, 1)}},
+            f"walls of site {site}: there is no such site on the ring of 5; sites are 0 to 4",
+        )
+        for site in (7, -5)
     ),
     (
         BREATHER,
@@ -106,17 +104,13 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
         for site in (1.7, "a", True)
     ),
     (BREATHER.state(6), {"t": "0"}, "t = '0': the time of a state, a finite number, was expected"),
-    (BREATHER.state(6), {"t": math.nan}, "t = nan: the time of a state"),
     (([2.0] * 6, [0.0] * 6), {}, r"u\[0\] = 2 .*outside the walls"),
     *(
         ({"t1": -3.2, "t2": 0.4, **times}, {"a": 0.82, "sites": 20, "sequence": TWO, **more}, words)
         for times, more, words in (
             ({"t2": -4.0}, {}, r"impacts of site 0 out of order: t1 = -3\.2 does not"),
             ({"t2": 4.0}, {}, r"t2 = 4 does not come before t1 \+ a section = 3\.083"),
-            ({"t3": 1.0}, {}, r"not known \['t3'\]"),
             ({"t2": math.nan}, {}, "a time of impact, a finite number"),
-            ({"t1": 1j}, {}, "t1 = 1j: a time of impact"),
-            ({}, {"a": math.nan}, "a = nan: the amplitude"),
             ({}, {"a": -0.8}, "a = -0.8: the amplitude"),
             ({}, {"gamma": 0.3}, r"gamma = 0\.3"),
             ({}, {"k": 1.2}, r"k = 1\.2"),
@@ -189,7 +183,6 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
                 r"damping = array\(\[1\., 1\.\]\) has shape \(2,\); .* for each of 6 sites",
             ),
             ({"site": []}, r"site = \[\].*site 0 impacts"),
-            ({"spring": np.ones(2)}, "one number for each site is for finite lattices"),
         )
     ),
     (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),
@@ -257,7 +250,6 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         ({"gamma": 0.3}, r"^gamma = 0\.3: the coupling must be"),
         ({"a": -1.0}, r"^a = -1\.0: the amplitude of the forcing must be a finite number > 0"),
         ({"a": 0.0}, r"^a = 0\.0: the amplitude"),
-        ({"a": math.inf}, r"^a = inf: the amplitude"),
         ({"k": 0.0}, r"^k = 0: zones need 0 < k < 1"),
         ({"k": 1.0}, r"^k = 1: zones need 0 < k < 1"),
         # all of several before any is drawn, however they are listed

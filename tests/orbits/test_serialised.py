@@ -266,6 +266,8 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
     other = cb.symmetric(0.76, 0.04, 0.8, forcing=cb.Symbolic("-cos(t) - 0.1*cos(3*t)"))
     with pytest.raises(cb.BadInput, match=r"run\.nc: the points of the file do not solve this"):
         cb.load(tmp_path / "run.nc", problem=other)
+    with pytest.raises(cb.BadInput, match="a Problem was expected"):
+        cb.load(tmp_path / "run.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
 
 
 @pytest.mark.parametrize(

@@ -124,9 +124,8 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
         assert abs(window(b.gamma, b.k, b.spring).miss(b.representation.b)) < 1e-9
 
 
-@pytest.mark.parametrize("lattice", [InfiniteChain(), cb.Ring(40)], ids=repr)
-def test_a_spring_is_traced_from_none(lattice) -> None:
-    start = cb.symmetric(0.5, 0.08, 0.8, lattice=lattice)
+def test_a_spring_is_traced_from_none() -> None:
+    start = cb.symmetric(0.5, 0.08, 0.8)
     assert "spring" not in start.problem.params
     branch = cb.trace(start, "spring", within={"spring": (0, 0.1)})
     assert branch[-1]["spring"] == pytest.approx(0.1)

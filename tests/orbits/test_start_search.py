@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 import contbreather as cb
@@ -42,15 +41,6 @@ def test_nothing_is_printed_while_searching(capsys, monkeypatch):
     double = find_event("PD", ("gamma", "a"), within={"a": (0.5, 0.999)}, gamma=0.002, k=0.95)
     assert (double.kind, double["a"]) == ("PD", pytest.approx(0.912097259017, abs=1e-11))
     assert capsys.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("free", ["a", "gamma"])
-def test_breather_that_is_found_is_admissible_and_inside_of_the_window(free: str) -> None:
-    window = {"a": (0.3, 0.4), "gamma": (0.05, 0.06)}
-    other = next(name for name in window if name != free)
-    found = find_symmetric(free, window[free], k=0.8, **{other: float(np.mean(window[other]))})
-    assert found.admissibility().ok
-    assert window[free][0] <= getattr(found, free) <= window[free][1]
 
 
 # --- where is looked ------------------------------------------------------------------------------
@@ -126,16 +116,6 @@ def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> 
         find_symmetric("k", (0.0, 1.0), a=0.5, gamma=0.3)
     found = find_symmetric("k", (-1.0, 0.9), a=0.5, gamma=0.1)
     assert 0.0 <= found.k <= 0.9
-
-
-@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
-def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
-    orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
-    plain = orbit.problem.having("a", "gamma")
-    assert "p" in plain.start
-    freed = orbit.problem.having("gamma", "spring")
-    assert ("p" in freed.start) == (lattice is None)
-    assert "spring" in freed.params
 
 
 def test_arms_are_judged_by_the_threshold_of_the_paper_alone() -> None:

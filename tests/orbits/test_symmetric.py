@@ -140,24 +140,6 @@ def test_profile_obeys_equation_1_between_impacts(forcing, lattice):
         np.testing.assert_allclose(bend + b.gamma * stretch, force, atol=2e-8)
 
 
-def test_derived_quantities_are_read_off_the_motion():
-    for b in (
-        symmetric(0.5, 0.12, 0.4),
-        symmetric(0.3, 0.12, 0.7, forcing=TWO),
-        symmetric(0.8, 0.2, 0.9, lattice=Ring(3)),
-    ):
-        h = 1e-4
-        before = [b.velocity(0, b.phi - j * h) for j in (1, 2, 3)]
-        assert b.incoming[0] == pytest.approx(3 * before[0] - 3 * before[1] + before[2], abs=1e-9)
-        slope = (11 * b.incoming[0] - 18 * before[0] + 9 * before[1] - 2 * before[2]) / (6 * h)
-        assert b.accelerations[0] == pytest.approx(slope, abs=1e-7)
-        assert b.b == pytest.approx((1 + b.k) * b.accelerations[0] / b.incoming[0], rel=1e-14)
-        assert b.period == 2 * math.pi
-    b = symmetric(0.5, 0.12, 0.4)
-    harmonic = 1.4**2 * (b.p * (b.chi - CHAIN.eta(0.12)) - 1) / (2 * b.p)  # theory, section 1
-    assert b.b == pytest.approx(harmonic, abs=1e-14)
-
-
 # --------------------------------------------------------------------------- general forcing
 
 
@@ -278,18 +260,6 @@ def test_forcing_with_many_harmonics_or_a_faint_one_is_solved_too(forcing, a):
 
 
 # ------------------------------------------------------------------------------------ lattices
-
-
-@settings(max_examples=40)
-@given(st.floats(0.0, 0.22), st.floats(0.1, 1.0), st.sampled_from([60, 61, 200]))
-def test_a_long_ring_has_the_breather_of_the_chain(gamma, k, sites):
-    """chi of the two differs by what goes once round the ring."""
-    a = 0.5 + 0.5 * smallest_amplitude(gamma, k)
-    b, ring = symmetric(a, gamma, k), symmetric(a, gamma, k, lattice=Ring(sites))
-    r = math.sqrt(1 - 4 * gamma)
-    lap = ((1 - r) / (1 + r)) ** sites
-    assert abs(b.p - ring.p) < 10 * lap / r**3 + 1e-15
-    assert b.displacement(3, 1.0) == pytest.approx(ring.displacement(3, 1.0), abs=1e-13 + 10 * lap)
 
 
 def test_state_on_a_ring_is_the_ring_s_own_breather():

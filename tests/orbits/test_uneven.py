@@ -102,25 +102,6 @@ def test_nearly_even_parts_are_nearly_those_of_modes() -> None:
     assert near.stability().largest == pytest.approx(one.stability().largest, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (
-            {"spring": [0.1, 0.2]},
-            "spring = [0.1, 0.2] has shape (2,); a number, or one for each of 7",
-        ),
-        ({"damping": [0.1] * 6 + [-0.1]}, "damping = -0.1"),
-        ({"k": [0.5] * 6 + [1.1]}, "k = 1.1"),
-        ({"k": ["x"] * 7}, "one number for each site"),
-        ({"lattice": cb.lattice.InfiniteChain(), "site": 0}, "for finite lattices"),
-    ],
-)
-def test_what_does_not_fit_is_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises(cb.BadInput) as refused:
-        cb.symmetric(**{**ON, **wrong})
-    assert said in str(refused.value)
-
-
 def test_smooth_walls_refuse_them() -> None:
     orbit = cb.symmetric(**ON)
     with pytest.raises(cb.BadInput, match="smooth walls take one"):

@@ -167,15 +167,6 @@ def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
         assert not branch["unstable"].any()
 
 
-def test_energy_and_frequency_are_each_other_s_parameter() -> None:
-    start = phi4(cb.Ring(5), {2: 1}, 0.05)
-    energy = cb.trace(start, "omega", within={"omega": (1.5, 1.7)})[-1]["energy"]
-    back = cb.trace(start, "energy", within={"energy": (1.0, energy)})[-1]
-    assert back["omega"] == pytest.approx(1.7, abs=1e-8)
-    again = cb.trace(back.problem, "omega", within={"omega": (1.5, 1.8)}, towards="down")[-1]
-    assert again["energy"] == pytest.approx(start.solution.energy, abs=1e-8)
-
-
 def test_potentials_may_be_functions() -> None:
     """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
     V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
@@ -225,12 +216,18 @@ def test_where_the_energy_of_the_family_turns_is_an_event(tmp_path) -> None:
     assert again[-1]["omega"] == 1.53
 
 
-def test_what_ends_on_the_way_names_the_harmonic_and_the_band() -> None:
-    """The band is that of the matrix that is written down here."""
+@pytest.fixture(scope="module")
+def none() -> cb.oscillators.CodedBreather:
+    """What the catalogue has of a breather that is refused."""
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
-    with pytest.raises(cb.NoSolution) as refused:
-        cb.breather(chain, {2: 1}, omega=1.2, params={"c": 0.3})
-    says, share = str(refused.value), refused.value.share
+    (found,) = cb.breathers(chain, omega=1.2, sites=[0], params={"c": 0.3})
+    return found
+
+
+def test_what_ends_on_the_way_names_the_harmonic_and_the_band(none) -> None:
+    """The band is that of the matrix that is written down here."""
+    says, share = none.ended, none.share
+    assert not none.exists
     assert 0 < share < 1
     assert f"reaches {share:.4g} of the coupling" in says
     high = np.sqrt(1 + 4 * 0.3 * share * np.sin(2 * np.pi / 5) ** 2)
@@ -362,28 +359,25 @@ def test_its_stability_is_a_verdict() -> None:
 
 def test_an_orbit_says_which_of_its_harmonics_is_in_the_band() -> None:
     """Odd forces have no second one."""
-    chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(7))
+    chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(3))
     for omega, said in (
-        (0.34, "; harmonic 3, 1.02, lies in the band of small oscillations, 1 to 1.09092>"),
+        (0.34, "; harmonic 3, 1.02, lies in the band of small oscillations, 1 to 1.07238>"),
         (0.52, "unstable>"),
     ):
-        orbit = cb.breather(chain, {3: 1}, omega=omega, params={"c": 0.05}).solution
+        orbit = cb.breather(chain, {1: 1}, omega=omega, params={"c": 0.05}).solution
         assert repr(orbit).endswith(said)
         assert (orbit.swings.min() > 1.0) == (omega == 0.34)
 
 
-def test_entries_of_a_catalogue_are_drawn_one_by_one() -> None:
+def test_entries_of_a_catalogue_are_drawn_one_by_one(none) -> None:
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
-    one, other = (
-        cb.breathers(chain, omega=1.5, sites=sites, params={"c": 0.03}) for sites in ([0], [0, 1])
-    )
+    one = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.03})
     assert repr(one) == "(CodedBreather(code={0: 1}, copies=2, share=1.0, ended=''),)"
     heights = cb.plot(one[0]).axes.get_lines()[0].get_ydata()
     np.testing.assert_array_equal(heights, one[0].breather.solution.displacement(slice(5), 0.0))
     with pytest.raises(cb.BadInput, match="a CodedBreather was among them: leave it"):
-        cb.plot(*one, *other)
-    (none,) = cb.breathers(chain, omega=1.5, sites=[0], params={"c": 0.5})
-    with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.69.*of the coupling"):
+        cb.plot(*one, none)
+    with pytest.raises(cb.BadInput, match=r"nothing to draw.*reaches 0\.\d+ of the coupling"):
         cb.plot(none)
 
 

@@ -43,20 +43,7 @@ TORUS = {"a": 0.15, "gamma": 0.106, "k": 0.8, "damping": 0.02}
 @pytest.fixture(scope="module")
 def torus():
     state = symmetric(0.15, 0.106, 0.8).state(20)
-    return sim.simulate(state, **TORUS, periods=16000)
-
-
-def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
-    """A second road: the peak of the windowed Fourier transform of one coordinate, refined."""
-    x = torus.strobe.u[-4096:, 0]
-    window = np.hanning(len(x))
-    x, j = (x - x.mean()) * window, np.arange(len(x))
-    peak = np.abs(np.fft.rfft(x)).argmax() / len(x)
-    fine = peak + np.linspace(-1, 1, 1001) / len(x)
-    power = np.abs(np.exp(-2j * math.pi * np.outer(fine, j)) @ x)
-    frequency = fine[power.argmax()]
-    number = sim.rotation(torus.strobe.u[-4096:], torus.strobe.v[-4096:]).number
-    assert min(frequency, 1 - frequency) == pytest.approx(number, abs=2e-6)
+    return sim.simulate(state, **TORUS, periods=8000)
 
 
 # --- verdicts -------------------------------------------------------------------------------------

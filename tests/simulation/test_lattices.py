@@ -14,8 +14,6 @@ from scipy import sparse
 import contbreather as cb
 import contbreather.simulation as sim
 from contbreather.errors import BadInput
-from contbreather.orbits.orbit import orbit_at
-from tests.orbits.by_hand import one_wall
 from tests.orbits.field import Field, dense
 
 PI = math.pi
@@ -43,31 +41,6 @@ LATTICES = {
     "own walls": (cb.OpenChain(5), {"walls": {0: (-0.8, 0.8), 3: None, 4: (-0.9, 2.0)}}),
 }  # fmt: skip
 A, GAMMA, K = 0.6, 0.05, 0.8
-
-
-def orbit_on(name):
-    lattice, on = LATTICES[name]
-    shared = {"a": A, "gamma": GAMMA, "k": K, "lattice": lattice, **on}
-    if "walls" in on and not cb.lattice.conditions.Walls.given(on["walls"]).symmetric:
-        ring = cb.symmetric(A, gamma=GAMMA, k=K, lattice=lattice, site=1)
-        start = {"t1": ring.phi % (2 * PI), "t2": (ring.phi + PI) % (2 * PI)}
-        sequence = sorted([(1, 1), (1, -1)], key=lambda one: start["t1" if one[1] > 0 else "t2"])
-        times = dict(zip(("t1", "t2"), sorted(start.values()), strict=True))
-        return orbit_at(cb.shooting(times, sequence=sequence, **shared))
-    return cb.symmetric(site=1, **shared)
-
-
-@pytest.mark.parametrize("name", [*LATTICES, "one wall"])
-def test_shot_orbit_comes_back_with_its_impacts(name):
-    orbit, t0 = one_wall() if name == "one wall" else orbit_on(name), 0.37
-    state = orbit.state(t=t0)
-    run = sim.simulate(orbit, periods=1, t0=t0)
-    assert np.abs(np.subtract(run.final, state)).max() < 1e-11
-    times = sorted(one.time % (2 * PI) for one in orbit.hits)
-    assert np.allclose(np.sort(run.impacts["phase"]), times, rtol=0, atol=1e-11)
-    middle = sim.simulate(orbit, periods=0.3, t0=t0)
-    there = orbit.state(t=t0 + 0.6 * PI)
-    assert np.abs(np.subtract(middle.final, there)).max() < 1e-11
 
 
 RINGS = [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3), (7, 0.6)]

@@ -46,8 +46,6 @@ TABLES = "rows of states, or tables with a column for each site"
     [
         ("simulate", {"state": ([0.0, 1.2], [0.0, 0.0])}, r"u\[1\] = 1.2 lies outside the walls"),
         ("simulate", {"state": ([0.0, 0.2], [0.0])}, r"a pair \(u, v\) of rows of equal length"),
-        ("simulate", {"state": ([], [])}, "a pair"),
-        ("simulate", {"state": 3.0}, "a state is a pair"),
         ("simulate", {"state": np.zeros(3)}, r"a pair \(u, v\) .*, got array\(\[0"),
         ("simulate", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
         ("smooth", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
@@ -56,7 +54,6 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"state": ([0.0], [1e9])}, "blow up the energy"),
         ("simulate", {"damping": -0.1}, "^damping = -0.1: .* 0 <= damping <= 1e4"),
         ("simulate", {"damping": 2e4}, r"^damping = 20000\.0: .* <= 1e4"),
-        ("simulate", {"damping": math.nan}, "^damping = nan"),
         ("simulate", {"periods": 1e13}, r"^periods = 1(0+)\.0: a length in periods from 0 to 1e12"),
         ("simulate", {"periods": -1}, "^periods = -1"),
         ("simulate", {"k": 1.1}, "^k = 1.1: the restitution coefficient .* 0 <= k <= 1"),
@@ -73,8 +70,6 @@ TABLES = "rows of states, or tables with a column for each site"
         ),
         ("classify", {"noise": 0.1, "m": 6}, r"noise = 0.1: noise is for simulate\(\) alone"),
         ("smooth", {"m": 0}, "^m = 0: the hardness of the wall .* 0.5 <= m <= 1e4"),
-        ("smooth", {"m": 0.1}, "^m = 0.1"),
-        ("smooth", {"m": math.nan}, "^m = nan"),
         ("smooth", {"lam": 0.1}, "give one of them"),
         ("smooth", {"k": None}, "give one of them"),
         ("smooth", {"k": None, "lam": 2.5}, "lam = 2.5: the damping of the wall .* 0 <= lam <= 2"),
@@ -83,7 +78,6 @@ TABLES = "rows of states, or tables with a column for each site"
         ("smooth", {"gamma": 0.3}, "^gamma = 0.3"),
         ("smooth", {"state": ([1.9], [0.0])}, "lies far behind the walls"),
         ("smooth", {"state": ([0.0, 1.0], [0.0])}, "rows of equal length"),
-        ("smooth", {"sample": (0, 1)}, "a Sample was expected"),
         *(
             ("smooth", {"tolerance": bad}, rf"^tolerance = {bad!r}: that of the solver")
             for bad in (-1.0, math.nan, 0.5, "x")
@@ -130,13 +124,11 @@ TABLES = "rows of states, or tables with a column for each site"
         ("localisation", {"u": 0.1, "v": 0.2}, SHAPE),
         ("localisation", {"u": np.zeros((0, 2)), "v": np.zeros((0, 2))}, SHAPE),
         ("localisation", {"t": [0.0, 1.0]}, r"t has the shape \(2,\): a time for each"),
-        ("localisation", {"u": [[0.1, 0.2]]}, SHAPE),
         ("localisation", {"u": [math.nan, 0.1]}, r"^u\b"),
         ("localisation", {"v": [math.nan, 0.1]}, r"^v\b"),
         ("rotation", {"u": [math.nan, 0.1]}, r"^u\b"),
         ("rotation", {"v": [math.nan, 0.1]}, r"^v\b"),
         ("rotation", {"u": np.zeros(31)}, TABLES),
-        ("rotation", {"u": np.zeros((30, 2))}, TABLES),
         ("rotation", {"u": np.zeros((30, 2, 1)), "v": np.zeros((30, 2, 1))}, TABLES),
         ("rotation", {"u": 0.0, "v": 0.0}, TABLES),
         ("rotation", {"u": np.zeros((30, 0)), "v": np.zeros((30, 0))}, TABLES),
@@ -151,10 +143,8 @@ TABLES = "rows of states, or tables with a column for each site"
         ("axis", {"name": "w"}, "the coordinate of an axis must be 'u' or 'v', got 'w'"),
         ("axis", {"site": 0.5}, r"site = 0\.5"),
         ("axis", {"values": []}, r"^values = .*: the values of an axis, a row"),
-        ("axis", {"values": [[0.1]]}, r"^values = .*: the values of an axis, a row"),
         ("axis", {"values": ["x"]}, r"^values = \['x'\]: finite real numbers were expected"),
         ("there and back", {"values": []}, r"^values = .*: the values of a sweep, a row"),
-        ("there and back", {"values": [[1.0]]}, r"^values = .*: the values of a sweep, a row"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_worked_with_is_refused_in_a_sentence(call, changed, sentence) -> None:

@@ -82,16 +82,6 @@ def test_variation_is_the_derivative_of_the_run_wherever_it_begins(sites, m):
     assert np.allclose(matrix, wanted, rtol=1e-6, atol=1e-6)
 
 
-def test_conservative_walls_keep_the_energy():
-    run = simulate_smooth(
-        ([0.0, 0.3, 0.1], [1.0, -2.0, 0.1]),
-        a=0.0, gamma=0.2, lam=0.0, m=6, periods=20, tolerance=1e-13,
-    )  # fmt: skip
-    u, v = run.strobe
-    energy = 0.5 * v**2 + 0.1 * (u - np.roll(u, 1, axis=1)) ** 2 + 0.5 * u**26
-    assert np.ptp(energy.sum(axis=1)) < 1e-9
-
-
 @pytest.mark.parametrize("m", [6, 50])
 def test_a_finer_tolerance_is_a_finer_solution(m):
     state = symmetric(0.5, 0.08, 0.8).state(6)

@@ -76,16 +76,6 @@ def shifted(at, by):
     return [x + float(y) for x, y in zip(at, by, strict=True)]
 
 
-def test_D_is_real_on_the_real_axis_conjugate_across_it_and_one_far_away():
-    nu = np.array([0.2 - 0.3j, 0.7 - 0.1j, 0.9 - 0.02j])
-    D_here = D(0.1, nu, 0.8, -0.3)
-    np.testing.assert_allclose(D(0.1, -nu.conj(), 0.8, -0.3), D_here.conj(), rtol=1e-13)
-    np.testing.assert_allclose(D(0.1, nu + 4, 0.8, -0.3), D_here, rtol=1e-11)
-    assert np.abs(D(0.1, np.array([-0.3j, 1 - 0.3j]), 0.8, -0.3).imag).max() < 1e-14
-    for depth in (1.0, 1.5, 2.0):
-        assert abs(D(0.1, 0.4 - depth * 1j, 0.8, -0.3) - 1) < 3.0 * math.exp(-math.pi * depth)
-
-
 @pytest.mark.parametrize("sites", [40, 200])
 @pytest.mark.parametrize(("a", "gamma"), [(0.2, 0.11), (0.8, 0.045), (0.5, 0.08)])
 def test_every_even_eigenvalue_of_the_dense_matrix_is_a_zero_of_D(sites, a, gamma):

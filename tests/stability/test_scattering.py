@@ -97,7 +97,7 @@ def test_at_a_neimark_sacker_point_S_has_a_pole():
 @pytest.mark.parametrize(("gamma", "k"), [(0.05, 0.8), (0.15, 0.5), (0.2, 0.1)])
 def test_where_nothing_is_amplified_no_ring_is_unstable_through_its_band(gamma, k):
     pitchfork = pitchfork_b(gamma, k)
-    b = np.linspace(pitchfork - 2, pitchfork - 1e-6, 4001)
+    b = np.linspace(pitchfork - 2, pitchfork - 1e-6, 401)
     flags = np.array([over_reflects(gamma, k, x) for x in b])
     threshold = b[np.flatnonzero(flags)[-1]]
     assert not flags[b > threshold].any()

@@ -24,17 +24,6 @@ def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma
     assert brentq(excess, 0.07, 0.11) == pytest.approx(gamma, abs=5e-5)
 
 
-def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites():
-    below, above = (stability(g, 0.8, b_of(0.2, g, 0.8)) for g in (0.0969709, 0.0969710))
-    assert below.stable
-    assert bool(below)
-    assert not above
-    assert below.over_reflecting
-    assert above.unstable == 2
-    assert above.multipliers.size == 2
-    assert np.abs(above.multipliers).min() > 1
-
-
 def test_a_verdict_says_what_it_is_about():
     chain = stability(0.11, 0.8, -0.28657)
     assert "infinite chain: unstable, 2 multipliers of QS" in repr(chain)
