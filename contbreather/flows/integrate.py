@@ -389,8 +389,9 @@ class _Integration:
             )
         if self.taken > self.steps:
             raise TooManySteps(
-                f"{self.steps} steps of {self.method} did not do, up to t = {solver.t:g}: for what "
-                "is stiff cb.integrate takes method='LSODA' or 'Radau'"
+                f"{self.steps} steps of {self.method} did not do, up to t = {solver.t:g} of "
+                f"{solver.t_bound:g}: a shorter time does where all is fast (time=, and settle= of "
+                "cb.cycle), and what is stiff takes method='LSODA' or 'Radau' (cb.integrate)"
             )
 
 
