@@ -160,7 +160,7 @@ def relayed(h: Any) -> Any:
             for until in (lambda t, x, p: np.sign(x[0]), lambda t, x, p: np.floor(x[0]),
                           lambda t, x, p: np.where(x[0] > 0, 1.0, -1.0))
         ),
-        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=9, steps=9), cb.NotConverged, "settle= .*LSODA"),
+        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=9, steps=9), cb.NotConverged, "time="),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, method="RK5"), cb.BadInput, "BDF"),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}), cb.BadInput, "say how far to go"),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, periods=1), cb.BadInput, "how far"),
