@@ -500,13 +500,18 @@ class FlowEquations:
 
     @cached_property
     def _phase(self) -> Array:
-        """The integral over the velocity of the first orbit, by the trapezoidal rule of its mesh:
-        what keeps an orbit from sliding along itself."""
-        rows = []
-        for flight in self.start:
-            steps = np.diff(flight.knots)
-            weights = 0.5 * (steps + np.roll(steps, 1))
-            rows.append((flight.rates(flight.knots[:-1]) * weights).T.ravel())
+        """The integral of x . dx over the first orbit: what keeps one from sliding along itself.
+
+        By central differences neither the first orbit nor a constant moves it, whatever the mesh:
+        of an orbit as small as one likes it tells how that swings, and not where it lies."""
+        rises, rows = [flight.ends - flight.states for flight in self.start], []
+        for k, rise in enumerate(rises):
+            before, reset = self.start[k - 1], self.flows[k - 1].reset
+            behind = rises[k - 1][-1]
+            if reset is not None:  # a mirror image, or a turn of an angle
+                last = np.stack([before.states[-1], before.end], axis=1)
+                behind = np.diff(values(reset, before.last, last, self._begin.params))[:, 0]
+            rows.append(0.5 * (rise + np.vstack([behind, rise[:-1]])).ravel())
         row = np.concatenate(rows)
         return np.asarray(row / (np.linalg.norm(row) or 1.0))
 
