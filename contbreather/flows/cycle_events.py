@@ -116,19 +116,23 @@ _LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 # --- where a multiplier is 1 --------------------------------------------------------------------
 
 
+def _without_unit(point: Point) -> str:
+    """Say where no multiplier is 1: at 1e-5 off, a parameter turns by 1e-13."""
+    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
+    return "" if off < 0.1 else f"no multiplier is 1: the nearest is {off:.2g} off"
+
+
 def _examine_crossing(point: Point) -> Examined:
     assert _CROSSING.examine is not None
-    return unresolved(point) or _CROSSING.examine(point)
+    # orbits that are shifted in time cross the branch where their phase is not measured
+    return unresolved(point) or _without_unit(point) or _CROSSING.examine(point)
 
 
 def _examine_fold(point: Point) -> Examined:
     assert _PLAIN.examine is not None
-    if reason := unresolved(point) or _PLAIN.examine(point):
-        return reason
     # where a branch is steep, as at a canard, rounding turns its parameter back, too
-    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
-    if not off < 0.1:  # 1e-5 where the parameter turns by 1e-13
-        return f"no multiplier is 1: the nearest is {off:.2g} off"
+    if reason := unresolved(point) or _PLAIN.examine(point) or _without_unit(point):
+        return reason
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
         b = normal_forms.cubic_at_cusp(point)[0]
         return {} if b.degenerate else {"b": abs(b.value)}  # of a canard it is rounding

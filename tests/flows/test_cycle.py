@@ -686,6 +686,23 @@ def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised
     assert curve["nu"] == pytest.approx(-0.25, abs=1e-9)
 
 
+def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
+    """Morris and Lecar's neuron: with the phase by the trapezoidal rule it ended as MX before."""
+
+    def neuron(t, x, p):
+        v, w = x
+        open_, rest = (
+            (1 + np.tanh((v - at) / width)) / 2 for at, width in ((-1.2, 18), (12, 17.4))
+        )
+        current = p["I"] - 4 * open_ * (v - 120) - 8 * w * (v + 84) - 2 * (v + 60)
+        return [current / 20, 0.0667 * np.cosh((v - 12) / 34.8) * (rest - w)]
+
+    orbit = cb.cycle(neuron, {"v": -10.0, "w": 0.1}, {"I": 90.0})
+    branch = cb.trace(orbit, "I", within={"I": (90.0, 300.0)}, towards="up")
+    assert [point.kind for point in branch.special] == ["EP", "LP", "HB"]
+    assert branch[-1]["I"] == pytest.approx(97.773713, abs=1e-4)
+
+
 def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
     """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
     velocities are against those of the start, and the branch would turn back."""
