@@ -117,8 +117,9 @@ _LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 
 
 def _without_unit(point: Point) -> str:
-    """Say where no multiplier is 1: at 1e-5 off, a parameter turns by 1e-13."""
+    """Say where no multiplier but the trivial one is 1."""
     off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
+    # located it is off by 1e-5 and more where a parameter turns by 1e-13
     return "" if off < 0.1 else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 

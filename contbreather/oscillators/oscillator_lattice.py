@@ -328,8 +328,8 @@ class Oscillators:
 
 @dataclass(frozen=True)
 class WallDistance:
-    """How far a site is off a wall, on one side: +1 above, -1 below. Two of one wall are equal, by
-    which a flow knows that it begins on the wall where the one before ended."""
+    """Distance of a site from a wall, on one side: +1 above, -1 below. Two of one wall are equal,
+    by which a flow knows that it begins on the wall where the one before ended."""
 
     chain: Oscillators
     site: int

@@ -158,8 +158,8 @@ class Eigenvalues(CriticalValues):
 
     @cached_property
     def beside(self) -> float:
-        """How far from zero the two of a double zero may be: what rounds is of the size of the
-        matrix, and splits them by the root of it times what couples them, which may be slow."""
+        """Bound how far apart rounding may split a double zero: it is of the size of the matrix,
+        and splits by the root of that times what couples the two, which may be slow."""
         size = coupling = float(np.linalg.norm(self.matrix, 2))
         if self.values.size > 2:
             with suppress(Undefined):
