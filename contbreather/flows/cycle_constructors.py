@@ -436,16 +436,17 @@ def _is_coarse(equations: FlowEquations) -> bool:
 def _refuse_family(problem: Problem, near: float, error: Exception | None = None) -> None:
     """Refuse an orbit with others beside it: with a second multiplier that is so near 1."""
     with suppress(Undefined):
-        orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
+        orbit, curve = cycle_of(problem), Curve(problem, ())
+        left = curve.equations(problem.x)
         if error is None and not orbit.equations.condensed:
             return  # too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
         others = orbit.indices if orbit.paired else orbit.others
+        family = solved
         # what is conserved and linear is so off the orbit, too: there is no orbit to find alone
         if not solved and error and orbit.equations.condensed:
-            curve = Curve(problem, ())
-            solved = least_singular(curve.balanced(curve.jacobian(problem.x))).lost
-        if solved and abs(others - 1).min(initial=math.inf) <= near:
+            family = least_singular(curve.balanced(curve.jacobian(problem.x))).lost
+        if family and abs(others - 1).min(initial=math.inf) <= near:
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
