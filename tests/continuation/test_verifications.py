@@ -51,6 +51,23 @@ def test_a_fold_is_refused_where_it_is_none() -> None:
     assert reason(cb.fold(), trace_case(CUSP).first("LP")) == ""
 
 
+def test_no_fold_is_on_a_line_of_solutions_at_one_parameter() -> None:
+    """Two species that compete and are alike at r = 1 live beside each other in any shares."""
+
+    def shares(u: Array, p: lines.Params) -> Array:
+        x, y = u
+        return np.array([x * np.exp(0.3 * y) * (1 - x - y), y * (1 + x**2) * (p["r"] - x - y)])
+
+    events, within = [cb.fold(), cb.branch_point()], {"x": (0, 2), "y": (0, 2), "r": (0.2, 2)}
+    alone = cb.trace(cb.Problem(shares, {"x": 1.0, "y": 0.0}, {"r": 0.5}), "r", within=within,
+                     events=events)  # fmt: skip
+    arms = cb.switch(alone.first("BP"), within=within)
+    kinds = [point.kind for arm in arms for point in (*arm.special, *arm.doubtful)]
+    assert max(np.ptp(arm["x"]) for arm in arms) == pytest.approx(1.0)
+    assert max(np.ptp(arm["r"]) for arm in arms) < 1e-14
+    assert "LP" not in kinds
+
+
 def test_a_branch_point_is_refused_where_the_derivative_keeps_its_rank() -> None:
     branch = trace_case(CUSP)
     event = cb.branch_point()

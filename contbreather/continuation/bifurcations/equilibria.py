@@ -18,8 +18,9 @@ import numpy as np
 
 from ..algebra.linear_algebra import least_singular, sense
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..algebra.sparse import is_sparse
+from ..algebra.sparse import dense, is_sparse
 from ..curve.branch import Points
+from ..curve.curve import LEVEL
 from ..curve.point import (
     CodimensionTwo,
     DefiningSystem,
@@ -105,13 +106,29 @@ def branch_point() -> Event:
 
 def _fold_tests(points: Points) -> Many:
     # dp/ds: zero where the parameter turns back
-    return points.tangent[:, -1], None
+    paces = points.tangent[:, -1].copy()
+    for i in np.flatnonzero(abs(paces) <= LEVEL).tolist():
+        paces[i] = _pace(points[i])
+    return paces, None
 
 
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
-        return float(point.tangent[-1])
+        return _pace(point)
     return systems.singular_in_unknowns(point.curve, point.z)[0]
+
+
+def _pace(point: Point) -> float:
+    """How fast the parameter changes along the curve, 0 where rounding of the equations decides
+    that: along a line of solutions at one parameter it would turn back anywhere."""
+    curve, n, pace = point.curve, point.curve.size, float(point.direction[-1])
+    if abs(pace) > LEVEL:
+        return pace
+    matrix = abs(curve.jacobian(point.z))
+    # so far the equation that says most of the parameter leaves it open, of terms as large as these
+    terms = matrix[:, :n] @ (abs(point.x) + curve.scales[:n])
+    by_param = dense(matrix[:, -1:])[:, 0]
+    return pace if (abs(pace) * by_param > 4 * math.ulp(1.0) * terms).any() else 0.0
 
 
 def _fold_locus(point: Point, weak: Any = None) -> DefiningSystem:

@@ -198,6 +198,8 @@ class StepSamples:
         """Neighbouring places between which the test changes sign, or jumps; not within brackets
         that were dealt with, in which a place where it was looked at before may lie."""
         found, jumps, values = list[tuple[float, float]](), self.jumps, self.values
+        if not jumps and values[0.0] == 0 == values[1.0]:  # and all along, but for rounding
+            return found
         for left, right in itertools.pairwise(sorted(u for u in values if values[u] == values[u])):
             changed = values[left] != values[right] if jumps else self.changes_sign(left, right)
             if changed and not any(low <= left and right <= high for low, high in self.done):
