@@ -304,7 +304,8 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             height = partial(_height, wall, flight, orbit.params)
             # without a reset it begins where another ended: the walls of sliding are zero there
             before = flows[i - 1]
-            walled = flow.until is None or (before.reset is not None and wall != before.until)
+            left = before.reset is None or _has_left(orbit, i, v, size, t, states)
+            walled = flow.until is None or not left
             begins = ignored > 0.0 or _apart(orbit, i, wall, size) if ends else walled
             # where no place is low this one is far from it, but in sliding that vanishes
             vanishes = ends and slid_along(flow)
@@ -326,6 +327,15 @@ def _height(
     """Evaluate a wall along a flight; divided by 1 - s where it ends the flow, but there."""
     v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
     return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
+
+
+def _has_left(orbit: Cycle, i: int, v: Array, size: float, t: Array, states: Array) -> bool:
+    """Tell whether a wall of these values is what ended the flow before, perhaps written down once
+    more."""
+    before = orbit.equations.flows[i - 1].until
+    if before is None or orbit.flights[i - 1].dimension != len(states):
+        return False
+    return bool((abs(values(before, t, states, orbit.params)[0] - v) <= 1e-9 * size).all())
 
 
 def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:

@@ -454,6 +454,25 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
         assert place["b"] == pytest.approx(-place.base_point.solution.min["x"], abs=1e-10)
 
 
+def test_a_wall_that_was_just_hit_is_not_touched_however_often_it_is_written_down() -> None:
+    def hit(sign: int) -> cb.Flow:
+        return cb.Flow(
+            lambda t, x, p: [x[1], p["a"] * np.cos(t) - x[0] - 0.1 * x[1]],
+            reset=lambda t, x, p: [x[0], -0.5 * x[1]],
+            until=lambda t, x, p: 1 - sign * x[0], walls=(lambda t, x, p: 1 + sign * x[0],),
+        )  # fmt: skip
+
+    flows = [hit(sign) for sign in (1, -1)]
+    forced = cb.cycle(flows, {"x": -0.9, "v": 1.0}, {"a": 2.0}, period=TAU, t0=0.7)
+    (touch,) = cb.trace(forced, "a", within={"a": (2, 4)}, towards="up").special[1:]
+    assert touch.kind == "GR"
+    orbit = touch.solution
+    assert orbit.max["x"] == pytest.approx(1.0, abs=1e-9)
+    assert orbit.min["x"] == pytest.approx(-1.0, abs=1e-9)
+    inner = orbit.flights[1].sampled(200)[1][0]
+    assert inner[20:-20].max() == pytest.approx(1.0, abs=1e-4)  # again, between two impacts
+
+
 def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_path):
     branch = cb.trace(CASES["bouncing ball"].problem(), "A", within={"A": (0.5, 0.7)})
     cb.save(tmp_path / "ball.nc", branch)

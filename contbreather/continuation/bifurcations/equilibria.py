@@ -18,9 +18,8 @@ import numpy as np
 
 from ..algebra.linear_algebra import least_singular, sense
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..algebra.sparse import dense, is_sparse
+from ..algebra.sparse import is_sparse
 from ..curve.branch import Points
-from ..curve.curve import LEVEL
 from ..curve.point import (
     CodimensionTwo,
     DefiningSystem,
@@ -106,29 +105,13 @@ def branch_point() -> Event:
 
 def _fold_tests(points: Points) -> Many:
     # dp/ds: zero where the parameter turns back
-    paces = points.tangent[:, -1].copy()
-    for i in np.flatnonzero(abs(paces) <= LEVEL).tolist():
-        paces[i] = _pace(points[i])
-    return paces, None
+    return points.tangent[:, -1], None
 
 
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
-        return _pace(point)
+        return float(point.tangent[-1])
     return systems.singular_in_unknowns(point.curve, point.z)[0]
-
-
-def _pace(point: Point) -> float:
-    """How fast the parameter changes along the curve, 0 where rounding of the equations decides
-    that: along a line of solutions at one parameter it would turn back anywhere."""
-    curve, n, pace = point.curve, point.curve.size, float(point.direction[-1])
-    if abs(pace) > LEVEL:
-        return pace
-    matrix = abs(curve.jacobian(point.z))
-    # so far the equation that says most of the parameter leaves it open, of terms as large as these
-    terms = matrix[:, :n] @ (abs(point.x) + curve.scales[:n])
-    by_param = dense(matrix[:, -1:])[:, 0]
-    return pace if (abs(pace) * by_param > 4 * math.ulp(1.0) * terms).any() else 0.0
 
 
 def _fold_locus(point: Point, weak: Any = None) -> DefiningSystem:
@@ -315,7 +298,9 @@ _AXIS = Border(
     ("omega", attrgetter("imag")), names={("LP", "HB"): "ZH"},
 )  # fmt: skip
 _CUSP = Event("CP", _cusp_test, examine=_examine_cusp)
-_FOLD = Event("LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_examine_fold)
+_FOLD = Event(
+    "LP", _fold_test, many=_fold_tests, locus=_fold_locus, examine=_examine_fold, turns=True
+)
 # where parts that are alike have a fold each all but together, and only their common motion turns
 FOLD_OF_ALIKE = replace(_FOLD, locus=partial(_fold_locus, weak=systems.turning))
 _HOPF = _OfFlow(

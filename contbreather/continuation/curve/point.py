@@ -335,6 +335,8 @@ class Event:
         side of the test only: then a start beyond is refused.
     may_jump : bool
         Whether nothing happens where the test changes its sign in a jump; else that is doubtful.
+    turns : bool
+        Whether the test is the pace of the free parameter: nothing happens where that stays.
 
     Examples
     --------
@@ -351,6 +353,7 @@ class Event:
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
     may_jump: bool = False
+    turns: bool = False
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):

@@ -87,6 +87,13 @@ class StepInterpolant:
             tangent, _ = curve.tangent_at(z, slope)
         return u, self._point(u, z, tangent, solution.residual)
 
+    def moves(self, point: Point) -> bool:
+        """Tell whether the free parameter is elsewhere at an end, by more than rounding of its
+        value or of a unit vector: along a line of solutions it seems to turn back anywhere."""
+        value, size = point.z[-1], self.length * self.curve.scales[-1]
+        rounding = 4 * math.ulp(1.0) * (abs(value) + size)
+        return any(abs(end.z[-1] - value) > rounding for end in (self.first, self.last))
+
     def _check_near(self, guess: Array, z: Array) -> None:
         # so far off the cubic, relative to the step, a point between may lie
         if self.curve.length(z - guess) > 0.1 * self.length:
@@ -198,8 +205,6 @@ class StepSamples:
         """Neighbouring places between which the test changes sign, or jumps; not within brackets
         that were dealt with, in which a place where it was looked at before may lie."""
         found, jumps, values = list[tuple[float, float]](), self.jumps, self.values
-        if not jumps and values[0.0] == 0 == values[1.0]:  # and all along, but for rounding
-            return found
         for left, right in itertools.pairwise(sorted(u for u in values if values[u] == values[u])):
             changed = values[left] != values[right] if jumps else self.changes_sign(left, right)
             if changed and not any(low <= left and right <= high for low, high in self.done):
