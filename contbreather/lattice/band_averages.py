@@ -21,10 +21,23 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.kernels import Vector, inlined
-from contbreather.lattice.zeta import TERMS, zeta
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
+
+TERMS = 18  # powers of w^2 that expansions keep: 9^-18 < 1e-17, the rest is below rounding
+FIRST = 12  # terms that are added up as they are
+# B_2k/(2k)! of the formula of Euler and Maclaurin for all others: 12^-20 is far below rounding
+REST = (
+    1 / 12,
+    -1 / 720,
+    1 / 30240,
+    -1 / 1209600,
+    1 / 47900160,
+    -691 / 1307674368000,
+    1 / 74724249600,
+    -3617 / 10670622842880000,
+)
 
 
 def check_gamma(gamma: float, spring: float = 0.0) -> float:
@@ -230,27 +243,18 @@ def slope_in_spring(of: HeldMean, s: float, x: float, sites: int) -> float:
 
 def means_of_chains(gamma: FloatArray, spring: Any) -> dict[str, FloatArray]:
     """Means of infinite chains of many couplings, and perhaps as many springs."""
-    q, powers, weights = _by_gauss()
     x, s = 4.0 * gamma[:, None], np.reshape(spring, (-1, 1))
-    rest = np.vander((s + x * q).ravel(), TERMS + 1, increasing=True) @ powers
-    poles = np.array([1.0, 4.0])
+    functions, poles = _functions(), np.array([1.0, 4.0])
+    powers = q_moments(None, 0) * x ** np.arange(TERMS + 1)
+    if np.any(spring):  # <w^2j>, w^2 = s + x q
+        powers = (in_powers_of_x(spring) @ powers[..., None])[..., 0]
+    weights = [[raw.poles.get(P, 0.0) for raw in functions.values()] for P in poles.tolist()]
     z = x / (poles - s)
     r = np.sqrt(1.0 - z)
-    # see `_series`, and `excess`
+    # see `hold`, and `excess`
     near = (s + poles * z / (r * (1.0 + r))) / (poles - s)
-    means = rest.reshape(gamma.size, q.size, -1).sum(axis=1) + near @ weights
-    return dict(zip(_functions(), means.T, strict=True))
-
-
-@lru_cache(maxsize=1)
-def _by_gauss() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Places q of Gauss's rule, exact for all powers here, shares of these in the means, in
-    columns, and weights of the poles at 1 and 4."""
-    size = 1 + TERMS // 2
-    q = np.sin((np.arange(size) + 0.5) * (0.5 * math.pi / size)) ** 2
-    functions = _functions().values()
-    weights = [[raw.poles.get(P, 0.0) for raw in functions] for P in (1.0, 4.0)]
-    return q, np.transpose([raw.powers for raw in functions]) / size, np.array(weights)
+    means = powers @ np.transpose([raw.powers for raw in functions.values()]) + near @ weights
+    return dict(zip(functions, means.T, strict=True))
 
 
 _POWERS = range(TERMS + 1)
@@ -397,3 +401,41 @@ class UniformLattice:
         of = held_mean(name, self.sites)
         np.matmul(of.powers, in_powers_of_x(s), out=of.shifted)
         return slope_in_spring(of, s, x, self.sites or 0)
+
+
+# --- sums over the odd, the even, all the later numbers to a power: Hurwitz's zeta function -------
+
+# Every expansion here ends in such sums. `scipy.special` has them, too, but takes longer to be
+# imported than a breather takes to be found, stability included.
+
+
+def zeta(s: ArrayLike, first: float = 1.0) -> Any:
+    """``sum over n >= 0 of (first + n)^-s`` for s > 1 and ``first >= 1/2``, to rounding."""
+    s = np.asarray(s, dtype=float)
+    end = first + FIRST
+    total = end**-s * (0.5 + end / (s - 1.0))
+    factor = s * end ** (-s - 1.0)
+    for k, weight in enumerate(REST):
+        total += weight * factor
+        factor = factor * (s + 2 * k + 1) * (s + 2 * k + 2) / end**2
+    for n in range(FIRST - 1, -1, -1):  # the smallest first
+        total += (first + n) ** -s
+    return total[()]
+
+
+def binomial(n: ArrayLike, m: ArrayLike) -> NDArray[np.float64]:
+    """``n!/(m! (n - m)!)`` of whole numbers; 0 where n is negative."""
+    whole = np.vectorize(lambda n, m: math.comb(n, m) if n >= 0 else 0, otypes=[float])
+    return np.asarray(whole(n, m))
+
+
+def bernoulli(p: int, over: float = 1.0) -> NDArray[np.float64]:
+    """The sum over j >= 1 of cos(js)/j^p, p even, or sin(js)/j^p, p odd, is a polynomial of
+    Bernoulli's: its coefficients by powers of ``y = pi - s``, over a number."""
+    odd, coefficients = p % 2, np.zeros(p + 1)
+    for power in range(odd, p + 1, 2):
+        r = p - power  # sum over j of (-1)^(j-1)/j^r
+        alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
+        sign = (-1) ** ((power + odd) // 2)
+        coefficients[power] = -sign * alternating / (over * math.factorial(power))
+    return coefficients

@@ -43,13 +43,15 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Table, Vector, fixed, inlined
 from contbreather.lattice.band_averages import (
+    TERMS,
     UniformLattice,
+    bernoulli,
     check_gamma,
     in_powers_of_x,
     moments_of,
+    zeta,
 )
 from contbreather.lattice.chain import InfiniteChain
-from contbreather.lattice.zeta import TERMS, bernoulli, zeta
 
 FloatArray = NDArray[np.float64]
 

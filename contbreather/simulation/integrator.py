@@ -312,7 +312,7 @@ class EventDriven:
                 count, status, site = ended.tolist()
                 done += count
                 if status == ASKS:
-                    answer[1] = self.conditions.law.at(float(answer[0]))
+                    answer[1] = self.conditions.restitution_at(float(answer[0]))
                 elif status == FULL:  # its last period once more, with twice the room
                     twice: list[Any] = [np.append(x, np.zeros_like(x)) for x in self.log]
                     self.log = EventLog(*twice)

@@ -136,8 +136,7 @@ def saltations(
     an infinite one where it ends.
     """
     # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ - R' u''-) dt
-    shares = conditions.lattice.restitutions[impacts["site"]]
-    ratio, slope = conditions.law.along(impacts["before"], shares)
+    ratio, slope = conditions.laws_at(impacts["before"], impacts["site"])
     b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
     b += (1.0 - ratio) * conditions.scaled.at_sites("damping", impacts["site"])
     rests = _at_impacts(rests, impacts)
