@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.checks import MOST, number, real, whole
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
