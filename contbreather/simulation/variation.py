@@ -172,6 +172,6 @@ def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[n
 def sites_at_rest(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:
     """The wall on which each site rests, or 0, as the event-driven loop finds it."""
     on = parameters_of(conditions)
-    work = workspace_of(state.u.size, on.size, on.force.m.size)
+    work = workspace_of(state.u.size, on.size, len(on.force))
     begin_period(on, work, *state, t0)
     return np.asarray(work.at_rest)
