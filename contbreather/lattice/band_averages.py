@@ -336,40 +336,31 @@ class UniformLattice:
             return moments_of(self, n)
         return q_moments(self.sites, self.distance(int(n)))
 
-    def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
-        powers = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
-        return powers @ in_powers_of_x(self.spring).T if self.spring else powers
-
-    def dpowers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """Derivative of `powers` with respect to gamma."""
-        j = np.arange(TERMS + 1)
-        slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
-        return slopes @ in_powers_of_x(self.spring).T if self.spring else slopes
-
-    def spring_powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """Derivative of `powers` with respect to the spring."""
+    def powers(self, gamma: float, n: int | tuple[int, ...], by: str = "") -> FloatArray:
+        """``<w^2j cos(n theta)>`` for j = 0, 1, ..., of several sites in rows; or the derivative in
+        gamma or the spring."""
+        j, x = np.arange(TERMS + 1), 4.0 * gamma
+        powers = self.moments(n) * (4.0 * j * x ** np.maximum(j - 1, 0) if by == "gamma" else x**j)
+        if self.spring:
+            powers = powers @ in_powers_of_x(self.spring).T
         # d/ds of (s + x)^j = j (s + x)^(j - 1)
-        slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1, axis=-1)
-        return np.asarray(slopes)
+        return np.asarray(j * np.roll(powers, 1, axis=-1)) if by == "spring" else powers
 
-    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+    def first_harmonic(self, gamma: float, n: ArrayLike, by: str = "") -> FloatArray:
         """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing, on a
-        ring from both sides and after all laps."""
-        m, rest = self.distance(np.asarray(n)), 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
-        profile = rho**m
-        if self.sites:
-            profile = profile + sign * rho ** (self.sites - m)
-        return np.asarray((-1.0) ** m * profile / (r * lap * rest))
-
-    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """Derivative of `first_harmonic` with respect to gamma."""
+        ring from both sides and after all laps; or the derivative in gamma or the spring."""
+        if by == "spring":  # it is homogeneous in gamma and 1 - spring, of degree -1
+            by_gamma = gamma * self.first_harmonic(gamma, n, "gamma")
+            return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
         r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
-        turn, profile = m * rho ** abs(m - 1), rho**m  # 0 for m = 0
+        profile = rho**m
         if size:
             profile = profile + sign * rho ** (size - m)
+        if not by:
+            return np.asarray((-1.0) ** m * profile / (r * lap * rest))
+        turn = m * rho ** abs(m - 1)  # 0 for m = 0
+        if size:
             turn += sign * (size - m) * rho ** (size - m - 1)
             turn += profile * sign * size * rho ** (size - 1) / lap
         slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)

@@ -137,22 +137,20 @@ class Response:
         """Derivatives of both along a direction of the parameters, without the third."""
         h, f = np.zeros((3, times.size, times.size)), np.zeros((3, times.size))
         for name, rate in rates.items():
-            f += rate * self.forced_slope(name, self.hits, times)
+            f += rate * self.forced(self.hits, times, name)[:3]
             if name in (*HELD, PACE) and name not in self.drive.params:
                 h += rate * self.interactions(times, name)[:3]
         return h, f
 
     # ------------------------------------------------------------------------ to the drive
 
-    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m)."""
-        return np.array(TrigonometricSeries(self.drive.harmonics).motion(times))
-
-    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        """Derivatives of that in a parameter, without the third, (3, m)."""
-        if name in HELD and name not in self.drive.params:
-            return np.zeros((3, times.size))
-        return np.array(TrigonometricSeries(self.drive.slope_harmonics(name)).motion(times)[:3])
+    def forced(self, sites: Sequence[int], times: FloatArray, by: str = "") -> FloatArray:
+        """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m); or
+        how they change with a parameter."""
+        if by in HELD and by not in self.drive.params:
+            return np.zeros((4, times.size))
+        series = self.drive.slope_harmonics(by) if by else self.drive.harmonics
+        return np.array(TrigonometricSeries(series).motion(times))
 
     def harmonics(self, site: int) -> Harmonics:
         return self.drive.harmonics
@@ -406,11 +404,8 @@ class ModalResponse(Response):
         rest, pull = mean_displacement(self.lattice, self.hit, *held, "" if own else by)
         return mean * rest, mean * pull
 
-    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven().along(sites, times)
-
-    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven(name).along(sites, times)[:3]
+    def forced(self, sites: Sequence[int], times: FloatArray, by: str = "") -> FloatArray:
+        return np.asarray(self.driven(by).along(sites, times))
 
     def harmonics(self, site: int) -> Harmonics:
         return self.driven().harmonics(site)

@@ -415,17 +415,14 @@ class ImpactSequence:
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """Impacts of a period in order of time."""
-        on, w = self.representation.conditions, self.accelerations
-        w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
-        hits = []
-        for (site, wall, time, J), acceleration in zip(
-            self.section.course(self.impacts), w.tolist(), strict=True
-        ):
-            k, damping = (float(on.at_sites(name, site)) for name in ("k", "damping"))
-            before = -J / (1.0 + k)
-            # just after the impact a damped site is braked the other way
-            after = acceleration + damping * (1.0 + k) * before
-            hits.append(Hit(site, wall, time, before, -k * before, after))
+        k, before = self.at_impacts("k"), self.incoming
+        # just after the impact a damped site is braked the other way
+        turned = self.accelerations + self.at_impacts("damping") * (1.0 + k) * before
+        moved = np.column_stack([before, -k * before, turned])
+        if self.section.symmetric:  # u(t + T/2) = -u(t)
+            moved = np.concatenate([moved, -moved])
+        course = self.section.course(self.impacts)
+        hits = (Hit(*hit[:3], *row) for hit, row in zip(course, moved.tolist(), strict=True))
         return tuple(sorted(hits, key=lambda hit: hit.time))
 
     @property
