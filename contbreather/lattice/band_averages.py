@@ -353,7 +353,9 @@ class UniformLattice:
             by_gamma = gamma * self.first_harmonic(gamma, n, "gamma")
             return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
+        z = 4.0 * check_gamma(gamma, self.spring) / rest
+        r = math.sqrt(1.0 - z)
+        rho, sign, lap = laps(z, r, size) if size else (z / (1.0 + r) ** 2, 0.0, 1.0)
         profile = rho**m
         if size:
             profile = profile + sign * rho ** (size - m)
@@ -365,10 +367,6 @@ class UniformLattice:
             turn += profile * sign * size * rho ** (size - 1) / lap
         slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)
         return np.asarray(4.0 * (-1.0) ** m * slope / (lap * rest**2))
-
-    def _laps(self, z: float) -> tuple[float, float, float, float]:
-        r = math.sqrt(1.0 - z)
-        return r, *(laps(z, r, self.sites) if self.sites else (z / (1.0 + r) ** 2, 0.0, 1.0))
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""

@@ -42,6 +42,7 @@ from contbreather.lattice.response import (
     UniformResponse,
     harmonics,
 )
+from contbreather.lattice.uneven import UnevenResponse
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls
 
@@ -291,8 +292,9 @@ def answers_of(
     chain = isinstance(lattice, InfiniteChain | Ring) and not more
     slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
     local = sign > 0 or (turns == 1 and len({*hits}) == 1)
-    kind = UniformResponse if chain and (slow or lattice.sites is None) and local else ModalResponse
-    if not chain and not lattice.even:
-        from contbreather.lattice.uneven_response import UnevenResponse as kind  # few need it
-
+    kind: type[UniformResponse | ModalResponse] = ModalResponse
+    if chain and (slow or lattice.sites is None) and local:
+        kind = UniformResponse
+    elif not (chain or lattice.even):
+        kind = UnevenResponse
     return kind(lattice, drive, *held, hits, turns, sign, resonant)
