@@ -200,6 +200,10 @@ class SymmetricProblem(OrbitProblem):
         form = {"forcing": self.equations.forcing, "lattice": self.equations.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
+    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
+        slopes: Array = self.equations.derivatives(x, params, free)  # all by one evaluation
+        return slopes
+
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)
         return data and (kernels.CLOSURE, data)
