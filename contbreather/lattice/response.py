@@ -233,12 +233,6 @@ class AnswerWaves(NamedTuple):
     level: FloatArray
 
 
-def _told(waves: ModeWaves, part: int) -> AnswerWaves:
-    n = int(waves.filled[0])
-    rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
-    return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, int(part == GROWTH)].copy())
-
-
 def harmonics(turns: int, sign: int) -> tuple[float, float]:
     """The lowest harmonic of an orbit besides 0, and the distance between two."""
     return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
@@ -260,12 +254,14 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to impulses
 
-    def _found(self, modes: HeldModes) -> ModeWaves:
-        """Waves of the modes with their slopes, for kernels."""
+    def _waves(self, modes: HeldModes, part: int) -> AnswerWaves:
+        """Waves of the modes with these sizes."""
         waves = _room(modes.lam.size)
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
-        return waves
+        n, level = int(waves.filled[0]), waves.level[:, int(part == GROWTH)]
+        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+        return AnswerWaves(rates, sizes, waves.modes[:n], level.copy())
 
     @cached_property
     def _held_modes(self) -> HeldModes:
@@ -294,12 +290,12 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        return _told(self._found(self._held_modes), SIZE)
+        return self._waves(self._held_modes, SIZE)
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
         """Derivatives in z."""
-        return _told(self._found(self._held_modes._replace(circles=True)), GROWTH)
+        return self._waves(self._held_modes._replace(circles=True), GROWTH)
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         rows = _modal_place(self, times.tobytes())[0]
