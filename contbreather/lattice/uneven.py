@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import PACE, Basis, Finite, NormalModes, stiffness_of
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.forcing import EPS, Forcing
 from contbreather.lattice.modal_flow import DrivenSpectrum, driven_spectrum, forces_of
 from contbreather.lattice.modal_waves import RADIUS
 from contbreather.lattice.periodic_green import Responses
@@ -42,7 +42,7 @@ from contbreather.one_thread import one_thread
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
-EPS, PRECISION = float(np.finfo(float).eps), np.finfo(float).precision
+PRECISION = np.finfo(float).precision
 PLACES = np.exp(1j * math.pi * (np.arange(8) + 0.5) / 8.0)  # with their conjugates all 16
 
 
