@@ -11,7 +11,7 @@ import sys
 SHOWING = ("matplotlib", "sympy", "networkx", "rich", "cyclopts")
 HEAVY = (*SHOWING, "numba", "xarray", "h5netcdf", "pandas")
 BREATHER = "import contbreather as cb; b = cb.symmetric(a=0.5, gamma=0.08, k=0.8); "
-MOST = 32  # of our modules, for a breather
+MOST = 29  # of our modules, for a breather
 WALKS = ("trace", "boundary", "diagram", "zones")
 FIRST_USE = ("symmetric", *WALKS, "plot", "InfiniteChain", "Problem")
 

@@ -117,9 +117,8 @@ def test_what_a_kernel_is_given_stays_until_it_returns(monkeypatch: pytest.Monke
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
     from contbreather.simulation.smooth import RATES, SmoothParameters
-    from contbreather.simulation.taylor import Harmonics
 
-    drive, force = np.zeros(2, int), Harmonics(*np.zeros((3, 1)))
+    drive, force = np.zeros(2, int), np.zeros((1, 3))
     on = SmoothParameters(0.5, 0.1, 0.1, 6.0, 0.0, 0.0, force, np.zeros((1, 3)), drive)
     if RATES.code is None:
         pytest.skip("nothing is compiled")

@@ -18,8 +18,7 @@ from contbreather.continuation import Branch
 from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
-from contbreather.orbits.regions import regions
-from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zone_diagram import Zones, regions
 from contbreather.orbits.zones import zones
 from contbreather.plotting.canvas import BLUE, PAGE, VERMILLION
 from contbreather.plotting.multipliers import band

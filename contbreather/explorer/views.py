@@ -27,8 +27,7 @@ from contbreather.explorer.state import (
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.regions import Region
-from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Region, Zones
 from contbreather.plotting import branches
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import BESIDE, MOMENTS, impacts_of

@@ -21,10 +21,23 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.kernels import Vector, inlined
-from contbreather.lattice.zeta import TERMS, zeta
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
+
+TERMS = 18  # powers of w^2 that expansions keep: 9^-18 < 1e-17, the rest is below rounding
+FIRST = 12  # terms that are added up as they are
+# B_2k/(2k)! of the formula of Euler and Maclaurin for all others: 12^-20 is far below rounding
+REST = (
+    1 / 12,
+    -1 / 720,
+    1 / 30240,
+    -1 / 1209600,
+    1 / 47900160,
+    -691 / 1307674368000,
+    1 / 74724249600,
+    -3617 / 10670622842880000,
+)
 
 
 def check_gamma(gamma: float, spring: float = 0.0) -> float:
@@ -230,27 +243,18 @@ def slope_in_spring(of: HeldMean, s: float, x: float, sites: int) -> float:
 
 def means_of_chains(gamma: FloatArray, spring: Any) -> dict[str, FloatArray]:
     """Means of infinite chains of many couplings, and perhaps as many springs."""
-    q, powers, weights = _by_gauss()
     x, s = 4.0 * gamma[:, None], np.reshape(spring, (-1, 1))
-    rest = np.vander((s + x * q).ravel(), TERMS + 1, increasing=True) @ powers
-    poles = np.array([1.0, 4.0])
+    functions, poles = _functions(), np.array([1.0, 4.0])
+    powers = q_moments(None, 0) * x ** np.arange(TERMS + 1)
+    if np.any(spring):  # <w^2j>, w^2 = s + x q
+        powers = (in_powers_of_x(spring) @ powers[..., None])[..., 0]
+    weights = [[raw.poles.get(P, 0.0) for raw in functions.values()] for P in poles.tolist()]
     z = x / (poles - s)
     r = np.sqrt(1.0 - z)
-    # see `_series`, and `excess`
+    # see `hold`, and `excess`
     near = (s + poles * z / (r * (1.0 + r))) / (poles - s)
-    means = rest.reshape(gamma.size, q.size, -1).sum(axis=1) + near @ weights
-    return dict(zip(_functions(), means.T, strict=True))
-
-
-@lru_cache(maxsize=1)
-def _by_gauss() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Places q of Gauss's rule, exact for all powers here, shares of these in the means, in
-    columns, and weights of the poles at 1 and 4."""
-    size = 1 + TERMS // 2
-    q = np.sin((np.arange(size) + 0.5) * (0.5 * math.pi / size)) ** 2
-    functions = _functions().values()
-    weights = [[raw.poles.get(P, 0.0) for raw in functions] for P in (1.0, 4.0)]
-    return q, np.transpose([raw.powers for raw in functions]) / size, np.array(weights)
+    means = powers @ np.transpose([raw.powers for raw in functions.values()]) + near @ weights
+    return dict(zip(functions, means.T, strict=True))
 
 
 _POWERS = range(TERMS + 1)
@@ -332,48 +336,37 @@ class UniformLattice:
             return moments_of(self, n)
         return q_moments(self.sites, self.distance(int(n)))
 
-    def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
-        powers = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
-        return powers @ in_powers_of_x(self.spring).T if self.spring else powers
-
-    def dpowers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """Derivative of `powers` with respect to gamma."""
-        j = np.arange(TERMS + 1)
-        slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
-        return slopes @ in_powers_of_x(self.spring).T if self.spring else slopes
-
-    def spring_powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
-        """Derivative of `powers` with respect to the spring."""
+    def powers(self, gamma: float, n: int | tuple[int, ...], by: str = "") -> FloatArray:
+        """``<w^2j cos(n theta)>`` for j = 0, 1, ..., of several sites in rows; or the derivative in
+        gamma or the spring."""
+        j, x = np.arange(TERMS + 1), 4.0 * gamma
+        powers = self.moments(n) * (4.0 * j * x ** np.maximum(j - 1, 0) if by == "gamma" else x**j)
+        if self.spring:
+            powers = powers @ in_powers_of_x(self.spring).T
         # d/ds of (s + x)^j = j (s + x)^(j - 1)
-        slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1, axis=-1)
-        return np.asarray(slopes)
+        return np.asarray(j * np.roll(powers, 1, axis=-1)) if by == "spring" else powers
 
-    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+    def first_harmonic(self, gamma: float, n: ArrayLike, by: str = "") -> FloatArray:
         """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing, on a
-        ring from both sides and after all laps."""
-        m, rest = self.distance(np.asarray(n)), 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
-        profile = rho**m
-        if self.sites:
-            profile = profile + sign * rho ** (self.sites - m)
-        return np.asarray((-1.0) ** m * profile / (r * lap * rest))
-
-    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """Derivative of `first_harmonic` with respect to gamma."""
+        ring from both sides and after all laps; or the derivative in gamma or the spring."""
+        if by == "spring":  # it is homogeneous in gamma and 1 - spring, of degree -1
+            by_gamma = gamma * self.first_harmonic(gamma, n, "gamma")
+            return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
-        turn, profile = m * rho ** abs(m - 1), rho**m  # 0 for m = 0
+        z = 4.0 * check_gamma(gamma, self.spring) / rest
+        r = math.sqrt(1.0 - z)
+        rho, sign, lap = laps(z, r, size) if size else (z / (1.0 + r) ** 2, 0.0, 1.0)
+        profile = rho**m
         if size:
             profile = profile + sign * rho ** (size - m)
+        if not by:
+            return np.asarray((-1.0) ** m * profile / (r * lap * rest))
+        turn = m * rho ** abs(m - 1)  # 0 for m = 0
+        if size:
             turn += sign * (size - m) * rho ** (size - m - 1)
             turn += profile * sign * size * rho ** (size - 1) / lap
         slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)
         return np.asarray(4.0 * (-1.0) ** m * slope / (lap * rest**2))
-
-    def _laps(self, z: float) -> tuple[float, float, float, float]:
-        r = math.sqrt(1.0 - z)
-        return r, *(laps(z, r, self.sites) if self.sites else (z / (1.0 + r) ** 2, 0.0, 1.0))
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
@@ -397,3 +390,41 @@ class UniformLattice:
         of = held_mean(name, self.sites)
         np.matmul(of.powers, in_powers_of_x(s), out=of.shifted)
         return slope_in_spring(of, s, x, self.sites or 0)
+
+
+# --- sums over the odd, the even, all the later numbers to a power: Hurwitz's zeta function -------
+
+# Every expansion here ends in such sums. `scipy.special` has them, too, but takes longer to be
+# imported than a breather takes to be found, stability included.
+
+
+def zeta(s: ArrayLike, first: float = 1.0) -> Any:
+    """``sum over n >= 0 of (first + n)^-s`` for s > 1 and ``first >= 1/2``, to rounding."""
+    s = np.asarray(s, dtype=float)
+    end = first + FIRST
+    total = end**-s * (0.5 + end / (s - 1.0))
+    factor = s * end ** (-s - 1.0)
+    for k, weight in enumerate(REST):
+        total += weight * factor
+        factor = factor * (s + 2 * k + 1) * (s + 2 * k + 2) / end**2
+    for n in range(FIRST - 1, -1, -1):  # the smallest first
+        total += (first + n) ** -s
+    return total[()]
+
+
+def binomial(n: ArrayLike, m: ArrayLike) -> NDArray[np.float64]:
+    """``n!/(m! (n - m)!)`` of whole numbers; 0 where n is negative."""
+    whole = np.vectorize(lambda n, m: math.comb(n, m) if n >= 0 else 0, otypes=[float])
+    return np.asarray(whole(n, m))
+
+
+def bernoulli(p: int, over: float = 1.0) -> NDArray[np.float64]:
+    """The sum over j >= 1 of cos(js)/j^p, p even, or sin(js)/j^p, p odd, is a polynomial of
+    Bernoulli's: its coefficients by powers of ``y = pi - s``, over a number."""
+    odd, coefficients = p % 2, np.zeros(p + 1)
+    for power in range(odd, p + 1, 2):
+        r = p - power  # sum over j of (-1)^(j-1)/j^r
+        alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
+        sign = (-1) ** ((power + odd) // 2)
+        coefficients[power] = -sign * alternating / (over * math.factorial(power))
+    return coefficients

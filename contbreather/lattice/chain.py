@@ -80,12 +80,6 @@ class InfiniteChain(UniformLattice):
     def beside(self, n: int) -> tuple[int, ...]:
         return (n - 1, n + 1)
 
-    def first_by_spring(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """Derivative of `first_harmonic` with respect to the spring: it is homogeneous in
-        gamma and ``1 - spring``, of degree -1."""
-        by_gamma = gamma * self.dfirst_harmonic(gamma, n)
-        return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
-
 
 _with_spring = lru_cache(maxsize=64)(InfiniteChain)
 
@@ -165,11 +159,10 @@ class Ring(UniformLattice):
         half = self.sites // 2
         return abs((n + half) % self.sites - half)
 
-    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """Derivative of `first_harmonic` with respect to gamma."""
+    def first_harmonic(self, gamma: float, n: ArrayLike, by: str = "") -> FloatArray:
         m, size = self.distance(np.asarray(n)), self.sites
-        if not (size % 2 and size * math.sqrt(1.0 - 4.0 * check_gamma(gamma)) < 1.0):
-            return super().dfirst_harmonic(gamma, n)
+        if not (by and size % 2 and size * math.sqrt(1.0 - 4.0 * check_gamma(gamma)) < 1.0):
+            return super().first_harmonic(gamma, n, by)
         theta, weight, _ = self.nodes(0.0)  # as `excess_slope` does
         q, c = np.transpose([quarter_wave(j, size) for j in range(theta.size)])
         wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))

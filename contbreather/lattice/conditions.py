@@ -7,15 +7,16 @@ What somebody else has written, a forcing of his own for instance, is not among 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from contbreather.checks import MOST, real, whole
+from contbreather.checks import MOST, number, real, whole
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import PER_SITE, ROWS, Lattice, per_site
@@ -30,17 +31,18 @@ from contbreather.lattice.forcing import (
     even_harmonics,
 )
 from contbreather.lattice.formula import Symbolic
-from contbreather.lattice.impact_law import ImpactLaw, Restitution
 from contbreather.parameters import NAMES, POWERS, parameter
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 
 
 def restitution_ratio(k: float) -> float:
     """``q = (1 - k)/(1 + k)``: the loss at an impact; `BadInput` unless k is in [0, 1]."""
-    number = parameter("k", k)
-    return (1.0 - number) / (1.0 + number)  # of (7) and (13): f'(phi) = p q
+    k = parameter("k", k)
+    return (1.0 - k) / (1.0 + k)  # of (7) and (13): f'(phi) = p q
 
 
+Array = NDArray[Any]
+Restitution = Callable[[float], float]  # of a speed
 Pair = tuple[float, float]  # low and high; infinite where there is no wall
 
 # Of walls: an impact between nearer ones would be taken for one that vanishes, and between farther
@@ -239,9 +241,31 @@ class Conditions:
         """Tell whether the mirror image of a motion, half a period later, obeys the same laws."""
         return self.walls.symmetric and not even_harmonics(self.forcing)
 
-    @property
-    def law(self) -> ImpactLaw:
-        return ImpactLaw(self.k, self.restitution)
+    # ------------------------------------------------------------------------ law of an impact
+
+    def restitution_at(self, speed: float) -> float:
+        """The restitution coefficient at the speed before an impact."""
+        if self.restitution is None:
+            return self.k
+        name = f"restitution({speed:.6g})"
+        return number(name, self.restitution(speed), 0.0, 1.0, "a number from 0 to 1")
+
+    def laws_at(self, velocities: Array, sites: Array) -> tuple[Array, Array]:
+        """Ratios R(v)/v of the velocities after and before impacts, eq. (2), and slopes R'(v)."""
+        if self.restitution is None:
+            ratios = -self.at_sites("k", sites)
+            return ratios, ratios
+
+        def ratio(v: Array) -> Array:
+            return np.array([-self.restitution_at(speed) for speed in abs(v).tolist()])
+
+        # differences of order 4 over so much are right to 1e-12, of a law as smooth as that
+        v, h = velocities, 1e-4 * np.where(velocities == 0.0, 1.0, velocities)
+        near, far = ((v + d) * ratio(v + d) - (v - d) * ratio(v - d) for d in (h, 2.0 * h))
+        shares = self.lattice.restitutions[sites]
+        return shares * ratio(v), shares * ((8.0 * near - far) / (12.0 * h))
+
+    # ------------------------------------------------------------------------ with other values
 
     def at(self, params: Mapping[str, float]) -> Conditions:
         """Replace values of its parameters."""

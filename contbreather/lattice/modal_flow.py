@@ -23,7 +23,6 @@ from contbreather.errors import BadInput
 from contbreather.kernels import Kernel, Matrix, Vector, inlined
 from contbreather.lattice.finite import Finite
 from contbreather.lattice.forcing import Forcing, Harmonics
-from contbreather.lattice.uneven import Medium
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
@@ -124,13 +123,9 @@ def driven_spectrum(
     damping: float,
     by: str = "",
 ) -> DrivenSpectrum:
-    """The forced motion of every site at unit amplitude, without that by a mean, or its derivative
-    in a parameter of the forcing or, of even lattices, in gamma, spring or damping."""
+    """The forced motion of every site of an even lattice at unit amplitude, without that by a mean,
+    or its derivative in a parameter of the forcing, in gamma, spring or damping."""
     own = by if by in forcing.params else ""
-    if not lattice.even:
-        m, F = forces_of(forcing, own)
-        medium = Medium(lattice, gamma, spring, damping)
-        return DrivenSpectrum(m, medium.answers(m, np.outer(lattice.drive, F)))
     m, shapes, lam, pushes, limits = driven_modes(lattice, forcing, own)
     gap = (gamma * lam + spring) - m * m + 1j * m * damping
     low = abs(gap) <= limits

@@ -43,13 +43,15 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Table, Vector, fixed, inlined
 from contbreather.lattice.band_averages import (
+    TERMS,
     UniformLattice,
+    bernoulli,
     check_gamma,
     in_powers_of_x,
     moments_of,
+    zeta,
 )
 from contbreather.lattice.chain import InfiniteChain
-from contbreather.lattice.zeta import TERMS, bernoulli, zeta
 
 FloatArray = NDArray[np.float64]
 
@@ -59,13 +61,6 @@ SLACK = (
     1e-15  # and one that the roundings of a time, of the impact and of what is between them hide
 )
 EVEN_POWERS = 16  # of y: pi^32/32! < 1e-19
-
-# what the answers are made of, or their slopes: `first_harmonic` and `powers` of a lattice
-_PARTS = {
-    "": ("first_harmonic", "powers"),
-    "gamma": ("dfirst_harmonic", "dpowers"),
-    "spring": ("first_by_spring", "spring_powers"),
-}
 
 
 @fixed
@@ -214,12 +209,11 @@ def periodic_green(
     distances, places = np.unique(apart, return_inverse=True)
     which = places.reshape(len(sites), len(hits))
     scaled = check_coupling(lattice, gamma, periods)
-    first_harmonic, powers = (getattr(lattice, name) for name in _PARTS[by])
     # <cos/(4 - w^2)> is a quarter of <cos/(1 - w^2)> at a quarter of the coupling; a slope is that
     # of a function of n^2 gamma
     n2, quarter = (periods**2, 0.0625) if by else (1, 0.25)
-    first, second = first_harmonic(scaled, distances), first_harmonic(0.25 * scaled, distances)
-    moments = n2 * powers(scaled, tuple(distances.tolist()))
+    first, second = (lattice.first_harmonic(x, distances, by) for x in (scaled, 0.25 * scaled))
+    moments = n2 * lattice.powers(scaled, tuple(distances.tolist()), by)
     table = periods * _rows(moments, n2 * first, n2 * quarter * second)
     return _without_modes(which, table, periods, half=False)
 
@@ -231,10 +225,9 @@ def half_period_green(
     """The answer of sites to impulses at site 0 that recur after half a period with the other sign,
     or its derivative in gamma or the spring.
     """
-    first_harmonic, powers = (getattr(lattice, name) for name in _PARTS[by])
     table = np.zeros((len(sites), POWERS + 2))
-    np.matmul(powers(gamma, sites), weights_per_impulse(), out=table[:, :POWERS])
-    table[:, POWERS] = 2.0 / math.pi * first_harmonic(gamma, np.array(sites))  # of sin y
+    np.matmul(lattice.powers(gamma, sites, by), weights_per_impulse(), out=table[:, :POWERS])
+    table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites), by)  # sin y
     return _without_modes(np.arange(len(sites))[:, None], table, 1, half=True)
 
 

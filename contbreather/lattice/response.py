@@ -137,22 +137,20 @@ class Response:
         """Derivatives of both along a direction of the parameters, without the third."""
         h, f = np.zeros((3, times.size, times.size)), np.zeros((3, times.size))
         for name, rate in rates.items():
-            f += rate * self.forced_slope(name, self.hits, times)
+            f += rate * self.forced(self.hits, times, name)[:3]
             if name in (*HELD, PACE) and name not in self.drive.params:
                 h += rate * self.interactions(times, name)[:3]
         return h, f
 
     # ------------------------------------------------------------------------ to the drive
 
-    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m)."""
-        return np.array(TrigonometricSeries(self.drive.harmonics).motion(times))
-
-    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        """Derivatives of that in a parameter, without the third, (3, m)."""
-        if name in HELD and name not in self.drive.params:
-            return np.zeros((3, times.size))
-        return np.array(TrigonometricSeries(self.drive.slope_harmonics(name)).motion(times)[:3])
+    def forced(self, sites: Sequence[int], times: FloatArray, by: str = "") -> FloatArray:
+        """Motion of each site at its time, and three derivatives, at unit amplitude, (4, m); or
+        how they change with a parameter."""
+        if by in HELD and by not in self.drive.params:
+            return np.zeros((4, times.size))
+        series = self.drive.slope_harmonics(by) if by else self.drive.harmonics
+        return np.array(TrigonometricSeries(series).motion(times))
 
     def harmonics(self, site: int) -> Harmonics:
         return self.drive.harmonics
@@ -235,12 +233,6 @@ class AnswerWaves(NamedTuple):
     level: FloatArray
 
 
-def _told(waves: ModeWaves, part: int) -> AnswerWaves:
-    n = int(waves.filled[0])
-    rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
-    return AnswerWaves(rates, sizes, waves.modes[:n], waves.level[:, int(part == GROWTH)].copy())
-
-
 def harmonics(turns: int, sign: int) -> tuple[float, float]:
     """The lowest harmonic of an orbit besides 0, and the distance between two."""
     return (1.0 / turns,) * 2 if sign > 0 else (1.0 / turns, 2.0 / turns)
@@ -262,12 +254,14 @@ class ModalResponse(Response):
 
     # ------------------------------------------------------------------------ to impulses
 
-    def _found(self, modes: HeldModes) -> ModeWaves:
-        """Waves of the modes with their slopes, for kernels."""
+    def _waves(self, modes: HeldModes, part: int) -> AnswerWaves:
+        """Waves of the modes with these sizes."""
         waves = _room(modes.lam.size)
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
-        return waves
+        n, level = int(waves.filled[0]), waves.level[:, int(part == GROWTH)]
+        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+        return AnswerWaves(rates, sizes, waves.modes[:n], level.copy())
 
     @cached_property
     def _held_modes(self) -> HeldModes:
@@ -296,12 +290,12 @@ class ModalResponse(Response):
 
     @cached_property
     def _answers(self) -> AnswerWaves:
-        return _told(self._found(self._held_modes), SIZE)
+        return self._waves(self._held_modes, SIZE)
 
     @cached_property
     def _slopes(self) -> AnswerWaves:
         """Derivatives in z."""
-        return _told(self._found(self._held_modes._replace(circles=True)), GROWTH)
+        return self._waves(self._held_modes._replace(circles=True), GROWTH)
 
     def interactions(self, times: FloatArray, by: str = "") -> FloatArray:
         rows = _modal_place(self, times.tobytes())[0]
@@ -406,11 +400,8 @@ class ModalResponse(Response):
         rest, pull = mean_displacement(self.lattice, self.hit, *held, "" if own else by)
         return mean * rest, mean * pull
 
-    def forced(self, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven().along(sites, times)
-
-    def forced_slope(self, name: str, sites: Sequence[int], times: FloatArray) -> FloatArray:
-        return self.driven(name).along(sites, times)[:3]
+    def forced(self, sites: Sequence[int], times: FloatArray, by: str = "") -> FloatArray:
+        return np.asarray(self.driven(by).along(sites, times))
 
     def harmonics(self, site: int) -> Harmonics:
         return self.driven().harmonics(site)

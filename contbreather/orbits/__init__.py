@@ -13,9 +13,8 @@ __all__ = front(
         "closure": "smallest_amplitude",
         "orbit": "Orbit orbit_of",
         "orbit_events": "grazing neimark_sacker period_doubling pitchfork saddle_node",
-        "regions": "Region",
         "start_search": "find_event find_symmetric",
-        "zone_diagram": "Zones",
+        "zone_diagram": "Region Zones",
         "zones": "zones",
     },
 )

@@ -13,8 +13,8 @@ from .orbit_events import neimark_sacker as neimark_sacker
 from .orbit_events import period_doubling as period_doubling
 from .orbit_events import pitchfork as pitchfork
 from .orbit_events import saddle_node as saddle_node
-from .regions import Region as Region
 from .start_search import find_event as find_event
 from .start_search import find_symmetric as find_symmetric
+from .zone_diagram import Region as Region
 from .zone_diagram import Zones as Zones
 from .zones import zones as zones

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ Params = Mapping[str, float]
 
 NAMES = ("p", "t1", "t2", "c")
 EQUAL = 1e-9  # flights that differ by less are equal
+_unequal = attrgetter("solution.asymmetry")
 
 
 @dataclass(frozen=True)
@@ -218,10 +220,6 @@ def pitchfork_of_arms() -> Event:
     Nothing changes sign there but the asymmetry itself: both arms are mirror images.
     """
     return Event("PF", _unequal, locus=Always(so_far_apart("t1", "t2", math.pi)))
-
-
-def _unequal(point: Point) -> float:
-    return point.solution.asymmetry
 
 
 def symmetric_again(point: Point) -> SwitchingProblem:

@@ -22,9 +22,8 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.orbits.clearance import LIMIT, closest
-from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit, orbit_of
-from contbreather.orbits.section import AT_ONCE, Impact
+from contbreather.orbits.section import AT_ONCE, VANISHED, Impact
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.chain_map import RINGS
 

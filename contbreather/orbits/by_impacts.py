@@ -23,7 +23,6 @@ from contbreather.continuation.curve.point import DefiningSystem, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice.answers import resonant_modes
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Fourier
@@ -37,7 +36,7 @@ from contbreather.orbits.asymmetric_breather import (
 from contbreather.orbits.closure import general_roots
 from contbreather.orbits.grazing import GrazingSite, in_unknowns
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_equations import OrbitEquations, impact_equations
+from contbreather.orbits.orbit_equations import OrbitEquations, equations_on, resonant_modes
 from contbreather.orbits.orbit_events import events_of, from_arms
 from contbreather.orbits.orbit_problem import (
     OnCircle,
@@ -151,8 +150,7 @@ class ByImpacts:
     @cached_property
     def equations(self) -> OrbitEquations:
         """The equations it solves, as functions of all unknowns and parameters."""
-        on = self.conditions
-        return impact_equations(self.section, on.forcing, on.lattice, on.walls, self.resonant)
+        return equations_on(self.conditions, self.section, self.resonant)
 
     @cached_property
     def x(self) -> FloatArray:
@@ -334,18 +332,6 @@ class ByImpacts:
         """Its impacts are as good a guess as any."""
 
 
-def resonant_of(on: Conditions, section: Section) -> Resonant:
-    """Modes whose amplitudes are unknowns of orbits under these conditions."""
-    held = float(on.gamma), float(on.spring)
-    return resonant_modes(on.lattice, section.hit, section.turns, section.sign, *held)
-
-
-def equations_on(on: Conditions, section: Section) -> OrbitEquations:
-    """The equations of orbits under these conditions."""
-    resonant = resonant_of(on, section)
-    return impact_equations(section, on.forcing, on.lattice, on.walls, resonant)
-
-
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
@@ -361,7 +347,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
     """
     motion, on, section = orbit.representation, orbit.conditions, orbit.section
-    if motion.resonant != resonant_of(on, section):
+    if motion.resonant != resonant_modes(on.lattice, section, on.gamma, on.spring):
         motion = ByImpacts.closest(on, section, orbit.times, orbit.impulses)
     equations, endless = motion.equations, on.lattice.sites is None
     params = {"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params}
@@ -526,7 +512,7 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     (site, _) = section.impacts[0]
     check_possible(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
-    response = impact_equations(section, on.forcing, on.lattice, on.walls).response(on.params)
+    response = equations_on(on, section, ()).response(on.params)
     h, slope, *_ = response.interactions(np.zeros(1))[:, 0, 0].tolist()
     chi, loss = -2.0 * h, restitution_ratio(float(on.at_sites("k", site))) + 2.0 * slope
     series = response.harmonics(site)

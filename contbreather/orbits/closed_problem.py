@@ -8,7 +8,7 @@ two and the unknown time for a site that grazes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -116,6 +116,10 @@ class Closure:
         slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
         return np.array(slopes).T
 
+    def along(self, x: Array, params: Mapping[str, float], way: Mapping[str, float]) -> Array:
+        """Derivatives along a direction of the parameters, rates by name."""
+        return np.dot(self.derivatives(x, params, (*way,))[:, 2:], [*way.values()])
+
     def at_phases(self, phi: Array, params: Mapping[str, float]) -> Array:
         """Solutions with given phases, a free: a row p, phi, a for each."""
         series, q = self._without_momentum(params)
@@ -197,18 +201,8 @@ class SymmetricProblem(OrbitProblem):
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
     def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
-        slopes: Array = self.equations.derivatives(x, params, free)
+        slopes: Array = self.equations.derivatives(x, params, free)  # all by one evaluation
         return slopes
-
-    def along(
-        self, x: Array, params: Mapping[str, float], rates: Sequence[Mapping[str, float]]
-    ) -> Array:
-        names = tuple({name: None for way in rates for name in way})
-        whole = self.derivatives(x, params, names)  # all of them by one evaluation
-        chain = np.reshape(
-            [[way.get(n, 0.0) for way in rates] for n in names], (len(names), len(rates))
-        )
-        return np.hstack([whole[:, :2], whole[:, 2:] @ chain])
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
-from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
+from contbreather.lattice.forcing import EPS, Forcing, Harmonic, TrigonometricSeries
 from contbreather.lattice.formula import forcing_of
 
 FloatArray = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 
 class ClosureTerms(NamedTuple):

@@ -30,11 +30,10 @@ from contbreather.orbits.clearance import (
     of_idle,
     smallest_margins,
 )
-from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.margins import CONTACT, MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
-from contbreather.orbits.section import AT_ONCE
+from contbreather.orbits.section import AT_ONCE, VANISHED
 from contbreather.orbits.site_motion import IMAGE, SiteMotion
 
 Array = NDArray[np.float64]

@@ -23,8 +23,8 @@ from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite, whole_sites
 from contbreather.orbits.clearance import Admissibility, clearance
-from contbreather.orbits.impact_sequence import ImpactSequence
-from contbreather.orbits.section import Section, check_order
+from contbreather.orbits.section import ImpactSequence, Section, check_order
+from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
 from contbreather.tables import HtmlRepr, Sheet
 
@@ -80,6 +80,11 @@ class Orbit(ImpactSequence, HtmlRepr):
         return on.at_frequency(self.omega, **self.given)
 
     # --------------------------------------------------------------------------------- motion
+
+    @property
+    def motion(self) -> SiteMotion:
+        """Motion of its sites between the impacts."""
+        return SiteMotion(self.representation)
 
     def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
         """Displacement of site ``n`` at time ``t``.

@@ -31,11 +31,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.answers import answers_of
-from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, even_harmonics
-from contbreather.lattice.response import HELD, Resonant
+from contbreather.lattice.response import (
+    HELD,
+    ModalResponse,
+    Resonant,
+    Sites,
+    UniformResponse,
+    harmonics,
+)
+from contbreather.lattice.uneven import UnevenResponse
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls
 
@@ -237,4 +244,57 @@ class _Place:
 # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
 _place = lru_cache(maxsize=16)(_Place)
 # kept: what they derive from the sequence serves a whole branch
-impact_equations = lru_cache(maxsize=256)(OrbitEquations)
+_kept = lru_cache(maxsize=256)(OrbitEquations)
+
+
+def equations_on(
+    on: Conditions, section: Section, resonant: Resonant | None = None
+) -> OrbitEquations:
+    """The equations of orbits under these conditions, with the amplitudes of all modes that they
+    may be in resonance with unless some are given."""
+    if resonant is None:
+        resonant = resonant_modes(on.lattice, section, on.gamma, on.spring)
+    return _kept(section, on.forcing, on.lattice, on.walls, resonant)
+
+
+# --- the response of a lattice, and modes in resonance --------------------------------------------
+
+
+@lru_cache(maxsize=256)
+def resonant_modes(lattice: Any, section: Section, gamma: float, spring: float) -> Resonant:
+    """Modes of a finite lattice beyond half the lowest harmonic of an orbit, if its coupling can
+    bring them to one: their amplitudes are unknowns."""
+    if lattice.sites is None or not lattice.even:
+        return ()
+    lam, (first, step) = lattice.basis(section.hit).lam, harmonics(section.turns, section.sign)
+    w = np.sqrt(gamma * lam + spring)
+    nearest = first + step * np.maximum(0.0, np.round((w - first) / step))
+    top = np.where(lam > 0.0, lattice.highest_gamma, 0.0) * lam
+    within = (top > nearest * nearest) | (spring > 0.0)
+    found = np.flatnonzero((w > 0.5 * first) & within)
+    return tuple((int(i), float(nearest[i])) for i in found)
+
+
+@lru_cache(maxsize=256)
+def answers_of(
+    lattice: Any,
+    drive: Forcing,
+    held: tuple[float, float, float],
+    hits: Sites,
+    turns: int,
+    sign: int,
+    resonant: Resonant = (),
+) -> UniformResponse | ModalResponse:
+    """The response of a lattice with these gamma, spring and damping: in closed form where it
+    can be."""
+    gamma, spring, damping = held
+    more = damping or spring or resonant or 0 in even_harmonics(drive)
+    chain = isinstance(lattice, InfiniteChain | Ring) and not more
+    slow = 4.0 * turns * turns * gamma < 1.0  # no mode reaches the lowest harmonic
+    local = sign > 0 or (turns == 1 and len({*hits}) == 1)
+    kind: type[UniformResponse | ModalResponse] = ModalResponse
+    if chain and (slow or lattice.sites is None) and local:
+        kind = UniformResponse
+    elif not (chain or lattice.even):
+        kind = UnevenResponse
+    return kind(lattice, drive, *held, hits, turns, sign, resonant)

@@ -28,10 +28,9 @@ from contbreather.orbits.beyond_grazing import past_grazing
 from contbreather.orbits.branch_switching import lift, relisted
 from contbreather.orbits.clearance import measured_margins, single
 from contbreather.orbits.closure import ClosureTerms, saltation_of
-from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.margins import Along
 from contbreather.orbits.orbit import Orbit, orbit_at, suitable
-from contbreather.orbits.section import Section
+from contbreather.orbits.section import VANISHED, Section
 from contbreather.orbits.site_motion import Motion
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.parameters import NUMBERS, POWERS

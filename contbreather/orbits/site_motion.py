@@ -248,7 +248,7 @@ class SiteMotion:
             slopes["t"] = slopes["t"] + swing[1:3] @ orbit.amplitudes
         for name in {*HELD, *response.drive.params}.intersection(names):
             of = response.varied(name)
-            slopes[name] = a * of.forced_slope(name, there, then)[:2, 0]
+            slopes[name] = a * of.forced(there, then, name)[:2, 0]
             if name in HELD:
                 slopes[name] = slopes[name] + of.at(site, since, name)[:2] @ impulses
             if share is None and orbit.offsets:

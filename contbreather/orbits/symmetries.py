@@ -18,9 +18,8 @@ import numpy as np
 
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import ROWS, Lattice
-from contbreather.orbits.impact_sequence import SAME
 from contbreather.orbits.orbit import Orbit, suitable
-from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.section import SAME, Impact, Section
 
 ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
 

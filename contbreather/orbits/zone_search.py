@@ -30,9 +30,9 @@ from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.lattice.conditions import check_drive
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
-from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
+from contbreather.orbits.section import VANISHED
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
 from contbreather.parameters import POWERS, window_of
 from contbreather.progress import Counter

@@ -20,8 +20,8 @@ from contbreather.continuation.curve.settings import MARGIN, walls_are_lifted
 from contbreather.continuation.events.step_interpolant import between
 from contbreather.continuation.files.resume import refined, with_columns
 from contbreather.errors import BadInput
-from contbreather.orbits.impact_sequence import SAME
 from contbreather.orbits.orbit_problem import OrbitProblem
+from contbreather.orbits.section import SAME
 from contbreather.plotting import canvas
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn
 

@@ -19,8 +19,7 @@ from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
-from contbreather.orbits.regions import Box, Region
-from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Box, Region, Zones
 from contbreather.parameters import NUMBERS
 from contbreather.plotting import canvas
 from contbreather.plotting.canvas import BLACK, COLUMN, PAGE, Drawn

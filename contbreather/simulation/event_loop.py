@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from contbreather.kernels import Counts, Kernel, Matrix, Signs, Vector, inlined
+from contbreather.lattice.forcing import series_motion
 from contbreather.simulation.taylor import (
     LOST,
     NEVER,
@@ -23,7 +24,6 @@ from contbreather.simulation.taylor import (
     any_at_rest,
     column_bound,
     comes_to_rest,
-    drive_sum,
     driven_bound,
     driven_terms,
     ends,
@@ -60,7 +60,7 @@ def find_contact(
     if max(abs(first), abs(last)) + slack < on.walls[2, n]:
         work.released[n] = 0
         return True
-    middle = site_at(work.rows, n, h, 0.5)[0] + drive_sum(on.motion, t + 0.5 * h)[0]
+    middle = site_at(work.rows, n, h, 0.5)[0] + series_motion(on.motion, t + 0.5 * h)[0]
     start = moving_away(on, work, n, t, h) if work.released[n] != 0 else 0.0
     work.released[n] = 0
     for sign in (1.0, -1.0):
@@ -103,7 +103,7 @@ def apply_events(
 ) -> tuple[int, int]:
     """Apply every contact and release that is due, at a state that ``v`` and ``w`` hold; a status,
     and the site it is about: one chatters, the log is full, k is asked for."""
-    motion, velocity, _, _ = drive_sum(on.motion, t)
+    motion, velocity, _, _ = series_motion(on.motion, t)
     for i in range(work.many[1]):
         n = work.due[i]
         if work.when[n] < 0.0:  # it has been, before another one asked for k
@@ -167,7 +167,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
         candidates[count] = n  # without a branch: it is overwritten unless it counts
         count += not far
     work.many[0] = count
-    now, then = drive_sum(on.motion, t)[0], drive_sum(on.motion, t + h)[0]
+    now, then = series_motion(on.motion, t)[0], series_motion(on.motion, t + h)[0]
     for i in range(count):
         n = candidates[i]
         if not find_contact(on, work, n, t, h, work.v[n] + now, work.last_v[n] + then):
@@ -234,7 +234,7 @@ def contacts_near(on: Parameters, work: Workspace, t: float, s: float, h: float)
     """Find the contacts of all sites that an event at the step's time s has changed; False if one
     went astray."""
     swing, reach = driven_bound(on.motion, 0), work.near.shape[1] // 4
-    now, then = drive_sum(on.motion, t + s)[0], drive_sum(on.motion, t + h)[0]
+    now, then = series_motion(on.motion, t + s)[0], series_motion(on.motion, t + h)[0]
     for i in range(work.many[1]):
         for j in range(work.due[i] - reach, work.due[i] + reach + 1):
             n = j % work.v.size
@@ -329,7 +329,7 @@ def record_dense(
     """
     while sample < dense.grid.size and dense.grid[sample] < end:
         time = dense.grid[sample]
-        motion, velocity, _, _ = drive_sum(on.motion, t0 + time)
+        motion, velocity, _, _ = series_motion(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
             left = h - work.origin[n]
@@ -343,7 +343,7 @@ def record_dense(
 @inlined
 def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> None:
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
-    motion, velocity, _, _ = drive_sum(on.motion, t0)
+    motion, velocity, _, _ = series_motion(on.motion, t0)
     for n in range(u.size):
         work.hits[n] = 0
         work.v[n] = u[n] - motion
@@ -361,7 +361,7 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
 @inlined
 def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> bool:
     """Put the forced motion back; False where a number is no longer one."""
-    motion, velocity, _, _ = drive_sum(on.motion, t0)
+    motion, velocity, _, _ = series_motion(on.motion, t0)
     sound = True
     for n in range(u.size):
         if work.at_rest[n] != 0:

@@ -42,7 +42,6 @@ from contbreather.simulation.taylor import (
     Couplings,
     DenseOutput,
     EventLog,
-    Harmonics,
     Parameters,
     Workspace,
     powers_needed,
@@ -199,14 +198,14 @@ def parameters_of(conditions: Conditions) -> Parameters:
     low, high = wall_rows(c.walls, lattice.sites)
     # no eigenvalue of K is beyond its norm (Gershgorin), so no mode is faster than its root
     fastest = mu + float(bonds.pulls[3].max())
-    rate, top = max(math.sqrt(norm), fastest, 0.25), float(motion.m.max())
+    rate, top = max(math.sqrt(norm), fastest, 0.25), float(motion[:, 0].max())
     if bonds.pulls[1:].any():  # the series are those of the forcing as well
         rate = max(rate, top)
     # (w h)^j/j! is at most 3^3/3! = 4.5, so that a mode's series loses less than a digit
     step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, top)
-    mean = float(force.c[force.m == 0.0].sum())
+    mean = float(force[force[:, 0] == 0.0, 1].sum())
     ring = isinstance(lattice, Ring) and c.spring == 0.0 and mean == 0.0
     # a function of the speed takes the place of k, not of the shares that sites have of it
     back = lattice.restitutions if c.restitution is not None else float(c.k) * lattice.restitutions
@@ -218,17 +217,16 @@ def parameters_of(conditions: Conditions) -> Parameters:
 
 
 @lru_cache(maxsize=64)
-def forced_motion(forcing: Forcing, a: float, damping: float) -> tuple[Harmonics, Harmonics]:
+def forced_motion(forcing: Forcing, a: float, damping: float) -> tuple[Array, Array]:
     """a g(t) with ``g'' + mu g' = F/a``, the forced motion without couplings and without what a
-    mean does; and F(t)."""
-    table = np.array(forcing.harmonics, dtype=float).reshape(-1, 3)
-    m, c, s = (np.ascontiguousarray(column) for column in table.T)
-    c, s = a * c, a * s  # of f, f'' = F
-    # -m^2 g + i m mu g = -m^2 f for f = (c - i s) exp(i m t)
+    mean does; and F(t). Of each harmonic m, A and B in a row."""
+    m, A, B = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T
+    A, B = a * A, a * B  # of f, f'' = F
+    # -m^2 g + i m mu g = -m^2 f for f = (A - i B) exp(i m t)
     waves, weight = m > 0.0, np.where(m > 0.0, -(m**2), 1.0)
-    turned = waves * (c - 1j * s) / (1.0 - 1j * damping / np.where(waves, m, 1.0))
-    motion = np.ascontiguousarray(turned.real), np.ascontiguousarray(-turned.imag)
-    return Harmonics(m, *motion), Harmonics(m, weight * c, weight * s)
+    turned = waves * (A - 1j * B) / (1.0 - 1j * damping / np.where(waves, m, 1.0))
+    motion = np.column_stack([m, turned.real, -turned.imag])
+    return motion, np.column_stack([m, weight * A, weight * B])
 
 
 def _couplings(
@@ -261,7 +259,7 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     # a change at one site reaches every second power one site farther
     wide = 4 * ((size - 1) // 2) + 1
     rows, patch, near = np.empty((size, sites)), np.empty((size, wide)), np.empty((5, wide))
-    push, column, drive = np.empty((size, 1)), np.empty(size), np.empty((2, harmonics))
+    push, column, drive = np.empty((size, 1)), np.empty(size), np.empty((harmonics, 3))
     step = (v, w, rows, origin, last_v, last_w, reach, patch, near, push, column, drive, when)
     waits = np.full(2, np.nan), np.array([NEVER, 0.0]), np.zeros(1, np.int64)
     return Workspace(
@@ -284,7 +282,7 @@ class EventDriven:
 
     def __post_init__(self) -> None:
         self.parameters = on = parameters_of(self.conditions)
-        self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
+        self.workspace = workspace_of(self.state.u.size, on.size, len(on.force))
         kinds = ("i8", "i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
         self.log = EventLog(*(np.zeros(256, kind) for kind in kinds))
         self.state = State(self.state.u.copy(), self.state.v.copy())
@@ -312,7 +310,7 @@ class EventDriven:
                 count, status, site = ended.tolist()
                 done += count
                 if status == ASKS:
-                    answer[1] = self.conditions.law.at(float(answer[0]))
+                    answer[1] = self.conditions.restitution_at(float(answer[0]))
                 elif status == FULL:  # its last period once more, with twice the room
                     twice: list[Any] = [np.append(x, np.zeros_like(x)) for x in self.log]
                     self.log = EventLog(*twice)

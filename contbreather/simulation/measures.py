@@ -31,8 +31,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.forcing import mean_of
-from contbreather.lattice.modal_flow import driven_spectrum
 from contbreather.lattice.response import mean_displacement
+from contbreather.lattice.uneven import forced_spectrum
 from contbreather.one_thread import one_thread
 from contbreather.simulation.states import (
     PERIOD,
@@ -183,7 +183,7 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothCondition
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
     on = on.scaled
-    motion = driven_spectrum(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
+    motion = forced_spectrum(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
     path = on.a * motion.everywhere(np.asarray(t, dtype=float), order)
     if mean := on.a * mean_of(on.forcing) * (order == 0):
         with suppress(BadInput):  # a lattice that nothing holds drifts

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.kernels import Kernel, Matrix, Vector
 from contbreather.lattice.finite import stiffness_of
+from contbreather.lattice.forcing import series_motion
 from contbreather.simulation.integrator import Chunk, Sample, forced_motion
 from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State
-from contbreather.simulation.taylor import Harmonics, drive_sum
 
 Array = NDArray[Any]
 
@@ -47,7 +47,7 @@ class SmoothParameters(NamedTuple):
     m: float
     mu: float
     spring: float
-    force: Harmonics  # F/a
+    force: Matrix  # F/a, m, A, B of each harmonic in rows
     entries: Matrix  # of the stiffness matrix over the masses: site, other, value
     drive: Vector  # by how much of F each site is driven
 
@@ -60,7 +60,7 @@ def ceiling(m: float) -> float:
 
 def accelerations(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
     """(u', u'') of (21), for y that begins with (u, u')."""
-    size, push = on.drive.size, on.a * drive_sum(on.force, t)[0]
+    size, push = on.drive.size, on.a * series_motion(on.force, t)[0]
     # far behind the wall, where it stores a million times the usual energy, a trial step costs a
     # rejection and no overflow; accepted states are checked by the caller
     top = ceiling(on.m)
@@ -100,7 +100,7 @@ def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -
     columns = y.size // (2 * size) - 1
     if columns == 0:
         return
-    push, top = drive_sum(on.force, t)[0], ceiling(on.m)
+    push, top = series_motion(on.force, t)[0], ceiling(on.m)
     begin, half = 2 * size, size * columns  # of the matrix, and of its lower half behind that
     for n in range(size):
         u, v = y[n], y[size + n]

@@ -14,11 +14,10 @@ from contbreather.checks import brief, number, state_rows
 from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.conditions import Conditions, Walls, check_drive
+from contbreather.lattice.conditions import Conditions, Restitution, Walls, check_drive
 from contbreather.lattice.finite import PER_SITE, Finite, finite
 from contbreather.lattice.forcing import Drive, Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
-from contbreather.lattice.impact_law import Restitution
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 from contbreather.storage.serialise import to_dict
 

@@ -23,15 +23,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Matrix, Signs, Vector, inlined
-from contbreather.lattice.forcing import harmonic
-
-
-class Harmonics(NamedTuple):
-    """A trigonometric sum ``sum of c cos(m t) + s sin(m t)``: the forced motion, or the force."""
-
-    m: Vector
-    c: Vector
-    s: Vector
+from contbreather.lattice.forcing import series_motion
 
 
 class Couplings(NamedTuple):
@@ -61,8 +53,8 @@ class Parameters(NamedTuple):
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
     mean: float  # of F(t), which no g follows: v does
-    motion: Harmonics  # a g(t), g'' + mu g' = F/a less its mean
-    force: Harmonics  # F(t)
+    motion: Matrix  # m, A, B of a g(t) in rows, as of `series_motion`; g'' + mu g' = F/a - its mean
+    force: Matrix  # of F(t)
 
 
 class EventLog(NamedTuple):
@@ -103,7 +95,7 @@ class Workspace(NamedTuple):
     near: Matrix  # their v, w, last_v, last_w and reach, in rows
     push_rows: Matrix  # of the push of a wall on a site at rest, without what drives it
     column: Vector  # powers of the forced motion
-    drive: Matrix  # what drives a site at rest, its cosines and sines
+    drive: Matrix  # what drives a site at rest
     when: Vector  # a site's next event in the step
     side: Signs  # the wall that it then meets
     at_rest: Signs  # the wall on which a site rests, or 0
@@ -133,38 +125,27 @@ def powers_needed(reach: float) -> int:
     return j + 1
 
 
-@inlined
-def drive_sum(drive: Harmonics, t: float) -> tuple[float, float, float, float]:
-    """The sum at time t, and its first three derivatives."""
-    value = slope = curvature = jerk = 0.0
-    for i in range(drive.m.size):
-        u, v, w, x = harmonic(drive.m[i], drive.c[i], drive.s[i], t)
-        value, slope, curvature, jerk = value + u, slope + v, curvature + w, jerk + x
-    return value, slope, curvature, jerk
-
-
-def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
-    """Taylor coefficients of the sum around t in powers of s/h, to be held in ``column``."""
+def driven_terms(drive: Matrix, t: float, h: float, column: Vector) -> None:
+    """Taylor coefficients of harmonics around t in powers of s/h, to be held in ``column``."""
     for j in range(column.size):
         column[j] = 0.0
-    for i in range(drive.m.size):
-        m = drive.m[i]
+    for i in range(drive.shape[0]):
+        m, A, B = drive[i, 0], drive[i, 1], drive[i, 2]
         cosine, sine = math.cos(m * t), math.sin(m * t)
-        wave = drive.c[i] * cosine + drive.s[i] * sine
-        turned = drive.s[i] * cosine - drive.c[i] * sine
+        wave, turned = A * cosine + B * sine, B * cosine - A * sine
         for j in range(column.size):
             column[j] += wave
             # the next derivative over (j + 1)!, times h^(j + 1): each turns the wave by pi/2
             wave, turned = turned * (m * h / (j + 1)), -wave * (m * h / (j + 1))
 
 
-def driven_bound(drive: Harmonics, order: int) -> float:
+def driven_bound(drive: Matrix, order: int) -> float:
     """No derivative of that order is ever larger."""
     total = 0.0
-    for i in range(drive.m.size):
-        size = abs(drive.c[i]) + abs(drive.s[i])
+    for i in range(drive.shape[0]):
+        size = abs(drive[i, 1]) + abs(drive[i, 2])
         for _ in range(order):
-            size *= drive.m[i]
+            size *= drive[i, 0]
         total += size
     return total
 
@@ -327,7 +308,7 @@ def safe_advance(gap: float, slope: float, curvature: float, jerk: float, longes
 
 
 def first_contact(
-    rows: Matrix, n: int, h: float, drive: Harmonics, t: float, sign: float, level: float,
+    rows: Matrix, n: int, h: float, drive: Matrix, t: float, sign: float, level: float,
     start: float, last: float,
 ) -> float:  # fmt: skip
     """First s in [start, h] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
@@ -341,7 +322,7 @@ def first_contact(
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(4000):  # steps; the usual number is below ten
         value, slope, curvature = site_at(rows, n, h, s / h)
-        forced, forced_slope, forced_curvature, _ = drive_sum(drive, t + s)
+        forced, forced_slope, forced_curvature, _ = series_motion(drive, t + s)
         gap = level - sign * (value + forced)
         slope = sign * (slope + forced_slope)
         curvature = sign * (curvature + forced_curvature)
@@ -384,8 +365,8 @@ def push_into_wall(
     ``d F - K 1 a g - (K v)_n``, which is u'' of (1) without the drag.
     """
     bonds, v, w = on.bonds, work.v, work.w
-    motion, velocity, _, _ = drive_sum(on.motion, t)
-    force, change, _, _ = drive_sum(on.force, t)
+    motion, velocity, _, _ = series_motion(on.motion, t)
+    force, change, _, _ = series_motion(on.force, t)
     stiff, extra, ground = bonds.pulls[0, n], bonds.pulls[1, n], bonds.pulls[2, n]
     drive = 1.0 + extra
     push = drive * force - ground * motion - (stiff * v[n] - near(bonds, v, n))
@@ -396,19 +377,19 @@ def push_into_wall(
 
 def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
     """When the wall ceases to hold site n in the step from t on: the push on it passes zero."""
-    rows, bonds, c, s = work.push_rows, on.bonds, work.drive[0], work.drive[1]
+    rows, bonds, force = work.push_rows, on.bonds, work.drive
     sign, drive, ground = float(work.at_rest[n]), 1.0 + bonds.pulls[1, n], bonds.pulls[2, n]
-    for i in range(c.size):  # its part of F and the pull on the common motion
-        c[i] = drive * on.force.c[i] - ground * on.motion.c[i]
-        s[i] = drive * on.force.s[i] - ground * on.motion.s[i]
-    force = Harmonics(on.force.m, c, s)
+    for i in range(force.shape[0]):  # its part of F and the pull on the common motion
+        force[i, 0] = on.force[i, 0]
+        force[i, 1] = drive * on.force[i, 1] - ground * on.motion[i, 1]
+        force[i, 2] = drive * on.force[i, 2] - ground * on.motion[i, 2]
     for j in range(rows.shape[0]):  # -(K v)_n, power by power
         rows[j, 0] = -bonds.pulls[0, n] * work.rows[j, n]
         for i in range(bonds.start[n], bonds.start[n + 1]):
             rows[j, 0] += bonds.weight[i] * work.rows[j, bonds.other[i]]
-    if sign * (rows[0, 0] + drive_sum(force, t)[0]) <= 0.0:
+    if sign * (rows[0, 0] + series_motion(force, t)[0]) <= 0.0:
         return 0.0
-    last = site_at(rows, 0, h, 1.0)[0] + drive_sum(force, t + h)[0]
+    last = site_at(rows, 0, h, 1.0)[0] + series_motion(force, t + h)[0]
     # minus the push comes up to the level 0 as a displacement does to its wall
     return first_contact(rows, 0, h, force, t, -sign, 0.0, 0.0, -sign * last)
 
@@ -416,7 +397,7 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
 def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
     """Time for which a site just released is certain to move away: u' = u'' = 0 there."""
     sign = float(work.released[n])
-    jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + drive_sum(on.motion, t)[3])
+    jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + series_motion(on.motion, t)[3])
     snap = column_bound(work.rows, n, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
     # until then jerk + snap s < 0, and so are acceleration, velocity and displacement
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)

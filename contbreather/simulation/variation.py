@@ -136,8 +136,7 @@ def saltations(
     an infinite one where it ends.
     """
     # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ - R' u''-) dt
-    shares = conditions.lattice.restitutions[impacts["site"]]
-    ratio, slope = conditions.law.along(impacts["before"], shares)
+    ratio, slope = conditions.laws_at(impacts["before"], impacts["site"])
     b = (1.0 - slope) * impacts["acceleration"] / impacts["before"]
     b += (1.0 - ratio) * conditions.scaled.at_sites("damping", impacts["site"])
     rests = _at_impacts(rests, impacts)
@@ -173,6 +172,6 @@ def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[n
 def sites_at_rest(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:
     """The wall on which each site rests, or 0, as the event-driven loop finds it."""
     on = parameters_of(conditions)
-    work = workspace_of(state.u.size, on.size, on.force.m.size)
+    work = workspace_of(state.u.size, on.size, len(on.force))
     begin_period(on, work, *state, t0)
     return np.asarray(work.at_rest)

@@ -38,10 +38,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.band_averages import bernoulli, binomial, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.periodic_green import check_coupling
-from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
     CLOSED,

@@ -42,9 +42,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.band_averages import in_powers_of_x
+from contbreather.lattice.band_averages import binomial, in_powers_of_x, zeta
 from contbreather.lattice.chain import Chains, InfiniteChain
-from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import EXACT, GRID, ON_ARC, ORDERS, POWERS, SUMS, WINDOWS
 from contbreather.stability.chain_map import RINGS, OrbitMap

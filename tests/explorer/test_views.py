@@ -16,7 +16,7 @@ from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.explorer import views
 from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
-from contbreather.orbits.regions import Region
+from contbreather.orbits.zone_diagram import Region
 from contbreather.plotting import plot
 from contbreather.plotting.zones import LINES, SHADES
 

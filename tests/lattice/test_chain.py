@@ -145,7 +145,11 @@ def test_a_coupling_outside_its_range_is_refused_with_the_range(gamma):
 
 
 ASKED = [*((name,) for name in (*MEANS, "nodes", "frequencies"))]
-ASKED += [("first_harmonic", 1), ("dfirst_harmonic", 1), *(("slope", name) for name in MEANS)]
+ASKED += [
+    ("first_harmonic", 1),
+    ("first_harmonic", 1, "gamma"),
+    *(("slope", name) for name in MEANS),
+]
 
 
 @pytest.mark.parametrize("lattice", [CHAIN, Ring(4)])

@@ -10,8 +10,8 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
-from contbreather.lattice.answers import answers_of
 from contbreather.lattice.periodic_green import periodic_green
+from contbreather.orbits.orbit_equations import answers_of
 from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import networkx as nx
 import numpy as np
@@ -11,13 +12,14 @@ from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic, InfiniteChain, Ring
-from contbreather.lattice.answers import answers_of, resonant_modes
 from contbreather.lattice.finite import Grid, Lattice, OpenChain, stiffness_of
 from contbreather.lattice.response import (
     ModalResponse,
     Response,
     UniformResponse,
 )
+from contbreather.orbits.orbit_equations import answers_of, resonant_modes
+from contbreather.orbits.section import Section
 from tests.stability.by_hand import slope
 
 TIED = OpenChain(6, ends="fixed")
@@ -113,7 +115,7 @@ def test_a_mode_whose_amplitude_is_an_unknown_answers_without_its_harmonic() -> 
     """The whole answer is what is left and the mode as far as impulses drive it."""
     ring, hits, T = Ring(6), (0, 2), 4.0 * math.pi
     held, times, J = (0.0626, 0.0, 0.01), np.array([0.4, 5.0]), np.array([1.0, -0.7])
-    resonant = resonant_modes(ring, (0, 2), 2, 1, *held[:2])
+    resonant = resonant_modes(ring, Section(((0, 1), (2, 1)), 2), *held[:2])
     assert resonant
     without, whole = modal(ring, held, hits, 2, 1, resonant), modal(ring, held, hits, 2)
     assert without.length == T
@@ -128,7 +130,7 @@ def test_a_mode_whose_amplitude_is_an_unknown_answers_without_its_harmonic() -> 
 
 def test_on_a_harmonic_the_rest_of_an_answer_is_finite_and_the_whole_is_refused() -> None:
     ring = Ring(8)
-    resonant = resonant_modes(ring, (0,), 2, 1, 0.0625, 0.0)
+    resonant = resonant_modes(ring, Section(((0, 1),), 2), 0.0625, 0.0)
     assert any(w == 0.5 for _, w in resonant)
     without = modal(ring, (0.0625, 0.0, 0.0), (0,), 2, 1, resonant)
     assert np.isfinite(without.interactions(np.zeros(1))).all()
@@ -137,10 +139,11 @@ def test_on_a_harmonic_the_rest_of_an_answer_is_finite_and_the_whole_is_refused(
 
 
 def test_no_mode_of_a_chain_or_a_ring_without_springs_comes_to_the_drive() -> None:
-    assert resonant_modes(InfiniteChain(), (0,), 1, 1, 0.2, 0.0) == ()
+    section = Section(((0, 1),))
+    assert resonant_modes(InfiniteChain(), section, 0.2, 0.0) == ()
     for sign in (1, -1):
-        assert resonant_modes(Ring(40), (0,), 1, sign, 0.2499, 0.0) == ()
-    assert resonant_modes(OpenChain(9), (0,), 1, 1, 0.2, 0.0)
+        assert resonant_modes(Ring(40), replace(section, sign=sign), 0.2499, 0.0) == ()
+    assert resonant_modes(OpenChain(9), section, 0.2, 0.0)
 
 
 def test_the_last_impact_goes_on_after_the_first_of_the_next_section() -> None:

@@ -16,11 +16,11 @@ from contbreather.continuation.branches.switching import switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.by_impacts import ByImpacts, resonant_of
+from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_equations import OrbitEquations
+from contbreather.orbits.orbit_equations import OrbitEquations, equations_on
 from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
 from tests.stability.by_hand import slope
 
@@ -77,12 +77,6 @@ ITINERARIES = [
 NAMES = [f"{lattice.describe()}, {section.describe()}" for lattice, section in ITINERARIES]
 
 
-def equations_on(lattice, section: Section, on: Conditions) -> tuple[OrbitEquations, Conditions]:
-    on = replace(on, lattice=lattice)
-    resonant = resonant_of(on, section)
-    return OrbitEquations(section, on.forcing, lattice, on.walls, resonant), on
-
-
 def unknowns(equations: OrbitEquations, on: Conditions, seed: int = 1) -> np.ndarray:
     """Any times and impulses that leave the lattice where it is, with offsets and amplitudes that
     suit them; the site is wherever that brings it."""
@@ -113,7 +107,8 @@ under_all = pytest.mark.parametrize(
 @everywhere
 @under_all
 def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, on) -> None:
-    equations, on = equations_on(lattice, section, on)
+    on = replace(on, lattice=lattice)
+    equations = equations_on(on, section)
     x = unknowns(equations, on)
     orbit = Orbit(ByImpacts.of(on, section, x, on.params))
     brute, sites = Field(lattice, on), np.arange(lattice.sites)
@@ -144,14 +139,16 @@ def test_motion_is_what_matrix_exponentials_and_impulses_give(lattice, section, 
 @everywhere
 @under_all
 def test_jacobian_and_sensitivities_are_the_derivatives(lattice, section, on) -> None:
-    equations, on = equations_on(lattice, section, on)
+    on = replace(on, lattice=lattice)
+    equations = equations_on(on, section)
     for name, found, wanted in derivatives(equations, unknowns(equations, on), on.params, 4e-5):
         assert np.abs(found - wanted).max() < 2e-8 * (1.0 + np.abs(wanted).max()), name
 
 
 @pytest.mark.parametrize("gamma", [1e-8, 1e-4, 0.04])
 def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation(gamma: float) -> None:
-    equations, on = equations_on(cb.OpenChain(60), ITINERARIES[5][1], replace(PLAIN, gamma=gamma))
+    on = replace(PLAIN, gamma=gamma, lattice=cb.OpenChain(60))
+    equations = equations_on(on, ITINERARIES[5][1])
     x, step = unknowns(equations, on), 0.25 * min(0.5 * gamma, 1e-5)
     near = slope(lambda h: equations.residual(x, {**on.params, "gamma": gamma + h}), step)
     found = equations.along(x, on.params, {"gamma": 1.0})

@@ -12,7 +12,7 @@ import shapely
 
 import contbreather as cb
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.regions import regions
+from contbreather.orbits.zone_diagram import regions
 from contbreather.stability import ns_points
 from tests.campaigns import existence
 

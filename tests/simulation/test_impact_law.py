@@ -12,7 +12,7 @@ import pytest
 import contbreather as cb
 import contbreather.simulation as sim
 from contbreather.errors import BadInput
-from contbreather.lattice.impact_law import ImpactLaw
+from contbreather.lattice.conditions import Conditions
 from tests.orbits.field import Field
 
 ON = {"a": 0.5, "gamma": 0.08}
@@ -121,7 +121,7 @@ def test_periodic_motions_have_multipliers_of_the_law():
     found = sim.periodic(cb.symmetric(**ON, k=0.8).state(5), **ON, restitution=law, damping=0.1)
     hits = found.run().impacts
     assert found.residual < 1e-12
-    ratios = -np.array([ImpactLaw(math.nan, law).slope(x) for x in hits["before"]])
+    ratios = -found.conditions.laws_at(hits["before"], hits["site"])[1]
     k = law(np.abs(hits["before"]))
     # Liouville: volumes shrink by damping between impacts, and by k (-R') at each of them
     volume = math.exp(-0.1 * 5 * 2.0 * math.pi) * np.prod(k * ratios)
@@ -133,10 +133,12 @@ def test_periodic_motions_have_multipliers_of_the_law():
 
 
 def test_slopes_are_those_of_the_velocity_after():
-    law = ImpactLaw(math.nan, LAWS["softer when fast"])
-    for v in (0.01, -0.7, 3.0):  # -v/(1 + c |v|) has the slope -1/(1 + c |v|)^2
-        assert law.slope(v) == pytest.approx(-((1.0 + 0.4 * abs(v)) ** -2), rel=1e-10)
-        assert ImpactLaw(0.8).slope(v) == -0.8
+    law, v, sites = LAWS["softer when fast"], np.array([0.01, -0.7, 3.0]), np.zeros(3, dtype=int)
+    _, slopes = Conditions(**ON, k=math.nan, restitution=law, lattice=cb.Ring(5)).laws_at(v, sites)
+    # -v/(1 + c |v|) has the slope -1/(1 + c |v|)^2
+    np.testing.assert_allclose(slopes, -((1.0 + 0.4 * abs(v)) ** -2), rtol=1e-10)
+    _, slopes = Conditions(**ON, k=0.8, lattice=cb.Ring(5)).laws_at(v, sites)
+    assert slopes.tolist() == [-0.8, -0.8, -0.8]
 
 
 def test_what_is_no_law_is_a_sentence(state, tmp_path):
