@@ -30,6 +30,7 @@ from .cycle_problem import Cycle
 from .equations import Places, equations_of
 from .flow import slid_along
 from .functions import Function, slopes, values
+from .rotation import PERIODIC, TurnedBack
 
 # of its pace: the square of its speed relative to that around a circle as large, in as long a time
 _SLOW, _FAST = 1e-2, 0.1  # it may rest, and it is on its way again
@@ -147,7 +148,17 @@ class _Rest:
             yield replace(self, state=image + 0.0)
 
     def same(self, other: _Rest) -> bool:
-        return self.at.flow == other.at.flow and bool(self.at.near(self.state, other.state))
+        """Tell whether both are one place, or one some turns later, to which the field is blind."""
+        orbit, flows = self.at.orbit, self.at.orbit.equations.flows
+        if (f := flows[self.at.flow].f) != flows[other.at.flow].f:
+            return False
+        if self.at.near(self.state, other.state):
+            return True
+        there = orbit.flights[self.at.flow].states.T
+        moved = there + (other.state - self.state)[:, None]
+        here, later = (values(f, 0.0, x, orbit.params) for x in (there, moved))
+        turns = any(isinstance(flow.reset, TurnedBack) for flow in flows)
+        return turns and bool(abs(later - here).max() <= PERIODIC * (1.0 + abs(here).max()))
 
 
 def _passages(orbit: Cycle) -> list[_Passage]:
