@@ -26,7 +26,7 @@ from ..continuation.algebra.newton import Array
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
-from .cycle_problem import Cycle
+from .cycle_problem import ONE, Cycle
 from .equations import Places, equations_of
 from .flow import slid_along
 from .functions import Function, slopes, values
@@ -198,13 +198,16 @@ def _off(point: Point, slowest: _Passage, most: float) -> float:
     the saddle says, which is without what is contracted on the way around.
 
     As a Poincare map has it u_1 = p + F(u_0), and a cycle u_0 (1 - mu) = p, while p is off by u_0,
-    or mu u_0 if that is more: the tangent of the branch tells p.
+    or mu u_0 if that is more: the tangent of the branch tells p. At a saddle-focus F swings, and
+    the branch with it: by more than that at each of its folds.
     """
     off = slowest.off(most)
-    if off <= 0 or slowest.pace > _SLOW:
+    if off <= 0 or slowest.pace > _SLOW or (slowest.rest and slowest.rest.leading.imag.any()):
         return off
     mu = slowest.orbit.others
-    held = np.log(np.maximum(abs(mu), 1.0) / np.maximum(abs(1 - mu), 1e-300)).sum()
+    if slowest.orbit.off_one < ONE:  # at a fold both vanish: their ratio is rounding
+        return off
+    held = np.log(np.maximum(abs(mu), 1.0) / abs(1 - mu)).sum()
     return min(off, _moves(point) + float(held) - math.log(most))
 
 
