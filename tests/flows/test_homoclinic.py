@@ -224,8 +224,9 @@ def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
 
 
 def test_a_branch_that_swings_around_a_homoclinic_orbit_goes_on_through_its_folds() -> None:
-    """From one to the next they are closer by exp(-pi a/w), of a pair -a +- i w. The orbit itself is where the unstable manifold of x = 1, by an integration of its own,
-    comes back on neither side of the stable one; the first of these folds is 1e-4 off that."""
+    """From one to the next they are closer by exp(-pi a/w), of a pair -a +- i w. The orbit itself
+    is where the unstable manifold of x = 1, by an integration of its own, comes back on neither
+    side of the stable one; the first of these folds is 1e-4 off that."""
 
     def feedback(t, x, p):
         return [x[1], x[2], -0.3 * x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
