@@ -96,6 +96,19 @@ class _Passage:
         """The equilibrium close by, by Newton's iteration from there; None if there is none."""
         return self.equilibrium(1e-2)
 
+    @cached_property
+    def ahead(self) -> _Rest | None:
+        """The equilibrium to which it comes long after, along a slow direction."""
+        return self.leaves and self.leaves.equilibrium(0.1)
+
+    @property
+    def swings(self) -> bool:
+        """Tell whether the slower way, in to its equilibrium or out, is around it (Shilnikov)."""
+        rest = self.rest or self.ahead
+        return bool(
+            rest and rest.leading.size and min(rest.leading, key=lambda v: abs(v.real)).imag
+        )
+
     def equilibrium(self, most: float) -> _Rest | None:
         f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
         for _ in range(_ITERATIONS):
@@ -198,17 +211,17 @@ def _off(point: Point, slowest: _Passage, most: float) -> float:
     the saddle says, which is without what is contracted on the way around.
 
     As a Poincare map has it u_1 = p + F(u_0), and a cycle u_0 (1 - mu) = p, while p is off by u_0,
-    or mu u_0 if that is more: the tangent of the branch tells p. At a saddle-focus F swings, and
-    the branch with it: by more than that at each of its folds.
+    or mu u_0 if that is more: the tangent of the branch tells p. Where F swings, the branch
+    does so, too, and p is off by more than that at each of its folds.
     """
     off = slowest.off(most)
-    if off <= 0 or slowest.pace > _SLOW or (slowest.rest and slowest.rest.leading.imag.any()):
+    # at a fold both the tangent and 1 - mu vanish: their ratio is rounding
+    if off <= 0 or slowest.pace > _SLOW or slowest.orbit.off_one < ONE:
         return off
     mu = slowest.orbit.others
-    if slowest.orbit.off_one < ONE:  # at a fold both vanish: their ratio is rounding
-        return off
     held = np.log(np.maximum(abs(mu), 1.0) / abs(1 - mu)).sum()
-    return min(off, _moves(point) + float(held) - math.log(most))
+    known = _moves(point) + float(held) - math.log(most)
+    return known if known < off and not slowest.swings else off
 
 
 def _moves(point: Point) -> float:
@@ -245,9 +258,8 @@ def _examine(point: Point) -> Examined:
         said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
         return {"equilibrium": slow.state, "said": said}
     # along a slow direction it comes to the saddle long after the parameter has come to its limit
-    saddle = slow.leaves and slow.leaves.equilibrium(0.1)
-    if saddle and saddle.leading.size:
-        return _description([saddle])
+    if slow.ahead and slow.ahead.leading.size:
+        return _description([slow.ahead])
     return "it is slow without an equilibrium"
 
 
