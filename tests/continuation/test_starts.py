@@ -344,10 +344,10 @@ def test_a_curve_of_many_unknowns_that_is_nearly_a_surface_is_walked() -> None:
     above = np.where(np.arange(3999) < 32, -2.0, 0.0)
     matrix, last = (
         diags_array([np.ones(4000), above], offsets=[0, 1]).tocsc(),
-        np.eye(1, 4000, 3999)[0],
+        np.eye(1, 4000, 3999),
     )
     problem = Problem(
-        lambda x, p: matrix @ x - p["mu"] * last,
+        lambda x, p: matrix @ x - p["mu"] * last[0],
         {"x": np.zeros(4000)}, {"mu": 0.0}, jacobian=lambda x, p: matrix,
     )  # fmt: skip
     assert trace(problem, "mu", within={"mu": (0, 1)})[-1]["x"][-1] == pytest.approx(1.0)
