@@ -27,7 +27,7 @@ from ..continuation.systems.defining_systems import Singular
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import LEAVES, SHORTEST
-from .cycle_problem import Cycle
+from .cycle_problem import ONE, Cycle
 from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, slid_along, system_of, value_at, value_over
 from .functions import Function, Params, slopes, values
@@ -118,9 +118,8 @@ _LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 
 def _without_unit(point: Point) -> str:
     """Say where no multiplier but the trivial one is 1."""
-    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
-    # located it is off by 1e-5 and more where a parameter turns by 1e-13
-    return "" if off < 0.1 else f"no multiplier is 1: the nearest is {off:.2g} off"
+    off = point.base_point.solution.off_one
+    return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 
 def _examine_crossing(point: Point) -> Examined:

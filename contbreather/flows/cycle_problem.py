@@ -37,6 +37,7 @@ from .sparse_equations import FEW, SparseFlowEquations
 UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
+ONE = 0.1  # closer to it a multiplier may be 1: at a fold by 1e-5 where a parameter turns by 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,11 @@ class Cycle(HtmlRepr):
     def others(self) -> NDArray[np.complex128]:
         """Multipliers but the trivial one."""
         return self._spectrum[0]
+
+    @property
+    def off_one(self) -> float:
+        """How far off 1 the nearest multiplier but the trivial one is."""
+        return float(abs(self.others - 1).min(initial=math.inf))
 
     @property
     def trivial(self) -> float:

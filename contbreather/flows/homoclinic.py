@@ -26,10 +26,11 @@ from ..continuation.algebra.newton import Array
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
-from .cycle_problem import Cycle
+from .cycle_problem import ONE, Cycle
 from .equations import Places, equations_of
 from .flow import slid_along
 from .functions import Function, slopes, values
+from .rotation import PERIODIC, TurnedBack
 
 # of its pace: the square of its speed relative to that around a circle as large, in as long a time
 _SLOW, _FAST = 1e-2, 0.1  # it may rest, and it is on its way again
@@ -95,6 +96,19 @@ class _Passage:
         """The equilibrium close by, by Newton's iteration from there; None if there is none."""
         return self.equilibrium(1e-2)
 
+    @cached_property
+    def ahead(self) -> _Rest | None:
+        """The equilibrium to which it comes long after, along a slow direction."""
+        return self.leaves and self.leaves.equilibrium(0.1)
+
+    @property
+    def swings(self) -> bool:
+        """Tell whether the slower way, in to its equilibrium or out, is around it (Shilnikov)."""
+        rest = self.rest or self.ahead
+        return bool(
+            rest and rest.leading.size and min(rest.leading, key=lambda v: abs(v.real)).imag
+        )
+
     def equilibrium(self, most: float) -> _Rest | None:
         f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
         for _ in range(_ITERATIONS):
@@ -147,7 +161,17 @@ class _Rest:
             yield replace(self, state=image + 0.0)
 
     def same(self, other: _Rest) -> bool:
-        return self.at.flow == other.at.flow and bool(self.at.near(self.state, other.state))
+        """Tell whether both are one place, or one some turns later, to which the field is blind."""
+        orbit, flows = self.at.orbit, self.at.orbit.equations.flows
+        if (f := flows[self.at.flow].f) != flows[other.at.flow].f:
+            return False
+        if self.at.near(self.state, other.state):
+            return True
+        there = orbit.flights[self.at.flow].states.T
+        moved = there + (other.state - self.state)[:, None]
+        here, later = (values(f, 0.0, x, orbit.params) for x in (there, moved))
+        turns = any(isinstance(flow.reset, TurnedBack) for flow in flows)
+        return turns and bool(abs(later - here).max() <= PERIODIC * (1.0 + abs(here).max()))
 
 
 def _passages(orbit: Cycle) -> list[_Passage]:
@@ -187,14 +211,17 @@ def _off(point: Point, slowest: _Passage, most: float) -> float:
     the saddle says, which is without what is contracted on the way around.
 
     As a Poincare map has it u_1 = p + F(u_0), and a cycle u_0 (1 - mu) = p, while p is off by u_0,
-    or mu u_0 if that is more: the tangent of the branch tells p.
+    or mu u_0 if that is more: the tangent of the branch tells p. Where F swings, the branch
+    does so, too, and p is off by more than that at each of its folds.
     """
     off = slowest.off(most)
-    if off <= 0 or slowest.pace > _SLOW:
+    # at a fold both the tangent and 1 - mu vanish: their ratio is rounding
+    if off <= 0 or slowest.pace > _SLOW or slowest.orbit.off_one < ONE:
         return off
     mu = slowest.orbit.others
-    held = np.log(np.maximum(abs(mu), 1.0) / np.maximum(abs(1 - mu), 1e-300)).sum()
-    return min(off, _moves(point) + float(held) - math.log(most))
+    held = np.log(np.maximum(abs(mu), 1.0) / abs(1 - mu)).sum()
+    known = _moves(point) + float(held) - math.log(most)
+    return known if known < off and not slowest.swings else off
 
 
 def _moves(point: Point) -> float:
@@ -231,9 +258,8 @@ def _examine(point: Point) -> Examined:
         said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
         return {"equilibrium": slow.state, "said": said}
     # along a slow direction it comes to the saddle long after the parameter has come to its limit
-    saddle = slow.leaves and slow.leaves.equilibrium(0.1)
-    if saddle and saddle.leading.size:
-        return _description([saddle])
+    if slow.ahead and slow.ahead.leading.size:
+        return _description([slow.ahead])
     return "it is slow without an equilibrium"
 
 

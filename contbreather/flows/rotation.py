@@ -16,7 +16,7 @@ from .collocation import TrajectorySegment
 from .flow import Filippov, Flow
 from .functions import Function, Params, at_state, values
 
-_PERIODIC = 1e-9  # of a function: off by less after a turn it is that of an angle
+PERIODIC = 1e-9  # of a function: off by less after a turn it is that of an angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class Angles:
             """Say what differs, if anything does."""
             at = (x, x + np.where(turned, self.turn, 0.0))
             here, there = (values(flows[0].f, t, y[:, None], p) for y in at)
-            same = float(abs(here - there).max()) <= _PERIODIC * (1.0 + float(abs(here).max()))
+            same = float(abs(here - there).max()) <= PERIODIC * (1.0 + float(abs(here).max()))
             return "" if same else f"{brief(here[:, 0].tolist())} and {brief(there[:, 0].tolist())}"
 
         tied = np.array([bool(off(one)) for one in np.eye(x.size, dtype=bool)])

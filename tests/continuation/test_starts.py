@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.sparse import diags_array
 
 import contbreather as cb
 from contbreather.continuation import Event, Problem, Steps, Stop, fold, trace, user
@@ -336,3 +337,17 @@ def test_what_is_conserved_is_held_by_its_total() -> None:
     branch = trace(problem, "total", within={"x": (0.5, 2.0)}, events=fold())
     assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
     assert branch.first("LP")["x"] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_curve_of_many_unknowns_that_is_nearly_a_surface_is_walked() -> None:
+    """Each of 32 unknowns is twice the next one, the last of them 0: off by 2e-10, all are free."""
+    above = np.where(np.arange(3999) < 32, -2.0, 0.0)
+    matrix, last = (
+        diags_array([np.ones(4000), above], offsets=[0, 1]).tocsc(),
+        np.eye(1, 4000, 3999),
+    )
+    problem = Problem(
+        lambda x, p: matrix @ x - p["mu"] * last[0],
+        {"x": np.zeros(4000)}, {"mu": 0.0}, jacobian=lambda x, p: matrix,
+    )  # fmt: skip
+    assert trace(problem, "mu", within={"mu": (0, 1)})[-1]["x"][-1] == pytest.approx(1.0)

@@ -722,6 +722,24 @@ def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
     assert branch[-1]["I"] == pytest.approx(97.773713, abs=1e-4)
 
 
+def test_folds_of_a_neuron_s_cycles_in_mv_end_at_its_generalised_hopf_point() -> None:
+    """Which the first Lyapunov coefficient tells, without a cycle: it was out of reach by 7e-7."""
+
+    def neuron(t, x, p):
+        v, w = x
+        rest, rate = (1 + np.tanh((v - 2) / 30)) / 2, p["phi"] * np.cosh((v - 2) / 60)
+        current = p["I"] - 2.2 * (1 + np.tanh((v + 1.2) / 18)) * (v - 120)
+        return [(current - 8 * w * (v + 84) - 2 * (v + 60)) / 20, rate * (rest - w)]
+
+    rest = cb.equilibrium(neuron, {"v": -20.0, "w": 0.13}, {"I": 110.0, "phi": 0.25})
+    hopf = cb.trace(rest, "I", within={"I": (100, 130)}).first("HB")
+    both = {"I": (100.0, 130.0), "phi": (0.25, 0.4)}
+    known = cb.boundary(hopf, ("I", "phi"), within=both).first("GH")
+    (cycles,) = cb.switch(hopf, within={"I": (100, 130)}, steps=cb.Steps(most=25))
+    end = cb.boundary(cycles.first("LP"), ("I", "phi"), within=both).first("GH")
+    assert (end["I"], end["phi"]) == pytest.approx((known["I"], known["phi"]), rel=1e-5)
+
+
 def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
     """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
     velocities are against those of the start, and the branch would turn back."""

@@ -223,6 +223,26 @@ def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
     assert "saddle-focus x = 1, y = 0, z = 0" in branch.reason
 
 
+def test_a_branch_that_swings_around_a_homoclinic_orbit_goes_on_through_its_folds() -> None:
+    """From one to the next they are closer by exp(-pi a/w), of a pair -a +- i w. The orbit itself
+    is where the unstable manifold of x = 1, by an integration of its own, comes back on neither
+    side of the stable one; the first of these folds is 1e-4 off that."""
+
+    def feedback(t, x, p):
+        return [x[1], x[2], -0.3 * x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
+
+    rest = cb.equilibrium(feedback, {"x": 0.0, "y": 0.0, "z": 0.0}, {"beta": 3.5})
+    hopf = cb.trace(rest, "beta", within={"beta": (3, 4)}).first("HB")
+    (branch,) = cb.switch(hopf, within={"beta": (0.1, 4)})
+    end = branch.first("HOM")
+    assert end["beta"] == pytest.approx(0.74572653, abs=5e-8)
+    folds = [at["beta"] for at in branch.special if at.kind == "LP"]
+    roots = np.roots([1, 0.3, end["beta"], -1])
+    ratio = -math.exp(-math.pi * abs(roots[0].real / roots[0].imag))
+    steps = np.diff(folds[2:7])
+    assert steps[1:] / steps[:-1] == pytest.approx(ratio, rel=0.1)
+
+
 def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
     assert butterfly[0].parent["r"] == pytest.approx(24.736842, abs=1e-6)
     assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)

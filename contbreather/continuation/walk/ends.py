@@ -304,10 +304,12 @@ def _fill_surface(curve: Curve, tangent: Array) -> bool:
 
 
 def _loses_rank(curve: Curve, z: Array) -> bool:
-    """Tell whether a rank is lost, whatever the units of unknowns and parameter."""
+    """Tell whether a rank is lost to rounding, whatever the units of unknowns and parameter."""
     matrix = curve.balanced(curve.jacobian(z))
     largest = np.ravel(dense(abs(matrix).max(axis=0)))
-    return least_singular(scaled(matrix, np.ones(curve.size), 1 / (largest + (largest == 0)))).lost
+    unit = scaled(matrix, np.ones(curve.size), 1 / (largest + (largest == 0)))
+    # each column has an entry 1, and of a large matrix the largest singular value is but a bound
+    return least_singular(unit).size <= 1e-10
 
 
 # --- infinity ---------------------------------------------------------------------------------
