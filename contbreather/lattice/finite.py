@@ -405,6 +405,11 @@ def whole_sites(n: ArrayLike, count: float = math.inf, lattice: Any = None) -> N
     return sites.astype(np.int64)
 
 
+def highest_k(lattice: Any) -> float:
+    """Largest k of a lattice: there the hardest of its sites loses nothing."""
+    return 1.0 if lattice.sites is None else 1.0 / max(1.0, float(lattice.restitutions.max()))
+
+
 def finite(lattice: Any) -> Finite:
     """A finite lattice as it was given; anything else is refused."""
     known = getattr(lattice, "sites", None) is not None and hasattr(lattice, "basis")

@@ -25,6 +25,7 @@ from contbreather.continuation.curve.ties import chained
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.finite import highest_k
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.response import Resonant
@@ -394,9 +395,8 @@ def _domain(equations: OrbitEquations, on: Conditions) -> dict[str, tuple[float,
     """Domain: parameters mean something."""
     if on.lattice.sites is not None:
         bounds = {n: (NUMBERS[n].low, NUMBERS[n].high) for n in NAMES if n in on.params}
-        # k up to where the hardest site loses nothing
-        most = 1.0 / max(1.0, float(on.lattice.restitutions.max()))
-        return {**bounds, "gamma": (0.0, on.lattice.highest_gamma), "k": (0.0, most)}
+        highest = {"gamma": on.lattice.highest_gamma, "k": highest_k(on.lattice)}
+        return bounds | {name: (0.0, most) for name, most in highest.items()}
     domain = {name: NUMBERS[name].domain for name in NEEDED}
     # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
     domain["gamma"] = (0.0, domain["gamma"][1] / equations.section.turns**2)

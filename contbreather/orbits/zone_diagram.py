@@ -21,12 +21,13 @@ from contbreather.continuation.curve.point import CodimensionTwo, Point
 from contbreather.continuation.curve.settings import windows
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
+from contbreather.lattice.finite import highest_k
 from contbreather.lattice.response import Resonance
 from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.orbit import Orbit
-from contbreather.parameters import NEEDED, window_of
+from contbreather.parameters import NEEDED, POWERS, window_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.serialise import serialised
 from contbreather.tables import Column, HtmlRepr, Sheet
@@ -43,6 +44,29 @@ PLACE = ("k", "curve", "gamma", "a")  # the first columns
 FAMILIES = ("upper", "lower")  # breathers before and behind a fold
 NO_CURVE = "no curve passes the window: breathers exist all over it, all stable or all unstable"
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
+
+
+def unit_of(name: str, lattice: Any, omega: float) -> float:
+    """Unit of windows and combs: the highest k of a lattice, of others that of the frequency."""
+    return highest_k(lattice) if name == "k" else float(omega ** POWERS.get(name, 0))
+
+
+def narrowed(
+    pair: tuple[str, str], given: Mapping[str, Any], lattice: Any, held: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Windows of a plane: those given, or all, as far as there are breathers."""
+    found = dict[str, tuple[float, float]]()
+    for name in pair:
+        omega = held.get("omega", 1.0)
+        if "omega" in pair and name in given:  # at the largest omega
+            omega = given.get("omega", window_of("omega"))[1]
+        unit = unit_of(name, lattice, omega)
+        reach = low, high = unit * window_of(name)[0], unit * window_of(name)[1]
+        window = given.get(name, reach)
+        found[name] = max(low, window[0]), min(high, window[1])
+        if not found[name][0] < found[name][1]:
+            raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +186,7 @@ class Zones(Columns, HtmlRepr):
         for i, name in enumerate(self.pair if within is not None else ()):
             across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
             ends = list(spans[i])
-            reach = windows(within).get(name, window_of(name))
+            reach = narrowed(self.pair, windows(within), self.model["lattice"], self.held)[name]
             for end in (0, 1):
                 # beyond the outermost curve nothing changes: any breather there speaks for all
                 beyond = 0.5 * (ends[end] + reach[end])

@@ -33,8 +33,14 @@ from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.section import VANISHED
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
-from contbreather.parameters import POWERS, window_of
+from contbreather.orbits.zone_diagram import (
+    JOINT,
+    KINDS,
+    Zones,
+    admissible_roots,
+    narrowed,
+    unit_of,
+)
 from contbreather.progress import Counter
 
 Array = NDArray[np.float64]
@@ -86,18 +92,13 @@ class ZoneSearch:
         for other in self.given:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
-        # a window that is given goes as far as there are breathers at its largest omega
-        top = self.given.get("omega", window_of("omega"))[1] if in_omega else None
-        self.within = {
-            n: _narrowed(n, self.given.get(n), self._unit(n, top if n in self.given else None))
-            for n in self.pair
-        }
+        self.within = narrowed(self.pair, self.given, self.model["lattice"], self.held)
         self.events: tuple[Event, ...] | None = None  # until there is a breather that has them
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
     def _unit(self, name: str, omega: float | None = None) -> float:
         """Unit of a parameter, which windows and combs are in."""
-        return float((omega or self.held.get("omega", 1.0)) ** POWERS.get(name, 0))
+        return unit_of(name, self.model["lattice"], omega or self.held.get("omega", 1.0))
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
@@ -278,16 +279,6 @@ def _followed(point: Point) -> str:
 def up_to_the_fold(event: Event) -> Event:
     """A fold ends the zone: what lies behind it is the other breather."""
     return replace(event, ends="branch") if event.kind == "LP" else event
-
-
-def _narrowed(name: str, window: tuple[float, float] | None, unit: float) -> tuple[float, float]:
-    low, high = reach = tuple(unit * end for end in window_of(name))
-    if window is None:
-        return low, high
-    low, high = max(low, window[0]), min(high, window[1])
-    if not low < high:
-        raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
-    return low, high
 
 
 def _on_curve(curve: Branch, place: Place, pair: Sequence[str], near: float) -> bool:

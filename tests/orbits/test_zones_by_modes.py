@@ -103,3 +103,20 @@ def test_a_family_ends_at_the_fold_whatever_modes_are_unknowns() -> None:
     families = [point.solution.representation.family for point in others]
     assert families == ["upper" if point["p"] > fold["p"] else "lower" for point in others]
     assert {*families} == {"upper", "lower"}
+
+
+def test_planes_of_k_go_up_to_where_the_hardest_site_loses_nothing() -> None:
+    """They were refused, with a k that nobody gave."""
+    lattice = cb.OpenChain(3, restitutions=[1.0, 0.9, 1.06])
+    window = {"a": (0.2, 1.0), "k": (0.5, 0.999)}
+    diagram = cb.zones(gamma=0.05, lattice=lattice, site=2, damping=0.02, within=window)
+    highest = 0.999 / 1.06
+    assert diagram["GR"][0]["k"].max() == pytest.approx(highest, abs=1e-12)
+    assert diagram.box(window)[0][1] == pytest.approx(highest, abs=1e-12)
+
+
+def test_a_window_of_one_parameter_leaves_the_other_whole_at_another_frequency() -> None:
+    """Pictures ended at gamma = 0.2499, which is for omega = 1."""
+    diagram = cb.zones(k=0.8, omega=2.0, progress=False)
+    whole, cut = diagram.box(), diagram.box({"a": (0.0, 3.0)})
+    assert cut[0][1] == pytest.approx(4 * 0.2499) == whole[0][1]
