@@ -99,7 +99,7 @@ class _Passage:
     @cached_property
     def ahead(self) -> _Rest | None:
         """The equilibrium to which it comes long after, along a slow direction."""
-        return self.leaves and self.leaves.equilibrium(0.1)
+        return self.leaves.equilibrium(0.1) if self.leaves else None
 
     @property
     def swings(self) -> bool:
