@@ -226,7 +226,7 @@ def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
 def test_a_branch_that_swings_around_a_homoclinic_orbit_goes_on_through_its_folds() -> None:
     """From one to the next they are closer by exp(-pi a/w), of a pair -a +- i w. The orbit itself
     is where the unstable manifold of x = 1, by an integration of its own, comes back on neither
-    side of the stable one; the first of these folds is 1e-4 off that."""
+    side of the stable one; the first of these folds is 1e-4 off that, and its end 1e-6."""
 
     def feedback(t, x, p):
         return [x[1], x[2], -0.3 * x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
@@ -235,7 +235,7 @@ def test_a_branch_that_swings_around_a_homoclinic_orbit_goes_on_through_its_fold
     hopf = cb.trace(rest, "beta", within={"beta": (3, 4)}).first("HB")
     (branch,) = cb.switch(hopf, within={"beta": (0.1, 4)})
     end = branch.first("HOM")
-    assert end["beta"] == pytest.approx(0.74572653, abs=5e-8)
+    assert end["beta"] == pytest.approx(0.74572653, abs=1e-6)
     folds = [at["beta"] for at in branch.special if at.kind == "LP"]
     roots = np.roots([1, 0.3, end["beta"], -1])
     ratio = -math.exp(-math.pi * abs(roots[0].real / roots[0].imag))
