@@ -148,7 +148,7 @@ class Cycle(HtmlRepr):
 
     @property
     def off_one(self) -> float:
-        """How far off 1 the nearest multiplier but the trivial one is."""
+        """Distance from 1 of the nearest multiplier but the trivial one."""
         return float(abs(self.others - 1).min(initial=math.inf))
 
     @property
