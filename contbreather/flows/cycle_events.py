@@ -303,9 +303,11 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             height = partial(_height, wall, flight, orbit.params)
             # without a reset it begins where another ended: the walls of sliding are zero there
             before = flows[i - 1]
-            left = before.reset is None or _has_left(orbit, i, v, size, t, states)
-            walled = flow.until is None or not left
-            begins = ignored > 0.0 or _apart(orbit, i, wall, size) if ends else walled
+            if ends:
+                begins = ignored > 0.0 or _apart(orbit, i, wall, size)
+            else:
+                left = before.reset is None or _has_left(orbit, i, v, size, t, states)
+                begins = flow.until is None or not left
             # where no place is low this one is far from it, but in sliding that vanishes
             vanishes = ends and slid_along(flow)
             places = [] if vanishes else [s[v.argmax()]]

@@ -24,6 +24,8 @@ from .sparse import (
     is_sparse,
 )
 
+LOST = 1e-10  # a singular value so small, beside the largest, is rounding: a rank is lost
+
 
 @dataclass(frozen=True, eq=False)
 class LeastSingular:
@@ -53,7 +55,7 @@ class LeastSingular:
     @property
     def lost(self) -> bool:
         """Whether a rank is lost, to rounding."""
-        return self.size <= 1e-10 * self.largest
+        return self.size <= LOST * self.largest
 
     @property
     def plane(self) -> Array:

@@ -37,7 +37,7 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
     around = (start + low * length, start + high * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)
     if event.turns and not samples.segment.moves(point):
-        return replace(point, kind="")
+        return replace(point, kind="")  # nothing happens there
     verdict: Examined = reason or point.detail.get("reason", "")
     if not verdict and event.examine is not None:
         verdict = event.examine(point)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import BadInput, NotConverged
-from ..algebra.linear_algebra import least_singular, sense
+from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import Array, Undefined, approach, newton
 from ..algebra.sparse import dense, is_sparse, scaled
 from ..curve.branch import Points
@@ -309,7 +309,7 @@ def _loses_rank(curve: Curve, z: Array) -> bool:
     largest = np.ravel(dense(abs(matrix).max(axis=0)))
     unit = scaled(matrix, np.ones(curve.size), 1 / (largest + (largest == 0)))
     # each column has an entry 1, and of a large matrix the largest singular value is but a bound
-    return least_singular(unit).size <= 1e-10
+    return least_singular(unit).size <= LOST
 
 
 # --- infinity ---------------------------------------------------------------------------------
