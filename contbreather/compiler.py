@@ -158,12 +158,14 @@ def _entry(kernel: Kernel) -> Any:
     carray: Any = numba.carray  # type: ignore[attr-defined]
     scope: dict[str, Any] = {"carray": carray, "function": _twin(kernel.function)}
     scope["as_i8"] = _pointer_to(types.int64)
-    for name in ("f8", "i8", "i1"):
+    lines = ["i8 = as_i8(f8)"]
+    for name in ("f8", "c16", "i8", "i1"):
         scope[f"as_{name}s"] = _pointer_to(types.CPointer(getattr(types, name)))
+        lines.append(f"{name}s = as_{name}s(f8)")
     words = count()
     arguments = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
-    kinds = "i8, f8s, i8s, i1s = as_i8(f8), as_f8s(f8), as_i8s(f8), as_i1s(f8)"
-    exec(f"def entry(f8):\n    {kinds}\n    function({arguments})\n    return 0\n", scope)
+    body = "\n    ".join([*lines, f"function({arguments})", "return 0"])
+    exec(f"def entry(f8):\n    {body}\n", scope)
     return scope["entry"]
 
 

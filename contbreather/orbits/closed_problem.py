@@ -337,7 +337,7 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
 def _pair_walker(problem: Any, free: tuple[str, ...], params: Mapping[str, float]) -> Any:
     data = problem.kernel_data(free, params, extra=1)
     work = band_workspace(0.0, get_ident())
-    return data and (kernels.PAIR, kernels.PairData(data, work, np.empty((6, 2))))
+    return data and (kernels.PAIR, kernels.PairData(data, work, np.empty(6, complex)))
 
 
 # --- a site that grazes -------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contbreather.continuation.algebra.walk_kernel import walker
-from contbreather.kernels import Counts, Matrix, Vector, inlined
+from contbreather.kernels import ComplexVector, Counts, Matrix, Vector, inlined
 from contbreather.lattice.band_averages import (
     BandAverage,
     HeldMean,
@@ -85,7 +85,7 @@ class PairData(NamedTuple):
 
     closure: ClosureData
     work: BandWorkspace
-    F: Matrix  # both parts of F in rows, as `pair_equations` have them
+    F: ComplexVector  # with its derivatives, as `pair_equations` have them
 
 
 class ContactData(NamedTuple):
@@ -236,7 +236,7 @@ def pair_system(z: Any, on: PairData, out: Any) -> int:
     t = terms(z, on.closure, on.closure.eta, series_motion(on.closure.harmonics, z[1]))
     if find_F(z, on, saltation_of(t)) != 0:
         return 1
-    out[2], out[3] = on.F[VALUE, 0], on.F[VALUE, 1]
+    out[2], out[3] = on.F[VALUE].real, on.F[VALUE].imag
     return 0
 
 
@@ -263,9 +263,8 @@ def pair_slopes(z: Any, on: PairData, out: Any) -> int:
         # F itself changes with the angle, the coupling and k
         own = BY_NU if i == 2 else BY_K if place == K else BY_GAMMA
         by = 1.0 if i == 2 or place == K else moved(on.closure, i - 3)[1] if i > 2 else 0.0
-        for part in range(2):
-            direct = by * on.F[own, part]
-            out[10 + 5 * part + i] = on.F[BY_B, part] * by_b + direct
+        out[10 + i] = on.F[BY_B].real * by_b + by * on.F[own].real
+        out[15 + i] = on.F[BY_B].imag * by_b + by * on.F[own].imag
     return 0
 
 

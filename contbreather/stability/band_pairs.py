@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from contbreather.kernels import Cube, Kernel, Matrix, Vector, fixed, inlined
+from contbreather.kernels import ComplexVector, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import polynomial
 
 EXACT = 3  # aliases m = -3..3 are exact
@@ -116,13 +116,13 @@ def sums_along(on: ChainWithImpacts, work: BandWorkspace, nu: Vector, out: Matri
 # --- the two equations and their derivatives ------------------------------------------------
 
 
-VALUE, BY_NU, BY_GAMMA, BY_K, BY_B, BY_SPRING = range(6)  # rows of `pair_equations`
+VALUE, BY_NU, BY_GAMMA, BY_K, BY_B, BY_SPRING = range(6)  # in `pair_equations`
 
 
 def pair_equations(
-    on: ChainWithImpacts, work: BandWorkspace, b: float, nu: float, out: Matrix
+    on: ChainWithImpacts, work: BandWorkspace, b: float, nu: float, out: ComplexVector
 ) -> None:
-    """Real and imaginary part of F at an angle, and of its derivatives, in rows."""
+    """F at an angle, and its derivatives."""
     gamma, k, spring = on
     find_tails(on.gamma, work)
     value, still = regular_sums(on, work.tails, nu), (0.0, 0.0, 0.0)
@@ -146,11 +146,13 @@ def pair_equations(
 
 
 def add_alias(
-    out: Matrix, row: int, v: float, change: complex, L: complex, by_v: float, smooth: complex
-) -> None:
+    out: ComplexVector, which: int, v: float, change: complex, L: complex, by_v: float,
+    smooth: complex,
+) -> None:  # fmt: skip
     """``F = v D`` from both parts of D, or how it changes as they and v do: v g = -i."""
-    out[row, 0] = by_v * smooth.real + v * change.real + L.imag / math.pi
-    out[row, 1] = by_v * smooth.imag + v * change.imag - L.real / math.pi
+    real = by_v * smooth.real + v * change.real + L.imag / math.pi
+    imag = by_v * smooth.imag + v * change.imag - L.real / math.pi
+    out[which] = complex(real, imag)
 
 
 def smooth_and_L(nu: Any, k: Any, b: Any, value: Any) -> tuple[Any, Any]:

@@ -14,7 +14,7 @@ they border the rest,
     ``F = -det [[1 - X (S - 1), to], [of, 1/g]]``,   2 m + 3 rows for m impacts,
 
 which is bounded along the whole circle. Columns of displacements are in units of the speeds, by
-which entries of S are multiplied. Complex numbers in arrays are pairs.
+which entries of S are multiplied.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector
+from contbreather.kernels import (
+    ComplexMatrix,
+    ComplexVector,
+    Counts,
+    Cube,
+    Kernel,
+    Matrix,
+    Vector,
+)
 from contbreather.lattice.modal_waves import complex_root
 
 NEAR = 5  # aliases |a| <= 5 are exact
@@ -56,13 +64,13 @@ class Impacts(NamedTuple):
     speeds: Vector
     sites: Counts  # from the first that impacts on
     moments: Matrix  # by distance: <w^2l cos(d theta)> of the chain over (4 gamma)^l
-    tails: Cube  # by pairs of impacts: powers of kappa in turn, reach, pull of far aliases
-    phases: Cube  # by pairs: exp(i a s)
+    tails: ComplexMatrix  # by pairs of impacts: powers of kappa in turn, reach, pull of far aliases
+    phases: ComplexMatrix  # by pairs: exp(i a s)
 
 
 class CountWorkspace(NamedTuple):
-    answers: Cube  # by near alias, g r^d for each distance d
-    matrix: Cube
+    answers: ComplexMatrix  # by near alias, g r^d for each distance d
+    matrix: ComplexMatrix
 
 
 # --- what does not depend on kappa ----------------------------------------------------------
@@ -76,12 +84,12 @@ def expand_pairs(orbit: Impacts, series: PairSeries, sums: Vector) -> None:
             pair, s = i * m + j, orbit.times[i] - orbit.times[j]
             if i == j and i > 0:  # the same for each impact with itself
                 for n in range(3 * POWERS):
-                    put(orbit.tails, pair, n, entry(orbit.tails, 0, n))
+                    orbit.tails[pair, n] = orbit.tails[0, n]
             else:
                 far_sums(series, s, sums)
                 far_powers(orbit, series, sums, pair, abs(orbit.sites[i] - orbit.sites[j]))
             for a in range(-NEAR, NEAR + 1):
-                put(orbit.phases, pair, a + NEAR, complex(math.cos(a * s), math.sin(a * s)))
+                orbit.phases[pair, a + NEAR] = complex(math.cos(a * s), math.sin(a * s))
 
 
 def far_sums(series: PairSeries, s: float, sums: Vector) -> None:
@@ -122,23 +130,18 @@ def far_powers(orbit: Impacts, series: PairSeries, sums: Vector, pair: int, dist
                         imag += term * sums[which]
             if c == 0:  # turn has one factor i more
                 real, imag = -imag, real
-            orbit.tails[pair, c * POWERS + p, 0] = real
-            orbit.tails[pair, c * POWERS + p, 1] = imag
+            orbit.tails[pair, c * POWERS + p] = complex(real, imag)
 
 
 # --- F --------------------------------------------------------------------------------------------
 
 
-def entry(values: Cube, i: int, j: int) -> complex:
-    return complex(values[i, j, 0], values[i, j, 1])
-
-
-def put(values: Cube, i: int, j: int, value: complex) -> None:
-    values[i, j, 0], values[i, j, 1] = value.real, value.imag
+def square_of(z: complex) -> float:
+    return z.real * z.real + z.imag * z.imag
 
 
 def over(z: complex) -> complex:
-    return z.conjugate() * (1.0 / (z.real * z.real + z.imag * z.imag))
+    return z.conjugate() * (1.0 / square_of(z))
 
 
 def edge_root(edge: float, kappa: complex) -> complex:
@@ -176,7 +179,7 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
                 share = over(low + high)
             r = -4.0 * orbit.gamma * (share * share)
             for d in range(orbit.moments.shape[0]):
-                put(room.answers, a + NEAR, d, answer)
+                room.answers[a + NEAR, d] = answer
                 answer = answer * r
     turn, reach, pull = mean_propagators(orbit, room, kappa, 0, 0)
     for i in range(m):
@@ -191,8 +194,8 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
                 turn, reach, pull = mean_propagators(orbit, room, kappa, j, i)
             kicked(orbit, room.matrix, j, i, turn, reach, pull)
     for i in range(m):
-        room.matrix[2 * i, 2 * i, 0] += orbit.speeds[i]
-        room.matrix[2 * i + 1, 2 * i + 1, 0] += 1.0
+        room.matrix[2 * i, 2 * i] += orbit.speeds[i]
+        room.matrix[2 * i + 1, 2 * i + 1] += 1.0
     for row in range(2 * BORDER + 1):
         border(orbit, room, kappa + (row - BORDER), row - BORDER, 2 * m + row)
     return -pivoted_determinant(room.matrix, 2 * m + 2 * BORDER + 1)
@@ -206,14 +209,14 @@ def mean_propagators(
     distance = abs(orbit.sites[i] - orbit.sites[j])
     turn = reach = pull = complex(0.0, 0.0)
     for p in range(POWERS - 1, -1, -1):
-        turn = turn * kappa + entry(orbit.tails, pair, p)
-        reach = reach * kappa + entry(orbit.tails, pair, POWERS + p)
-        pull = pull * kappa + entry(orbit.tails, pair, 2 * POWERS + p)
+        turn = turn * kappa + orbit.tails[pair, p]
+        reach = reach * kappa + orbit.tails[pair, POWERS + p]
+        pull = pull * kappa + orbit.tails[pair, 2 * POWERS + p]
     for a in range(-NEAR, NEAR + 1):
-        phase = entry(orbit.phases, pair, a + NEAR)
+        phase = orbit.phases[pair, a + NEAR]
         if abs(a) > BORDER:
             x = kappa + a
-            answer = entry(room.answers, a + NEAR, distance) * phase
+            answer = room.answers[a + NEAR, distance] * phase
             turn += complex(-x.imag, x.real) * answer
             reach += answer
             pull -= x * x * answer
@@ -223,16 +226,17 @@ def mean_propagators(
 
 
 def kicked(
-    orbit: Impacts, matrix: Cube, i: int, j: int, turn: complex, reach: complex, pull: complex
-) -> None:
+    orbit: Impacts, matrix: ComplexMatrix, i: int, j: int, turn: complex, reach: complex,
+    pull: complex,
+) -> None:  # fmt: skip
     """Enter ``-X_ij (S_j - 1)``."""
     if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
         turn = turn - math.pi  # not its own kick: what earlier periods left, G'(0) - 1/2
     loss, b, v = -orbit.loss / TWO_PI, -orbit.entries[j] / TWO_PI, orbit.speeds[j]
-    put(matrix, 2 * i, 2 * j, v * loss * turn + b * reach)
-    put(matrix, 2 * i, 2 * j + 1, loss * reach)
-    put(matrix, 2 * i + 1, 2 * j, v * loss * pull + b * turn)
-    put(matrix, 2 * i + 1, 2 * j + 1, loss * turn)
+    matrix[2 * i, 2 * j] = v * loss * turn + b * reach
+    matrix[2 * i, 2 * j + 1] = loss * reach
+    matrix[2 * i + 1, 2 * j] = v * loss * pull + b * turn
+    matrix[2 * i + 1, 2 * j + 1] = loss * turn
 
 
 def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, last: int) -> None:
@@ -253,23 +257,23 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
         back = wave.conjugate() * (1.0 / TWO_PI)
         row = back * (rate * orbit.loss * orbit.speeds[i] + orbit.entries[i])
         reached = power(-4.0 * orbit.gamma * square, orbit.sites[i])
-        put(matrix, 2 * i, last, wave * reached)
-        put(matrix, 2 * i + 1, last, wave * rate * reached)
-        put(matrix, last, 2 * i, row * reached)
-        put(matrix, last, 2 * i + 1, back * orbit.loss * reached)
+        matrix[2 * i, last] = wave * reached
+        matrix[2 * i + 1, last] = wave * rate * reached
+        matrix[last, 2 * i] = row * reached
+        matrix[last, 2 * i + 1] = back * orbit.loss * reached
     for i in range(m):
         for j in range(m):
             if orbit.sites[i] > 0 and orbit.sites[j] > 0:
                 answer_held(orbit, matrix, rate, square, alias, i, j)
     for i in range(2 * BORDER + 1):
-        if 2 * m + i != last:
-            put(matrix, last, 2 * m + i, complex(0.0, 0.0))
-    put(matrix, last, last, -low * high)
+        matrix[last, 2 * m + i] = 0.0
+    matrix[last, last] = -low * high
 
 
 def answer_held(
-    orbit: Impacts, matrix: Cube, rate: complex, square: complex, alias: int, i: int, j: int
-) -> None:
+    orbit: Impacts, matrix: ComplexMatrix, rate: complex, square: complex, alias: int, i: int,
+    j: int,
+) -> None:  # fmt: skip
     """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
     1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
     nearer = min(orbit.sites[i], orbit.sites[j])
@@ -283,43 +287,40 @@ def answer_held(
     first = total * (rate * orbit.loss * orbit.speeds[j] + orbit.entries[j])
     second = total * orbit.loss
     for row in range(2):
-        value = entry(matrix, 2 * i + row, 2 * j) - first
-        put(matrix, 2 * i + row, 2 * j, value)
-        value = entry(matrix, 2 * i + row, 2 * j + 1) - second
-        put(matrix, 2 * i + row, 2 * j + 1, value)
+        matrix[2 * i + row, 2 * j] -= first
+        matrix[2 * i + row, 2 * j + 1] -= second
         first, second = first * rate, second * rate
 
 
-def pivoted_determinant(matrix: Cube, rows: int) -> complex:
+def pivoted_determinant(matrix: ComplexMatrix, rows: int) -> complex:
     """By elimination with the largest pivot of each column."""
     product = complex(1.0, 0.0)
     for c in range(rows):
         best, pivot = -1.0, c
         for r in range(c, rows):
-            size = matrix[r, c, 0] * matrix[r, c, 0] + matrix[r, c, 1] * matrix[r, c, 1]
+            size = square_of(matrix[r, c])
             if size > best:
                 best, pivot = size, r
         if pivot != c:
             product = -product
             for j in range(c, rows):
-                value = entry(matrix, c, j)
-                put(matrix, c, j, entry(matrix, pivot, j))
-                put(matrix, pivot, j, value)
-        product = product * entry(matrix, c, c)
+                matrix[c, j], matrix[pivot, j] = matrix[pivot, j], matrix[c, j]
+        product = product * matrix[c, c]
         if not best > 0.0:
             break
-        inverse = over(entry(matrix, c, c))
+        inverse = over(matrix[c, c])
         for r in range(c + 1, rows):
-            factor = entry(matrix, r, c) * inverse
+            factor = matrix[r, c] * inverse
             for j in range(c + 1, rows):
-                put(matrix, r, j, entry(matrix, r, j) - factor * entry(matrix, c, j))
+                matrix[r, j] -= factor * matrix[c, j]
     return product
 
 
-def values_at(orbit: Impacts, room: CountWorkspace, kappa: Matrix, values: Matrix) -> None:
-    for i in range(kappa.shape[0]):
-        value = bordered_value(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
-        values[i, 0], values[i, 1] = value.real, value.imag
+def values_at(
+    orbit: Impacts, room: CountWorkspace, kappa: ComplexVector, values: ComplexVector
+) -> None:
+    for i in range(kappa.size):
+        values[i] = bordered_value(orbit, room, kappa[i])
 
 
 EXPANDED, EVERYWHERE = Kernel(expand_pairs), Kernel(values_at)

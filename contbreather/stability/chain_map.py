@@ -157,8 +157,8 @@ class OrbitMap:
             np.array([kick.speed for kick in self.kicks]),
             sites,
             moments(self.scaled, int(sites.max()), self.floor**2),
-            np.empty((m * m, 3 * POWERS, 2)),
-            np.empty((m * m, 2 * NEAR + 1, 2)),
+            np.empty((m * m, 3 * POWERS), complex),
+            np.empty((m * m, 2 * NEAR + 1), complex),
         )
         EXPANDED(impacts, series(), np.empty(HIGHEST))
         return impacts
@@ -168,10 +168,9 @@ class OrbitMap:
         in [0, 1/2]. For Im kappa <= 0; on the band the limit from |mu| > 1."""
         places = np.ascontiguousarray(kappa, dtype=complex)
         values = np.empty(places.shape, dtype=complex)
-        pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
         rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
-        room = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
-        EVERYWHERE(self._impacts, CountWorkspace(*room), *pairs)
+        room = np.empty((2 * NEAR + 1, distances), complex), np.empty((rows, rows), complex)
+        EVERYWHERE(self._impacts, CountWorkspace(*room), places, values)
         return values
 
     # --- real multipliers as scalars ---

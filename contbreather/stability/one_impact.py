@@ -325,9 +325,9 @@ class HalfMap(RealScalars):
 
     def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
         """``F = v D`` at an angle inside the band (times pi), with its derivatives."""
-        out = np.empty((6, 2))
+        out = np.empty(6, complex)
         ON_ARC(*_on(self.gamma, self.k, self.lattice.spring), self.b, angle, out)
-        return Gradient(*(complex(*row) for row in out.tolist()))
+        return Gradient(*out.tolist())
 
     def unstable(self, threshold: float) -> Any:
         """Count the multipliers outside the unit circle by more than rounding."""
