@@ -71,10 +71,6 @@ def _down(x: Ball) -> float:
     return near if arb(near) <= x else math.nextafter(near, -math.inf)
 
 
-def nearest_float(x: Ball) -> float:
-    return float(x.mid())
-
-
 def square_root(x: Ball) -> Ball:
     """The square root of what is known not to be negative, though its ball may reach below 0."""
     low, high = x.lower(), x.upper()
@@ -110,6 +106,12 @@ def jacobian_enclosure(equations: Equations, box: Sequence[Ball]) -> list[list[B
         values = equations(jets)
         columns.append([f[1] if isinstance(f, Jet) else arb(0) for f in values])
     return [list(row) for row in zip(*columns, strict=True)]
+
+
+def newton_step(equations: Equations, point: Sequence[Ball]) -> list[Ball]:
+    """Newton's step, to be subtracted from a point: a size, not a bound."""
+    slopes = arb_mat(jacobian_enclosure(equations, point)).mid()
+    return list(slopes.solve(arb_mat([[f] for f in equations(point)])).entries())
 
 
 def krawczyk(

@@ -77,10 +77,10 @@ def motion_enclosure(values: Mapping[str, Ball], n: int) -> ProvenMotion:
 
 # --- covering all times -------------------------------------------------------------------------
 
-Settled = Callable[[float, float], bool | None]
 
-
-def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
+def everywhere(
+    settled: Callable[[float, float], bool | None], pieces: int
+) -> tuple[bool | None, float]:
     """Test whether something holds on all balls of times that cover the flight, halving those on
     which it is not settled; and where it does not."""
 

@@ -16,7 +16,7 @@ from functools import cached_property
 from itertools import groupby, pairwise
 from typing import Any
 
-from flint import arb, arb_mat
+from flint import arb
 
 from contbreather.certified import averages, winding
 from contbreather.certified.averages import (
@@ -35,7 +35,7 @@ from contbreather.certified.balls import (
     interval,
     jacobian_enclosure,
     krawczyk,
-    nearest_float,
+    newton_step,
     working,
 )
 from contbreather.certified.certificate import Certificate, Covering, Tile
@@ -45,7 +45,6 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.parameters import NUMBERS
 
-UNKNOWNS = ("p", "phi")
 DEFINING = {"LP": fold_condition, "PF": pitchfork_condition}
 
 
@@ -73,14 +72,11 @@ def parameters(orbit: Any) -> dict[str, float]:
 
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
     """An enclosure of the one zero in a box around a point, or None if none is found."""
-    at = [arb(x) for x in point]
-    try:  # how far Newton's method would go from here: a size, not a bound
-        step = arb_mat(jacobian_enclosure(equations, at)).mid().inv() * arb_mat(
-            [[f] for f in equations(at)]
-        )
+    try:
+        step = newton_step(equations, [arb(x) for x in point])
     except ZeroDivisionError:
         return None
-    radius = min(within, 4.0 * max(abs(nearest_float(x)) for x in step.entries()) + 1e-30)
+    radius = min(within, 4.0 * max(abs(float(x.mid())) for x in step) + 1e-30)
     while radius <= within:
         box = krawczyk(equations, [arb(x, radius) for x in point])
         if box is not None:
@@ -142,7 +138,7 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     else:
         b = saltation_enclosure(values)
         entries["unstable"], why = winding.count(values["gamma"], values["k"], b)
-        missing += [f"how many multipliers are outside the circle: {why}"] if why else []
+        missing += [why] if why else []
     return {**entries, "unproved": tuple(missing)}
 
 
@@ -163,7 +159,7 @@ class BranchSheet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        return (*UNKNOWNS, self.free)
+        return ("p", "phi", self.free)
 
     @cached_property
     def system(self) -> Equations:
@@ -184,12 +180,8 @@ class BranchSheet:
         here = self.cut(along, arb(guess[along]))
         point = [arb(x) for i, x in enumerate(guess) if i != along]
         for _ in range(4):
-            step = (
-                arb_mat(jacobian_enclosure(here, point))
-                .mid()
-                .solve(arb_mat([[f] for f in here(point)]))
-            )
-            point = [arb((x - step[i, 0]).mid()) for i, x in enumerate(point)]
+            step = newton_step(here, point)
+            point = [arb((x - move).mid()) for x, move in zip(point, step, strict=True)]
         place = [float(x) for x in point]
         place.insert(along, guess[along])
         return tuple(place)
@@ -279,8 +271,7 @@ def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     if not holds:
         why = "" if holds is False else f"whether breathers are admissible: {reason}"
         return replace(piece, admissible=holds, why=why)
-    unstable, reason = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
-    why = f"how many multipliers are outside the circle: {reason}" if reason else ""
+    unstable, why = winding.count(values["gamma"], values["k"], saltation_enclosure(values))
     return replace(piece, admissible=True, unstable=unstable, why=why)
 
 

@@ -41,7 +41,7 @@ import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from math import comb
 
@@ -51,7 +51,6 @@ from contbreather.certified import averages
 from contbreather.certified.balls import (
     Ball,
     hull,
-    nearest_float,
     square_root,
     subintervals,
     working,
@@ -88,13 +87,12 @@ class Circle:
     gamma: Ball
     k: Ball
     b: Ball
-    sums: tuple[arb_poly, ...]
 
-    @classmethod
-    def of(cls, gamma: Ball, k: Ball, b: Ball) -> Circle:
-        powers = arb_mat([[gamma**j] for j in _POWERS])
-        series = [(weights * powers).entries() for weights in _weights()]
-        return cls(gamma, k, b, tuple(arb_poly(list(coefficients)) for coefficients in series))
+    @cached_property
+    def sums(self) -> list[arb_poly]:
+        """pi R/nu, pi B and pi C - 1 over |m| >= 2, in powers of nu^2."""
+        powers = arb_mat([[self.gamma**j] for j in _POWERS])
+        return [arb_poly((weights * powers).entries()) for weights in _weights()]
 
     def lattice_sums(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
         """R, B and C: the sums over all aliases but nu itself."""
@@ -138,23 +136,24 @@ def _off_zero(curve: Callable[[float, float], acb], low: float, high: float) -> 
 
 def count(gamma: Ball, k: Ball, b: Ball) -> tuple[int | None, str]:
     """Isolated multipliers of the half map outside the unit circle, a pair counting two; None with
-    the reason where that is not proved."""
-    circle = Circle.of(gamma, k, b)
+    the sentence that says so where that is not proved."""
+    circle = Circle(gamma, k, b)
     rectangles: list[acb] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
         # 16 balls before any is halved, 26 halvings: the last ones settle 1e-9 of an arc
         for _, _, rectangle in subintervals(16, 26, partial(_off_zero, curve)):
             if rectangle is None:
-                return None, f"D may vanish on the circle {name}"
+                why = f"D may vanish on the circle {name}"
+                return None, f"how many multipliers are outside the circle: {why}"
             rectangles.append(rectangle)
     points = [
         complex(
-            nearest_float(one.real.intersection(other.real)),
-            nearest_float(one.imag.intersection(other.imag)),
+            float(one.real.intersection(other.real).mid()),
+            float(one.imag.intersection(other.imag).mid()),
         )
         for one, other in pairwise(rectangles)
     ]
-    ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
+    ends = [math.copysign(1.0, float(rectangles[i].real.mid())) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))
     return 1 - round(turning / math.pi), ""

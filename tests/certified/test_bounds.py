@@ -101,7 +101,7 @@ def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
 
 def test_sums_over_aliases_hold_those_of_the_closed_form(kept: int) -> None:
     for gamma, nu in ((0.05, 0.3), (0.2, 0.95), (0.249, 1.0)):
-        circle = winding.Circle.of(arb(gamma), arb(0.5), arb(0.1))
+        circle = winding.Circle(arb(gamma), arb(0.5), arb(0.1))
         exact = alias_sums(gamma, np.array([nu]))[:3]
         for ball, one in zip(circle.lattice_sums(arb(nu)), exact, strict=True):
             assert ball.overlaps(arb(float(one[0]), 1e-13))
@@ -111,7 +111,7 @@ def test_the_curve_that_winds_is_D_without_its_poles() -> None:
     gamma, k, b = 0.15, 0.6, 0.3
     edge = 2 * gamma**0.5
     with balls.working():
-        circle = winding.Circle.of(arb(gamma), arb(k), arb(b))
+        circle = winding.Circle(arb(gamma), arb(k), arb(b))
         for x in (0.2, 0.7):
             nu = edge * np.sin(0.5 * np.pi * x)
             own, h = circle.on_band(x, x), -1j * nu * np.sqrt(4 * gamma - nu**2)
@@ -129,7 +129,7 @@ def test_a_ball_of_times_or_angles_holds_all_that_happens_in_it() -> None:
         own = {name: arb(x) for name, x in values.items()}
         path, circle = (
             inside_walls.motion_enclosure(own, 1),
-            winding.Circle.of(arb(0.15), arb(0.7), arb(0.2)),
+            winding.Circle(arb(0.15), arb(0.7), arb(0.2)),
         )
         for _ in range(20):
             middle, radius = rng.uniform(-1, 1), rng.uniform(0.01, 0.4)
