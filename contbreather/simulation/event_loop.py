@@ -130,8 +130,7 @@ def apply_events(
         drag = (on.mu + on.bonds.pulls[3, n]) * before
         push = wall * push_into_wall(on, work, n, float(wall), t)[0] - drag
         # onto the wall exactly: what rounding leaves would grow into a gap over many impacts
-        work.place[n] = on.walls[int(wall > 0), n]
-        work.v[n] = work.place[n] - motion
+        work.v[n] = on.walls[int(wall > 0), n] - motion
         work.w[n] = after - velocity
         work.hits[n] += 1
         if not record_event(log, period, t, n, HIT, wall, before, after, push):
@@ -152,7 +151,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
     """Expand all sites about the start of a step and find contacts; False if one went astray."""
     if anyone or not on.ring:
         driven_terms(on.motion, t, h, work.column)
-        args = (on.mu, on.mean, on.bonds, work.at_rest, work.place, work.column, work.rows)
+        args = (on.mu, on.mean, on.bonds, work.at_rest, on.walls, work.column, work.rows)
         expand_any(work.v, work.w, h, *args)
     else:
         expand_state(work.v, work.w, h, on.gamma, on.mu, work.rows)
@@ -355,7 +354,6 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
         wall = int(u[n] == on.walls[1, n]) - int(u[n] == on.walls[0, n])
         if wall != 0 and v[n] == 0.0 and push_into_wall(on, work, n, float(wall), t0)[0] > 0.0:
             work.at_rest[n] = np.int8(wall)
-            work.place[n] = u[n]
 
 
 @inlined
@@ -365,7 +363,7 @@ def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float)
     sound = True
     for n in range(u.size):
         if work.at_rest[n] != 0:
-            u[n] = work.place[n]
+            u[n] = on.walls[int(work.at_rest[n] > 0), n]
             v[n] = 0.0
             continue
         u[n] = work.v[n] + motion
@@ -413,7 +411,7 @@ EVENT_LOOP = Kernel(event_loop, long=True)
 
 def fly(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, zeros: Vector,
-    nowhere: Vector, rows: Matrix,
+    nowhere: Matrix, rows: Matrix,
 ) -> None:  # fmt: skip
     """Carry perturbations over a time without events."""
     anyone, left = any_at_rest(at_rest), span
@@ -448,7 +446,7 @@ def kick(
 
 def tangent_flow(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, since: Vector,
-    site: Counts, entry: Vector, ratio: Vector, slope: Vector, zeros: Vector, nowhere: Vector,
+    site: Counts, entry: Vector, ratio: Vector, slope: Vector, zeros: Vector, nowhere: Matrix,
     rows: Matrix,
 ) -> None:  # fmt: skip
     """Perturbations ``du, dv`` (m, N) over a time ``span`` with these events, in place.

@@ -253,7 +253,7 @@ def _couplings(
 
 def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     """Room for a step of so many powers, driven by so many harmonics."""
-    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
+    v, w, origin, last_v, last_w, reach, when = np.zeros((7, sites))
     side, held, released, listed = np.zeros((4, sites), np.int8)
     hits, candidates, due, many = (np.zeros(n, np.int64) for n in (sites, sites + 1, sites, 2))
     # a change at one site reaches every second power one site farther
@@ -262,9 +262,7 @@ def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
     push, column, drive = np.empty((size, 1)), np.empty(size), np.empty((harmonics, 3))
     step = (v, w, rows, origin, last_v, last_w, reach, patch, near, push, column, drive, when)
     waits = np.full(2, np.nan), np.array([NEVER, 0.0]), np.zeros(1, np.int64)
-    return Workspace(
-        *step, side, held, place, released, hits, *waits, candidates, listed, due, many
-    )
+    return Workspace(*step, side, held, released, hits, *waits, candidates, listed, due, many)
 
 
 # --- the integrator -------------------------------------------------------------------------------

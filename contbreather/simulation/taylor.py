@@ -99,7 +99,6 @@ class Workspace(NamedTuple):
     when: Vector  # a site's next event in the step
     side: Signs  # the wall that it then meets
     at_rest: Signs  # the wall on which a site rests, or 0
-    place: Vector  # of that wall
     released: Signs  # the wall that has just let go of a site, or 0
     hits: Counts  # in this period
     answer: Vector  # the speed before an impact, and k there
@@ -210,17 +209,18 @@ def near(bonds: Couplings, x: Vector, n: int) -> float:
 
 def expand_any(
     v: Vector, w: Vector, h: float, mu: float, mean: float, bonds: Couplings, at_rest: Signs,
-    place: Vector, column: Vector, rows: Matrix,
+    walls: Matrix, column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """Fill ``rows`` on any lattice, some sites resting on their walls: at ``place - a g(t)``.
+    """Fill ``rows`` on any lattice, some sites resting on their walls: there v is the wall's
+    place less a g(t).
 
-    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place``, and no
+    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``walls``, and no
     ``mean``, nothing is driven and the sites held do not move at all: so do perturbations.
     """
     stiff, extra, ground, slow = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2], bonds.pulls[3]
     for n in range(v.size):
         # u stays at its wall, so that v = u - a g has the powers of -a g
-        rows[0, n] = place[n] - column[0] if at_rest[n] != 0 else v[n]
+        rows[0, n] = walls[int(at_rest[n] > 0), n] - column[0] if at_rest[n] != 0 else v[n]
         rows[1, n] = -column[1] if at_rest[n] != 0 else h * w[n]
     for j in range(2, rows.shape[0]):
         pull, drag = -h * h / (j * (j - 1)), -mu * h / j

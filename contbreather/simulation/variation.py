@@ -93,7 +93,7 @@ def carried(
     on, sites = parameters_of(conditions), at_rest.size
     # a perturbation a row, its sites side by side
     du, dv = np.ascontiguousarray(columns.T.reshape(-1, 2, sites).transpose(1, 0, 2))
-    room = np.zeros(on.size), np.zeros(sites), np.empty((on.size, sites))
+    room = np.zeros(on.size), np.zeros((2, sites)), np.empty((on.size, sites))
     with deferred():
         TANGENT_FLOW(du, dv, at_rest, span, on, *events, *room)
     return np.concatenate([du, dv], axis=1).T
