@@ -97,12 +97,14 @@ WORDS = {
 def in_words(evidence: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Evidence of a verdict, for people: names and numbers."""
     if "return" in evidence:
-        count = int(evidence["periods"])
-        after = "a period" if count == 1 else f"{count} periods"
-        yield f"returns after {after} to", f"{evidence['return']:.2g}"
+        yield f"returns {_after(int(evidence['periods']))} to", f"{evidence['return']:.2g}"
     for name, (words, shape) in WORDS.items():
         if name in evidence:
             yield words, shape.format(evidence[name])
+
+
+def _after(periods: int) -> str:
+    return "after a period" if periods == 1 else f"after {periods} periods"
 
 
 def classify(
@@ -242,9 +244,8 @@ def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Finding | None, Perio
     n, gaps = _returns(run)
     gap = float(gaps[n - 1])
     evidence |= {"return": gap, "periods": float(n)}
-    after = "a period" if n == 1 else f"{n} periods"
     if isinstance(run, SmoothRun) and run.sites > LONG:
-        reason = f"returns to {gap:.1g} after {after}, its multipliers were not computed"
+        reason = f"returns to {gap:.1g} {_after(n)}, its multipliers were not computed"
         kind = Kind.PERIODIC if n == 1 else Kind.UNDECIDED
         return ((kind, reason) if gap < CLOSED else None), None
     repelling = None
@@ -310,16 +311,15 @@ def _leaving(run: Ran, motion: PeriodicMotion) -> bool:
 
 def _repels(run: Ran, evidence: dict[str, float], motion: PeriodicMotion) -> str:
     evidence["multiplier"] = motion.largest
-    after = "a period" if motion.periods == 1 else f"{motion.periods} periods"
     return (
-        f"{_distance(run, motion):.1g} from a motion that repeats after {after}, largest "
-        f"multiplier {motion.largest:.6g}: it repels, and the run has not left it yet"
+        f"{_distance(run, motion):.1g} from a motion that repeats {_after(motion.periods)}, "
+        f"largest multiplier {motion.largest:.6g}: it repels, and the run has not left it yet"
     )
 
 
 def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Finding:
-    u, v = completed(orbit.run()).strobe
-    gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
+    x = np.concatenate(completed(orbit.run()).strobe, axis=1)
+    gaps = np.abs(x[1:] - x[0]).max(axis=1)
     # it may close after fewer periods than were asked for; Newton's method stops at steps of 1e-9,
     # and what is left of it grows along the orbit
     n = 1 + int(np.argmax(gaps < 1e-7))

@@ -80,16 +80,13 @@ def wall_slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[f
     """Derivatives of the wall's force in u, in u' over lambda, and in m."""
     inside = min(max(u, -top), top)
     size = abs(inside)
-    q = size ** (2.0 * m)
+    q, weight = size ** (2.0 * m), 2.0 * m + 1.0
     dq = 2.0 * m * q / inside if size > 0.0 else 0.0
-    weight = 2.0 * m + 1.0
+    log = 2.0 * math.log(size) if size > 0.0 else 0.0  # d q/dm = q log u^2
     # of lambda q u' and q^2 u = |u|^(4m) u
     in_u = weight * (lam * v * dq + (4.0 * m + 1.0) * q * q)
-    in_m = 0.0
-    if size > 1e-3:  # below, q is far smaller than rounding for every m >= 6
-        log = 2.0 * math.log(size)  # d q/dm = q log u^2
-        in_m = 2.0 * q * (lam * v + q * inside)
-        in_m += weight * q * log * (lam * v + 2.0 * q * inside)
+    in_m = 2.0 * q * (lam * v + q * inside)
+    in_m += weight * q * log * (lam * v + 2.0 * q * inside)
     return in_u, weight * q, in_m
 
 
