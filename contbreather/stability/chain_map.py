@@ -186,13 +186,9 @@ class OrbitMap:
             if len({kick.site for kick in self.kicks}) > 1:
                 raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
             return -float(self.F(np.zeros(1))[0].real)
-        if self.gamma == 0.0:
-            F = self.F(np.array([0.5]))[0].real
-        else:
-            F = self._circle.F[-1].real
         size = abs(1.0 - 16.0 * self.scaled) / 16.0  # 1/|g|^2 at kappa = 1/2, and 1/g at 3/2
         third = 1.5 * math.sqrt(2.25 - 4.0 * self.scaled)
-        return float(F / third / (1.0 + size))
+        return float(self.F(np.array([0.5]))[0].real / third / (1.0 + size))
 
     # --- counting ---
 
@@ -207,7 +203,7 @@ class OrbitMap:
             least, outside = float(abs(size[place] - 1.0)), mu[size > 1.0 + CERTAIN]
             pairs, nu = int(np.sum(outside.imag > 0.0)), abs(float(np.angle(mu[place]))) / math.pi
             return Count(outside.size, least > CERTAIN, least, nu, pairs)
-        circle = self._circle
+        circle = _around(self)
         half_turns, nearest = round(circle.turning / math.pi), int(abs(circle.F).argmin())
         least = float(abs(circle.F[nearest])) / circle.terms
         certain = circle.resolved and least > CERTAIN
@@ -227,10 +223,6 @@ class OrbitMap:
     def beyond(self, place: float) -> int:
         """Count all outside, those beyond 1 or -1 among them: it changes where one passes there."""
         return self.count().count
-
-    @property
-    def _circle(self) -> CircleSamples:
-        return _around(self)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """Distance of the next pair from the circle, signed by parity; number of those outside."""
@@ -267,7 +259,7 @@ class OrbitMap:
     def _near(self) -> tuple[Array, Array, Array]:
         """kappa of zeros of F on straight lines between its samples, and of the places on the
         circle next to them; and how far off these are, in units of the samples' distance."""
-        kappa, F, *_ = self._circle
+        kappa, F, *_ = _around(self)
         step, rise = np.diff(kappa), np.diff(F)
         apart = (step > 1e-14 * kappa[1:]) & (rise != 0.0)  # pieces of the circle share their ends
         low, step, share = kappa[:-1][apart], step[apart], -F[:-1][apart] / rise[apart]

@@ -191,6 +191,15 @@ def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():
         assert gap < (1e-12 if ring else 1e-9)
 
 
+@pytest.mark.parametrize("mu", [1.0, -1.0])
+def test_scalars_of_real_multipliers_are_smooth_where_an_impact_vanishes(mu):
+    """Its speed changes sign, and nothing else does: that of -1 jumped from +0.03 to -0.03."""
+    speeds = np.linspace(-1e-3, 1e-3, 6)
+    kicks = [[(0, 0.0, 0.9, 1.0), (0, 2.0, 0.5, float(speed))] for speed in speeds]
+    values = [OrbitMap(0.06, 0.8, each).crosses(mu) for each in kicks]
+    assert np.ptp(values) < 1e-3 < np.abs(values).min()
+
+
 def test_counts_change_by_one_across_plus_and_minus_one():
     def of(b):
         return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)])
