@@ -77,16 +77,19 @@ def square_root(x: Ball) -> Ball:
     return (low.sqrt() if low > 0 else arb(0)).union(high.sqrt())
 
 
+HALVINGS = 26  # of an interval: the last ones settle 1e-9 of it, 1e-15 where it is quadratic
+
+
 def subintervals(
-    count: int, deepest: int, settled: Callable[[float, float], Any]
+    count: int, settled: Callable[[float, float], Any]
 ) -> Iterator[tuple[float, float, Any]]:
     """Parts of the interval from 0 to 1, in order, each with what is settled of it; one of which
-    that is None is halved, so many times at most."""
+    that is None is halved."""
     stack = [(i / count, (i + 1) / count, 0) for i in reversed(range(count))]
     while stack:
         low, high, depth = stack.pop()
         answer = settled(low, high)
-        if answer is None and depth < deepest:
+        if answer is None and depth < HALVINGS:
             middle = 0.5 * (low + high)
             stack += [(middle, high, depth + 1), (low, middle, depth + 1)]
         else:

@@ -88,8 +88,7 @@ def everywhere(
         # balls overlap: no time is lost to the rounding of their middles
         return settled(HALF * (1.0 - low - high), HALF * (high - low) + 1e-13)
 
-    # 26 halvings: the last ones settle a distance of 1e-15 from a wall
-    for low, high, answer in subintervals(pieces, 26, at):
+    for low, high, answer in subintervals(pieces, at):
         if not answer:
             return answer, HALF * (1.0 - low - high)
     return True, 0.0

@@ -140,8 +140,7 @@ def count(gamma: Ball, k: Ball, b: Ball) -> tuple[int | None, str]:
     circle = Circle(gamma, k, b)
     rectangles: list[acb] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
-        # 16 balls before any is halved, 26 halvings: the last ones settle 1e-9 of an arc
-        for _, _, rectangle in subintervals(16, 26, partial(_off_zero, curve)):
+        for _, _, rectangle in subintervals(16, partial(_off_zero, curve)):
             if rectangle is None:
                 why = f"D may vanish on the circle {name}"
                 return None, f"how many multipliers are outside the circle: {why}"

@@ -39,6 +39,7 @@ from contbreather.simulation.taylor import (
 
 DONE, FULL, CHATTER, ASTRAY, WILD, ASKS = 0, 1, 2, 3, 4, 5
 HIT, BEGINS_REST, ENDS_REST = 0, 1, 2
+MOST = 150_000  # impacts of one site in one period: some seconds
 
 
 @inlined
@@ -135,7 +136,7 @@ def apply_events(
         work.hits[n] += 1
         if not record_event(log, period, t, n, HIT, wall, before, after, push):
             return FULL, 0
-        if work.hits[n] > on.most:
+        if work.hits[n] > MOST:
             return CHATTER, n
         rest = comes_to_rest(on, work, n, float(wall), t, abs(after), k)
         if rest >= 0.0:

@@ -34,6 +34,7 @@ from contbreather.simulation.event_loop import (
     EVENT_LOOP,
     FULL,
     HIT,
+    MOST,
 )
 from contbreather.simulation.states import PERIOD, State, wall_rows, within_period
 from contbreather.simulation.taylor import (
@@ -212,8 +213,7 @@ def parameters_of(conditions: Conditions) -> Parameters:
     walls = np.array([low, high, np.minimum(high, -low), back])
     where = (ring, float(c.gamma), bonds, walls)
     steps = step, rest_step, powers_needed(step * rate)
-    most = 150_000  # some seconds
-    return Parameters(*where, mu, c.restitution is not None, *steps, most, mean, motion, force)
+    return Parameters(*where, mu, c.restitution is not None, *steps, mean, motion, force)
 
 
 @lru_cache(maxsize=64)
@@ -330,7 +330,7 @@ class EventDriven:
         if walls[0] != walls[-1]:
             how = f"from wall to wall at a speed of {speeds[-1]:.3g}"
         return (
-            f"site {site} has more than {self.parameters.most} impacts in period {period}, {how} "
+            f"site {site} has more than {MOST} impacts in period {period}, {how} "
             f"(k = {self.conditions.k}); the state before that period is kept"
         )
 

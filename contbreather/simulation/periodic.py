@@ -398,9 +398,10 @@ class MotionProblem(maps.MapCycleProblem):
 
         def along(x: Array, params: Params, name: str) -> Array:
             back, total = self.back, np.zeros(x.size)
-            for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
-                total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-                x = back.image(x, params)
+            # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
+            for place in self.residual.phases(x, params):
+                slope = back.sensitivity(place, params, name)
+                total = back.derivative(place, params) @ total + slope
             return total
 
         return along if exact else None

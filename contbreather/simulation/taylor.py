@@ -51,7 +51,6 @@ class Parameters(NamedTuple):
     step: float  # over which the series converge to rounding in ``size`` terms
     rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
-    most: int  # impacts of one site in one period
     mean: float  # of F(t), which no g follows: v does
     motion: Matrix  # m, A, B of a g(t) in rows, as of `series_motion`; g'' + mu g' = F/a - its mean
     force: Matrix  # of F(t)
