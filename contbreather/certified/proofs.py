@@ -113,15 +113,15 @@ def certify_point(
             none = any(not value.contains(0) for value in system(box))  # surely no zero in it
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
-        values = scaled_values({**fixed, **dict(zip(names, zero, strict=True))})
+        found = dict(zip(names, zero, strict=True))
+        values = scaled_values({**fixed, **found})
         follows = {"chi": averages.chi(values["gamma"]), "b": saltation_enclosure(values)}
-        enclosed = {**dict(zip(names, zero, strict=True)), **follows}
         return replace(
             certificate,
             exists=True,
             unique=True,
             alone=alone_within(system, zero),
-            enclosure={name: interval(x) for name, x in enclosed.items()},
+            enclosure={name: interval(x) for name, x in {**found, **follows}.items()},
             **_judged(values, kind),
         )
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, inlined
+from contbreather.kernels import ComplexMatrix, Counts, Cube, Kernel, Matrix, Vector, inlined
 from contbreather.lattice.periodic_green import section_length, sections_between
 
 CLOSE = 0.05  # of the distance to the next harmonic, z from 0 or from critical damping
@@ -35,7 +35,7 @@ class Recurring(NamedTuple):
 class ModeWaves(NamedTuple):
     """ModeWaves of all modes, one mode after the other."""
 
-    parts: Cube  # RATE.. of each wave, real and imaginary
+    parts: ComplexMatrix  # RATE.. of each wave
     modes: Counts  # whose it is
     level: Matrix  # constant of each mode, and its slope
     apart: Vector  # in z, of each mode from the next harmonic
@@ -137,10 +137,8 @@ def add(
 ) -> None:
     n = out.filled[0]
     out.modes[n], out.filled[0] = k, n + 1
-    out.parts[RATE, n, 0], out.parts[RATE, n, 1] = rate.real, rate.imag
-    out.parts[SIZE, n, 0], out.parts[SIZE, n, 1] = size.real, size.imag
-    out.parts[GROWTH, n, 0], out.parts[GROWTH, n, 1] = growth.real, growth.imag
-    out.parts[DRIFT, n, 0], out.parts[DRIFT, n, 1] = drift.real, drift.imag
+    out.parts[RATE, n], out.parts[SIZE, n] = rate, size
+    out.parts[GROWTH, n], out.parts[DRIFT, n] = growth, drift
 
 
 @inlined
@@ -193,11 +191,10 @@ def modal_interactions(
             for n in range(of.filled[0]):
                 k = of.modes[n]
                 weight = sign * weights[i, j, k]
-                rate = complex(of.parts[RATE, n, 0], of.parts[RATE, n, 1])
+                rate = of.parts[RATE, n]
                 wave = weight * exponential(rate * s)
-                size = wave * complex(of.parts[SIZE, n, 0], of.parts[SIZE, n, 1])
-                growth = wave * complex(of.parts[GROWTH, n, 0], of.parts[GROWTH, n, 1])
-                drift = wave * complex(of.parts[DRIFT, n, 0], of.parts[DRIFT, n, 1])
+                size, growth = wave * of.parts[SIZE, n], wave * of.parts[GROWTH, n]
+                drift = wave * of.parts[DRIFT, n]
                 power, less = 1.0 + 0j, 0j  # l^order and its derivative in l
                 for order in range(4):
                     out[VALUE + order, i, j] += (size * power).real

@@ -260,7 +260,7 @@ class ModalResponse(Response):
         WAVES(modes, self._section, waves)
         self._check_apart(waves)
         n, level = int(waves.filled[0]), waves.level[:, int(part == GROWTH)]
-        rates, sizes = (waves.parts[i, :n].copy().view(complex)[:, 0] for i in (RATE, part))
+        rates, sizes = (waves.parts[i, :n].copy() for i in (RATE, part))
         return AnswerWaves(rates, sizes, waves.modes[:n], level.copy())
 
     @cached_property
@@ -466,7 +466,7 @@ def _passed_on(lattice: Any, hit: Sites, sites: Sites, hits: Sites) -> FloatArra
 
 
 def _room(K: int) -> ModeWaves:
-    parts = np.empty((4, MOST * K, 2)), np.empty(MOST * K, dtype=np.int64)
+    parts = np.empty((4, MOST * K), complex), np.empty(MOST * K, dtype=np.int64)
     return ModeWaves(*parts, np.empty((K, 2)), np.empty(K), np.zeros(1, dtype=np.int64))
 
 

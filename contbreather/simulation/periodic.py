@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from operator import attrgetter
 from typing import Any, Unpack
 
@@ -156,7 +156,7 @@ class PeriodicMotion(HtmlRepr):
         # the sign of u(t + pi) = -u(t) is in the matrix, and not in the half flow
         return -_by_size(self.matrix) if self.symmetric else None
 
-    @property
+    @cached_property
     def multipliers(self) -> Array:
         """Over 2 pi n, largest first."""
         return _by_size(self.matrix) ** (2 if self.symmetric else 1)

@@ -95,8 +95,7 @@ class OrbitMap:
     sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        given = (Saltation(*kick) for kick in self.kicks)
-        kicks = tuple(Saltation(int(site), *map(float, rest)) for site, *rest in given)
+        kicks = tuple(Saltation(int(site), *map(float, rest)) for site, *rest in self.kicks)
         object.__setattr__(self, "kicks", kicks)
         if not kicks:
             raise BadInput("an orbit without impacts is neutral: give at least one impact.")
