@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from contbreather.plotting.canvas import place_words
+from contbreather.plotting.canvas import lay_out, place_words
 
 POINT = 100.0 / 72.0  # pixels, at the resolution of the figure below
 
@@ -31,7 +31,7 @@ def box(ax: Axes, word) -> np.ndarray:
 def placed(ax: Axes, *words: tuple) -> list:
     """Write words, (x, y) or (x, y, text, style): what was written."""
     before = len(ax.texts)
-    place_words(ax, [(*word, *("word", {})[len(word) - 2 :]) for word in words])
+    place_words(ax, lay_out(ax), [(*word, *("word", {})[len(word) - 2 :]) for word in words])
     return ax.texts[before:]
 
 

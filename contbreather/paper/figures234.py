@@ -17,7 +17,8 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import SITES, ThresholdLine
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, place_words, style
+from contbreather.plotting import canvas
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
 from contbreather.plotting.multipliers import draw_multipliers, name_multipliers
 from contbreather.plotting.zones import LINES, draw_panels, explain, names_of_meetings
 from contbreather.stability.verdict import THRESHOLD
@@ -67,6 +68,7 @@ class Figure2:
                         look = {**LINES["NS"], "linestyle": (0, (1, 1.4)), "label": name}
                         panel.plot(line.gamma, line.a, **look)
             explain(panels, figure)
+            pixel = canvas.lay_out(panels[0])
             for diagram, panel in zip(self.zones, panels, strict=True):
                 words = names_of_meetings(diagram)
                 for name, start, end, a in TRANSITIONS if diagram.fixed == ("k", 0.8) else ():
@@ -75,7 +77,7 @@ class Figure2:
                     panel.plot([start, end], [a, a], linewidth=0.8, **look)
                     panel.plot(end, a, "<" if end < start else ">", **look)
                     words.append((max(start, end), a, name))
-                place_words(panel, ((*word, {}) for word in words))
+                canvas.place_words(panel, pixel, ((*word, {}) for word in words))
         return figure
 
 

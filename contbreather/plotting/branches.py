@@ -117,10 +117,13 @@ def plot_branches(
         unknown = plain if coloured else GREY
         for most in range(MANY - 1, -1, -1):  # fewer groups, until there is room for their words
             entries = _legend_entries(key if groups else {}, styles, plain, unknown, most)
-            if _legend(axes, entries | looks_of_kinds) or not groups:
+            above = _legend(axes, pixel, entries | looks_of_kinds)
+            if above < 1 / 3 or not groups:
                 break
         if named:
-            canvas.place_words(axes, words)
+            if above:  # the axes have made room for it
+                canvas.lay_out(axes)
+            canvas.place_words(axes, pixel, words)
     return drawn
 
 
@@ -384,27 +387,26 @@ def _legend_entries(
     return entries
 
 
-def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> bool:
-    """Draw a legend inside the axes where it is small and covers no curve, else above them in as
-    many columns as fit. False if that is more than a third of the figure."""
+def _legend(ax: Axes, pixel: float, entries: dict[str, dict[str, Any]]) -> float:
+    """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
+    in as many columns as fit: the part of the height of the figure that it takes there."""
     from matplotlib.lines import Line2D
 
     if not entries:
-        return True
+        return 0.0
     handles = [Line2D([], [], **look) for look in entries.values()]
     look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
     legend = partial(ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
         inside = legend(loc="best")
-        pixel = canvas.lay_out(ax)
         if not canvas.ink_of(ax, pixel)(inside.get_window_extent()):
-            return True
+            return 0.0
     for columns in (3, 2, 1):
         above = legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
         size, whole = above.get_window_extent(), ax.figure.bbox
         if size.width < whole.width:
             break
-    return size.height < whole.height / 3
+    return float(size.height / whole.height)
 
 
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:

@@ -319,24 +319,23 @@ def lay_out(ax: Axes) -> float:
     return float(figure.dpi) / 72.0
 
 
-def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
-    """Write words beside points of finished axes, each in its style: close by, to the upper right
-    before elsewhere, where they cover least of other words and the legend, are nearest to their own
-    point, and cover least of curves, a line that leads to a point farther off among them. Points
-    outside of the axes get none."""
+def place_words(
+    ax: Axes, pixel: float, words: Iterable[tuple[float, float, str, dict[str, Any]]]
+) -> None:
+    """Write words beside points of finished axes, which are laid out, each in its style: close by,
+    to the upper right before elsewhere, where they cover least of other words and the legend, are
+    nearest to their own point, and cover least of curves, a line that leads to a point farther off
+    among them. Points outside of the axes get none."""
     from matplotlib.transforms import Bbox
 
-    def off(box: Bbox, points: Array) -> Array:
-        return np.linalg.norm(np.clip(points, box.min, box.max) - points, axis=-1)
-
-    ink = ink_of(ax, pixel := lay_out(ax))
+    ink = ink_of(ax, pixel)
     inner, outer = ax.bbox.padded(-3.0 * pixel), ax.bbox.padded(2.0 * pixel)  # off ticks, at rim
     taken = [word.get_window_extent() for word in (*ax.texts, ax.get_legend()) if word]
     angles = np.pi * (0.25 + np.arange(16) / 8.0)
     sides = np.column_stack([np.cos(angles), np.sin(angles)])
     placed = list(words)
     every = ax.transData.transform(np.reshape([word[:2] for word in placed], (-1, 2)))
-    for point, (x, y, text, style) in zip(every, placed, strict=True):
+    for own, (point, (x, y, text, style)) in enumerate(zip(every, placed, strict=True)):
         if not outer.contains(*point):
             continue
         look = {"fontsize": "small", **style, "ha": "center", "va": "center"}
@@ -345,17 +344,20 @@ def place_words(ax: Axes, words: Iterable[tuple[float, float, str, dict[str, Any
         half = 0.5 * np.asarray(word.get_window_extent().size)
         beside = half * np.clip(1.5 * sides, -1.0, 1.0)
         ways = np.concatenate([gap * pixel * sides + beside for gap in range(3, 33, 3)])
-        boxes = [Bbox([point + way - half, point + way + half]).padded(pixel) for way in ways]
-        covered = [
-            (box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4),
-             int(np.sum(off(box, every) <= off(box, point))),
-             ink(box) + pixel * float(off(box, point)))
-            for box in boxes
-        ]  # fmt: skip
-        best = covered.index(min(covered))
+        low, high = point + ways - half - pixel, point + ways + half + pixel
+        boxes = [Bbox(ends) for ends in np.stack([low, high], axis=1)]
+        off = [np.linalg.norm(np.clip(one, low, high) - one, axis=1) for one in every]
+        nearer = np.sum(off <= off[own], axis=0)
+        crowded = [
+            (box.count_overlaps(taken) + (inner.count_contains(box.corners()) < 4), count)
+            for box, count in zip(boxes, nearer, strict=True)
+        ]
+        least = min(crowded)
+        free = [i for i, crowd in enumerate(crowded) if crowd == least]
+        best = min(free, key=lambda i: ink(boxes[i]) + pixel * off[own][i])
         word.set_position(tuple(ways[best] / pixel))
         taken.append(boxes[best])
-        corner = np.clip(point, boxes[best].min, boxes[best].max) - point
+        corner = np.clip(point, low[best], high[best]) - point
         if np.hypot(*corner) > 12.0 * pixel:  # too far to be read without a line that leads there
             leads = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0, "shrinkB": 2}
             there = tuple(corner / pixel)

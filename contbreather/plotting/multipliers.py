@@ -129,9 +129,11 @@ def name_multipliers(
     axes: Axes, mu: Array, shown: Array, named: list[int], digits: int = 4
 ) -> None:
     """Write values beside multipliers; in axes narrower than 150 points a pair takes two lines."""
-    space = "\n" if axes.bbox.width / canvas.lay_out(axes) < 150.0 else " "
+    canvas.lay_out(axes)
+    pixel = canvas.lay_out(axes)  # axes of equal scales come to rest slowly
+    space = "\n" if axes.bbox.width / pixel < 150.0 else " "
     plain = canvas.text_colour(axes)
-    canvas.place_words(axes, (
+    canvas.place_words(axes, pixel, (
         (shown[i].real, shown[i].imag, _number(mu[i], digits, space),
          {"color": VERMILLION if abs(mu[i]) > _ON_CIRCLE else plain})
         for i in named

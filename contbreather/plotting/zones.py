@@ -113,10 +113,10 @@ def plot_zones(
         draw_panels(several, panels, within)
         if flag("legend", legend):
             explain(panels, figure)
+        pixel = canvas.lay_out(panels[0])
         for diagram, panel in zip(several, panels, strict=True):
-            canvas.place_words(
-                panel, ((*name, {"color": BLACK}) for name in names_of_meetings(diagram))
-            )
+            names = ((*name, {"color": BLACK}) for name in names_of_meetings(diagram))
+            canvas.place_words(panel, pixel, names)
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
