@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
-from contbreather.cli.process import STATUS as INTERRUPTED
 from contbreather.cli.process import CutShort, abandon, heard, interruptible, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.tables import visible
@@ -19,7 +18,7 @@ from contbreather.tables import visible
 if TYPE_CHECKING:
     from cyclopts import App
 
-DONE, FAILED, BAD_INPUT = 0, 1, 2
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
 
@@ -39,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = [STDOUT if token == "-" else token for token in typed if token != VERBOSE]
     try:
         with interruptible(alone=arguments is None), heard(VERBOSE in typed):
-            status = _run(tokens)
+            _run(tokens)
             if typed == ["--version", VERBOSE]:
                 from contbreather.compiler import status as compiled
 
@@ -61,10 +60,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(trouble(error), FAILED)
     except MemoryError as error:
         return _refused(f"the memory is too small for that: {str(error) or 'it is full'}", FAILED)
-    return status
+    return DONE
 
 
-def _run(tokens: list[str]) -> int:
+def _run(tokens: list[str]) -> None:
     from cyclopts import CycloptsError
 
     app = application()
@@ -72,8 +71,7 @@ def _run(tokens: list[str]) -> int:
         command, bound, *_ = app.parse_args(tokens, print_error=False, exit_on_error=False)
     except CycloptsError as error:
         raise BadInput(_sentence(error)) from error
-    status = command(*bound.args, **bound.kwargs)
-    return status if isinstance(status, int) else DONE
+    command(*bound.args, **bound.kwargs)
 
 
 def _sentence(error: Exception) -> str:

@@ -22,7 +22,6 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 from contbreather.errors import Interrupted
 
-STATUS = 130
 COLUMNS = range(20, 10_000)  # with fewer or more the layout of tables and help breaks down
 T = TypeVar("T")
 P = ParamSpec("P")

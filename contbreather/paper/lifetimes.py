@@ -12,18 +12,18 @@ from contbreather.checks import check_kind
 from contbreather.errors import NotConverged
 from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, simulate
+from contbreather.simulation.simulate import SimulationRun, States, completed, simulate
 
 SITES, LONG = 20, 120  # of the paper's ring, and of one on which a wave is damped away going round
 DAMPING = 0.005
 
 
-def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
+def life(run: States, site: int = 0) -> int | None:
     """Periods until a site misses a wall or another one comes to one; None if it never happens.
 
     Of smooth rings it needs a record of that site and its neighbours.
     """
-    check_kind(run, (SimulationRun, SmoothRun), "a run of simulate")
+    check_kind(run, States, "a run of simulate")
     if isinstance(run, SimulationRun):
         broken = unlike_a_breather(run.impacts, run.periods, site=site)
     else:

@@ -31,7 +31,7 @@ from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motio
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation.basin import Basin
 from contbreather.simulation.classify import Classification
-from contbreather.simulation.simulate import SimulationRun, SmoothRun
+from contbreather.simulation.simulate import States
 from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def _drawn(value: Any) -> tuple[Any, Any]:
             return _drawn(found)
         case Point():
             return value, plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place
-        case SimulationRun() | SmoothRun():
+        case States():
             return value, plot_localisation if value.record is None else plot_motion
         case _:
             return value, next((_PLOTS[kind] for kind in _PLOTS if isinstance(value, kind)), None)

@@ -46,7 +46,6 @@ SAMPLES = 40  # in a period, of a run of oscillators
 ANGLE = r"$\omega t/2\pi$"
 LONG = 20.0  # periods; of more, lines would fill the axes
 ROWS = 300  # as many as a column of a journal shows one beside the other
-RUNS = (SimulationRun, SmoothRun)
 NO_PERIOD = "nothing was recorded: only whole periods are, and this run has none; make it longer"
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
@@ -384,7 +383,7 @@ def plot_section(
         Periods to leave out at the beginning, as a transient.
     ax : matplotlib Axes; a new figure for a journal column unless given
     """
-    check_kind(run, RUNS, "a run")
+    check_kind(run, States, "a run")
     whole("skip", skip, 0)
     if not isinstance(site, int | np.integer):
         raise BadInput(f"site = {site!r}: the number of a site was expected")
@@ -409,7 +408,7 @@ def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None)
     run : simulation.SimulationRun or SmoothRun
     ax : matplotlib Axes; a new figure for a journal column unless given
     """
-    check_kind(run, RUNS, "a run")
+    check_kind(run, States, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)
     with canvas.drawing(ax) as (drawn, axes):
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
