@@ -59,8 +59,7 @@ def flag(name: str, value: object) -> bool:
 
 
 def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
-    plain = isinstance(value, str | int | np.integer) and not isinstance(value, bool)
-    if plain and value in choices:
+    if (isinstance(value, str) or is_whole(value)) and value in choices:
         return value
     *most, last = map(repr, choices)
     raise BadInput(f"{name} must be {', '.join(most)} or {last}, got {brief(value)}")

@@ -327,7 +327,7 @@ def _value(point: Any, name: str) -> float:
 def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     word = "" if point.kind == "EP" else branches.name_of(point)
-    mark = MARKS.get(look_of(point.kind).marker, "circle")
+    mark = MARKS[look_of(point.kind).marker]
     what = f"{point.title} of {code}: {values}"
     return _value(point, x), _value(point, y), word, colour, mark, what
 

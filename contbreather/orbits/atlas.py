@@ -302,11 +302,15 @@ def words(atlas: Dataset, name: str) -> list[str]:
     return [vocabulary[code] for code in atlas[name].to_numpy().tolist()]
 
 
+def check_atlas(atlas: object) -> None:
+    if not hasattr(atlas, "reason"):
+        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
+
+
 def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     """Write an atlas to a netCDF-4 file, whole or not at all; anything that reads netCDF or HDF5
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
-    if not hasattr(atlas, "reason"):
-        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
+    check_atlas(atlas)
     columns = {name: (v.dims, v.values, v.attrs) for name, v in atlas.variables.items()}
     with checked_file(path) as file:
         fill_group(file, columns, atlas.attrs)

@@ -23,6 +23,7 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.paper import lifetimes
 from contbreather.paper.lifetimes import DAMPING, SITES, keywords_of, life, lives, on_ring
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, legend_above, new_figure, style
+from contbreather.plotting.orbits import PERIODS as TIME
 from contbreather.simulation.classify import BROAD, classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.measures import localised
@@ -40,7 +41,6 @@ SHOWN = (0, 1, 10)
 CENTRAL = (-2, -1, 0, 1, 2)
 CIRCLES = 32  # in a period
 APART = 2.2  # between the lines of two sites in one panel
-TIME = r"$t/2\pi$"
 LOOKS: dict[str, dict[str, Any]] = {
     "line": {"color": VERMILLION},
     "dashed": {"linestyle": "--", "color": BLUE, "linewidth": 0.9},

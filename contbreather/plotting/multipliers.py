@@ -125,9 +125,7 @@ def draw_multipliers(
     return mu, shown, _named(mu, alone & (mu.imag >= 0.0))
 
 
-def name_multipliers(
-    axes: Axes, mu: Array, shown: Array, named: list[int], digits: int = 4
-) -> None:
+def name_multipliers(axes: Axes, mu: Array, shown: Array, named: list[int], digits: int) -> None:
     """Write values beside multipliers; in axes narrower than 150 points a pair takes two lines."""
     canvas.lay_out(axes)
     pixel = canvas.lay_out(axes)  # axes of equal scales come to rest slowly

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, one_of, row, whole
+from contbreather.checks import check_kind, is_whole, one_of, row, whole
 from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
@@ -385,7 +385,7 @@ def plot_section(
     """
     check_kind(run, States, "a run")
     whole("skip", skip, 0)
-    if not isinstance(site, int | np.integer):
+    if not is_whole(site):
         raise BadInput(f"site = {site!r}: the number of a site was expected")
     if skip > run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")

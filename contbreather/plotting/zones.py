@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, flag, kind_of, one_of
+from contbreather.checks import check_kind, flag, one_of
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
-from contbreather.orbits.atlas import words
+from contbreather.orbits.atlas import check_atlas, words
 from contbreather.orbits.zone_diagram import KINDS, Box, Region, Zones
 from contbreather.parameters import NUMBERS
 from contbreather.plotting import canvas
@@ -286,10 +286,11 @@ def plot_atlas(
     >>> axes.get_ylabel(), [text.get_text() for text in axes.get_legend().get_texts()]
     ('$k$', ['fold (LP)', 'grazing (GR)', 'pitchfork (PF)'])
     """
-    plane = _words(atlas, "plane")
+    check_atlas(atlas)
+    plane = atlas.attrs["plane"].split()
     over = over or _only(atlas, at or {})
     if over not in atlas.variables:
-        fixed = ", ".join(_words(atlas, "fixed"))
+        fixed = ", ".join(atlas.attrs["fixed"].split())
         raise BadInput(f"over = {over!r}: this atlas has no values of it, but of {fixed}.")
     kinds = canvas.kinds_of(kinds)
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
@@ -308,18 +309,9 @@ def plot_atlas(
     return drawn
 
 
-def _words(atlas: Any, name: str) -> list[str]:
-    try:
-        words: str = getattr(atlas, "attrs", {})[name]
-    except KeyError as error:
-        kind = kind_of(atlas)
-        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind}") from error
-    return words.split()
-
-
 def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
-    fixed = _words(atlas, "fixed")
-    names = [*fixed, *(_words(atlas, "over") if "over" in atlas.attrs else ())]
+    fixed: list[str] = atlas.attrs["fixed"].split()
+    names = [*fixed, *atlas.attrs.get("over", "").split()]
     several = [name for name in names if name not in at and len(np.unique(atlas[name])) > 1]
     if len(several) > 1:
         raise BadInput(
@@ -338,7 +330,7 @@ def _lines(
             raise BadInput(f"at {name} = {value!r}: the atlas has {there}")
     rows = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
     for kind in kinds:
-        one_of("a kind", kind, _words(atlas.kind, "flag_meanings"))
+        one_of("a kind", kind, atlas.kind.attrs["flag_meanings"].split())
     space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
     curve, drawn = atlas.curve.to_numpy(), np.array(words(atlas, "kind"))
     lines: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
