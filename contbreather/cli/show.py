@@ -156,7 +156,6 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
 def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     """Present results of one command together, as it does, those of several each by its name."""
     from contbreather.continuation.branches.diagram import Diagram
-    from contbreather.simulation.simulate import States
 
     results: list[Any] = list(by_name.values())
     table, draw = partial(_stacked, by_name), partial(_branches_drawn, results, axes)
@@ -170,7 +169,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
             result = of_branch(branch, axes)
         case [Diagram() as tree]:
             result = of_diagram(tree)
-        case [States() as run]:
+        case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]  # its site hits first
             result = of_run(RunSummary(run, site=int(hits[0]) if len(hits) else 0))
         case [_]:

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contbreather.simulation.integrator import Chunk
-    from contbreather.simulation.simulate import States
+    from contbreather.simulation.simulate import SmoothRun
+
+    Ran = cb.simulation.SimulationRun | SmoothRun
 
 SITES = 20  # the paper's ring
 JUDGED = 4096  # periods that a verdict looks at, at most
@@ -209,7 +211,7 @@ class RunSummary:
     """A run (of a stream its last periods), how it ended, and what it is in the end. It is judged
     when what took long to simulate is on disk."""
 
-    run: States
+    run: Ran
     asked: float | None = None  # periods; of a run out of a file nobody knows
     site: int = 0
     begun: bool = False  # whether as a breather
@@ -272,7 +274,7 @@ class RunSummary:
         self.by_site, self.rests, self.lost = dict(sorted(counts.items())), rests, lost
 
 
-def _judged(run: States) -> dict[str, Any]:
+def _judged(run: Ran) -> dict[str, Any]:
     from contbreather.simulation.classify import judge
 
     half = min(JUDGED, run.periods // 2)
