@@ -87,14 +87,26 @@ class _Passage:
         rest, d = self.rest if self.pace < _SLOW else None, self.pace  # where it is fast none is
         if rest:
             d = float(np.linalg.norm((self.state - rest.state) / self.sizes))
-        # before a saddle-node, or beside what is none
-        sizes = abs(rest.leading.real) if rest and rest.leading.size else np.array([0.5, 1.0])
+        # before a saddle-node, or beside what is none; and off a sink or a source by as much as p is
+        sizes = np.array([0.0 if self.stops else 0.5, 1.0])
+        if rest and rest.leading.size:
+            sizes = abs(rest.leading.real)
         return float((1 + sizes.min() / sizes.max()) * math.log(max(d, 1e-300)) - math.log(most))
 
     @cached_property
     def rest(self) -> _Rest | None:
         """The equilibrium close by, by Newton's iteration from there; None if there is none."""
         return self.equilibrium(1e-2)
+
+    @cached_property
+    def stops(self) -> str:
+        """What its flow does at an equilibrium that is no saddle: it ends at a sink, or begins at a
+        source, as after a reset; empty elsewhere."""
+        states, rest = self.orbit.flights[self.flow].states, self.rest
+        if not rest or rest.leading.size or not rest.more_in:
+            return ""
+        how, end = ("ends", -1) if rest.more_in > 0 else ("begins", 0)
+        return how if (self.state == states[end]).all() else ""
 
     @cached_property
     def ahead(self) -> _Rest | None:
@@ -134,7 +146,8 @@ class _Passage:
         leading = np.empty(0, complex)
         if inwards.size and outwards.size:
             leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
-        return _Rest(self, np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
+        state = np.where(abs(x) > _SOLVED * sizes, x, 0.0)
+        return _Rest(self, state, leading, inwards.size - outwards.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +157,7 @@ class _Rest:
     at: _Passage
     state: Array
     leading: NDArray[np.complex128]
+    more_in: int  # how many more ways lead in than out
 
     def __str__(self) -> str:
         shown = " and ".join(
@@ -252,6 +266,9 @@ def _examine(point: Point) -> Examined:
     saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
     if slow.rest in saddles:
         return _description(saddles)
+    if slow.rest and slow.stops:
+        said = f"{_GROWS}: a flow {slow.stops} at the equilibrium {_named(orbit, slow.rest.state)}"
+        return {"equilibrium": slow.rest.state, "said": said}
     flight = orbit.flights[slow.flow]
     there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
     if there.mean() * flight.duration >= _MOSTLY * orbit.period:

@@ -116,6 +116,15 @@ HALF = cb.Flow(well(-1.0), reset=lambda t, x, p: [-x[0], -x[1]])
 NEURON = cb.Flow(
     lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0.0]
 )
+# It is set back to 2, a source at I = -4.
+QUADRATIC = cb.Flow(
+    lambda t, x, p: [x[0] ** 2 + p["I"]], until=lambda t, x, p: 10 - x[0], reset=lambda t, x, p: [2]
+)
+# Two lags behind a relay, whose output comes to -1 and 1 at most.
+RELAY = [
+    cb.Flow(lambda t, x, p: [-1 - x[0], x[0] - x[1]], until=lambda t, x, p: x[1] + p["h"]),
+    cb.Flow(lambda t, x, p: [1 - x[0], x[0] - x[1]], until=lambda t, x, p: p["h"] - x[1]),
+]
 # Its spike is 1e8 times as fast as anything near the saddle, T = ln((1 - e^-20) / (1 - e^-mu)).
 SPIKE = cb.Flow(
     lambda t, x, p: [np.exp(x[0]) - 1, -0.5 * x[1]],
@@ -170,10 +179,12 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
         (SPIKE, {"x": 0.5, "y": 1.0}, {"mu": 0.5}, {}, 0.0, "homoclinic to the saddle x = 0, y"),
         (REGULAR, {"v": -65.0, "u": -5.0}, {"I": 6.0}, {}, 3.774375,
          "homoclinic to the saddle v = -57.625, u = -11.525; leading eigenvalues -0.01 and 0.38"),
-        (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "equilibrium is about to appear on it, at v = "),
+        (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "a flow ends at the equilibrium v = 1"),
+        (QUADRATIC, {"v": 3.0}, {"I": 1.0}, {}, -4.0, "a flow begins at the equilibrium v = 2"),
+        (RELAY, {"x": 1.0, "y": 1.0}, {"h": 0.1}, {}, 1.0, "ends at the equilibrium x = (-1|1), y"),
     ],
     ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "pendulum clock",
-         "rimless wheel", "sliding", "spike", "regular", "neuron"],
+         "rimless wheel", "sliding", "spike", "regular", "neuron", "reset to a source", "relay"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
     problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)
