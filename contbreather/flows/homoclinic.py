@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Any
@@ -71,6 +71,7 @@ class _Passage:
     state: Array
     sizes: Array
     leaves: _Passage | None = None
+    passed: Array = field(default_factory=lambda: np.empty((0, 0)))  # states on the way here
 
     @property
     def surface(self) -> Function | None:
@@ -87,8 +88,8 @@ class _Passage:
         rest, d = self.rest if self.pace < _SLOW else None, self.pace  # where it is fast none is
         if rest:
             d = float(np.linalg.norm((self.state - rest.state) / self.sizes))
-        # before a saddle-node, or beside what is none; and off a sink or a source by as much as p is
-        sizes = np.array([0.0 if self.stops else 0.5, 1.0])
+        # before a saddle-node, or beside what is none; a sink or a source is as far off as p
+        sizes = np.array([0.0 if rest and self.stops else 0.5, 1.0])
         if rest and rest.leading.size:
             sizes = abs(rest.leading.real)
         return float((1 + sizes.min() / sizes.max()) * math.log(max(d, 1e-300)) - math.log(most))
@@ -110,8 +111,16 @@ class _Passage:
 
     @cached_property
     def ahead(self) -> _Rest | None:
-        """The equilibrium to which it comes long after, along a slow direction."""
-        return self.leaves.equilibrium(0.1) if self.leaves else None
+        """The saddle to which it comes long after, along a slow direction: somewhere on its way it
+        is all but off it that way alone."""
+        saddle = self.leaves.equilibrium(1.0) if self.leaves else None
+        if saddle is None or not saddle.leading.size:
+            return None
+        sizes = saddle.at.sizes
+        off = (saddle.at.passed - saddle.state) / sizes
+        out = off @ (saddle.outwards * sizes / sizes[:, None]).T
+        shares = np.linalg.norm(out, axis=1) / np.linalg.norm(off, axis=1)
+        return saddle if shares.min() < 0.1 else None
 
     @property
     def swings(self) -> bool:
@@ -138,7 +147,7 @@ class _Passage:
                 break
         else:
             return None
-        values = np.linalg.eigvals(matrix)
+        values, ways = np.linalg.eig(matrix)
         least = 1e-9 * abs(values).max()  # less is of what stays constant
         inwards, outwards = values[values.real < -least], values[values.real > least]
         if self.surface and not inwards.size:  # orbits come to the surface in a finite time
@@ -147,7 +156,8 @@ class _Passage:
         if inwards.size and outwards.size:
             leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
         state = np.where(abs(x) > _SOLVED * sizes, x, 0.0)
-        return _Rest(self, state, leading, inwards.size - outwards.size)
+        out = (ways * (values.real > least) @ np.linalg.pinv(ways)).real
+        return _Rest(self, state, leading, inwards.size - outwards.size, out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +168,7 @@ class _Rest:
     state: Array
     leading: NDArray[np.complex128]
     more_in: int  # how many more ways lead in than out
+    outwards: Array  # projection onto the ways out
 
     def __str__(self) -> str:
         shown = " and ".join(
@@ -197,16 +208,18 @@ def _passages(orbit: Cycle) -> list[_Passage]:
     pace = speeds * (orbit.period / math.pi) ** 2
     places = [(i, state, sizes[i]) for i, f in enumerate(orbit.flights) for state in f.states]
 
-    def at(j: int, *leaves: _Passage) -> _Passage:
-        return _Passage(float(pace[j]), orbit, *places[j], *leaves)
+    def at(j: int, *more: Any) -> _Passage:
+        return _Passage(float(pace[j]), orbit, *places[j], *more)
+
+    def passage(s: NDArray[np.intp]) -> _Passage:
+        passed = [places[k][1] for k in s if places[k][0] == places[s[-1]][0]]
+        return at(min(s, key=pace.item), at(s[-1], None, np.array(passed)))
 
     if pace.min() >= _SLOW:  # one will do
         return [at(int(pace.argmin()))]
     around = np.roll(np.arange(pace.size), -int(pace.argmax()))
     pieces = np.split(around, np.flatnonzero(pace[around] > _FAST))
-    slowest = sorted(
-        (at(min(s, key=pace.item), at(s[-1])) for s in pieces if s.size), key=attrgetter("pace")
-    )
+    slowest = sorted((passage(s) for s in pieces if s.size), key=attrgetter("pace"))
     return [passage for passage in slowest if passage.pace < _SLOW]
 
 

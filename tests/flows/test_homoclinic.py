@@ -133,13 +133,16 @@ SPIKE = cb.Flow(
 )
 # Izhikevich's: it comes to the saddle along a direction so slow that it is still a millivolt off
 # when the current has come to its limit, to 3e-13 by bisection with scipy's DOP853.
-REGULAR = cb.Flow(
-    lambda t, x, p: [
-        0.04 * x[0] ** 2 + 5 * x[0] + 140 - x[1] + p["I"],
-        0.02 * (0.2 * x[0] - x[1]),
-    ],
-    until=lambda t, x, p: 30 - x[0],
-    reset=lambda t, x, p: [-65.0, x[1] + 8],
+REGULAR, INTRINSIC = (
+    cb.Flow(
+        lambda t, x, p: [
+            0.04 * x[0] ** 2 + 5 * x[0] + 140 - x[1] + p["I"],
+            0.02 * (0.2 * x[0] - x[1]),
+        ],
+        until=lambda t, x, p: 30 - x[0],
+        reset=lambda t, x, p, c=c, d=d: [c, x[1] + d],
+    )
+    for c, d in ((-65.0, 8), (-55.0, 4))
 )
 # Up on a spiral around (0, 1) from where that is tangent to y = 0, at x = a, back along it: sliding
 # is at rest where (1 + a x) + (x - a) / p = 0.
@@ -179,12 +182,15 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
         (SPIKE, {"x": 0.5, "y": 1.0}, {"mu": 0.5}, {}, 0.0, "homoclinic to the saddle x = 0, y"),
         (REGULAR, {"v": -65.0, "u": -5.0}, {"I": 6.0}, {}, 3.774375,
          "homoclinic to the saddle v = -57.625, u = -11.525; leading eigenvalues -0.01 and 0.38"),
+        (INTRINSIC, {"v": -65.0, "u": -13.0}, {"I": 4.5}, {}, 3.774375,
+         "homoclinic to the saddle v = -57.625, u = -11.525; leading eigenvalues -0.01 and 0.38"),
         (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "a flow ends at the equilibrium v = 1"),
         (QUADRATIC, {"v": 3.0}, {"I": 1.0}, {}, -4.0, "a flow begins at the equilibrium v = 2"),
         (RELAY, {"x": 1.0, "y": 1.0}, {"h": 0.1}, {}, 1.0, "ends at the equilibrium x = (-1|1), y"),
     ],
     ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "pendulum clock",
-         "rimless wheel", "sliding", "spike", "regular", "neuron", "reset to a source", "relay"],
+         "rimless wheel", "sliding", "spike", "regular", "intrinsic", "neuron",
+         "reset to a source", "relay"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
     problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)
