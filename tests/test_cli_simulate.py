@@ -218,6 +218,16 @@ def test_picture_of_a_run_is_drawn(run, more):
     assert Path("p.png").stat().st_size > 10_000
 
 
+def test_drawn_sites_reach_their_walls(run, monkeypatch):
+    drawn, motion = [], cb.plotting.plot_motion
+    monkeypatch.setattr(
+        cb.plotting, "plot_motion", lambda *run, **where: drawn.append(motion(*run, **where))
+    )
+    assert run(f"{STABLE} --periods 10 -o p.png")[0] == DONE
+    u = drawn[0].axes.get_lines()[0].get_ydata()
+    assert (min(u), max(u)) == (-1.0, 1.0)
+
+
 def test_help_says_that_a_run_is_kept_at_its_end_and_not_that_it_can_be_extended(run) -> None:
     status, out, _ = run("simulate --help")
     assert status == DONE

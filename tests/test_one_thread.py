@@ -57,6 +57,10 @@ work = {
     ),
     "stability": lambda: found["multibreather"].stability(),
     "modes": lambda: cb.OpenChain(150).spectrum,
+    "motion": lambda: cb.simulation.periodic(found["multibreather"]),
+    "multipliers": lambda: found["motion"].multipliers,
+    "verdict": lambda: cb.simulation.judge(found["motion"].run(periods=100)),
+    "rotation": lambda: cb.simulation.rotation(*np.random.default_rng(0).random((2, 500, 150))),
 }
 used = {}
 for name, one in work.items():

@@ -388,7 +388,7 @@ def _draw(summary: RunSummary) -> Figure:
         *motion, section, where = panels
         for ax in motion:
             end = plotting.runs.end_of(run, 6, cb.simulation.Sample(shown, 100))
-            plotting.plot_motion(end.record, ax=ax)
+            plotting.plot_motion(end, ax=ax)
         plotting.plot_section(run, site=site, skip=run.periods // 2, ax=section)
         plotting.plot_localisation(run, ax=where)
         for ax, letter, title in zip(panels, "abc", titles, strict=False):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
 from contbreather.errors import BadInput, NotConverged
+from contbreather.one_thread import one_thread
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
@@ -148,6 +149,7 @@ def classify(
     return judge(run)
 
 
+@one_thread
 def judge(run: SimulationRun | SmoothRun) -> Classification:
     """The verdict on a run that has settled; see `classify`.
 

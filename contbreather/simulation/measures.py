@@ -242,6 +242,7 @@ class Rotation(HtmlRepr):
         ])  # fmt: skip
 
 
+@one_thread
 def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     """Rotation number of a stroboscopic section, by weighted Birkhoff averages.
 

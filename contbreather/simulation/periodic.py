@@ -210,6 +210,7 @@ class PeriodicMotion(HtmlRepr):
         )
 
 
+@one_thread
 def _by_size(matrix: Array) -> Array:
     values = np.linalg.eigvals(matrix)
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
