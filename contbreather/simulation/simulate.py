@@ -249,6 +249,7 @@ def simulate(
     noise : float
         Strength of white noise on every site, ``u'' = ... + noise xi(t)`` with ``<xi(t) xi(s)> =
         delta(t - s)``: kicks of the velocities, at least 64 in a period, between exact flights.
+        The time is that in which `omega` is measured, as it is of `a` and `damping`.
     seed : int
         Of the noise: the same seed gives the same run, to the last digit.
     a, gamma, k : float
@@ -378,7 +379,9 @@ def let_go(
     start = within(state, on.walls), on, within_period(t0), sample
     if noise and sample is not None:
         raise BadInput("sample: sites are not recorded densely under noise; leave one out")
-    integrator = Noisy(*start, noise, seed) if noise else EventDriven(*start)
+    # a velocity over the root of a time, as it is with the time in units of 1/omega
+    scaled = noise / on.omega**1.5
+    integrator = Noisy(*start, scaled, seed) if noise else EventDriven(*start)
     return SimulationRun(**gathered(integrator, **shared), noise=noise)
 
 

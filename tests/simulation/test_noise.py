@@ -34,6 +34,13 @@ def test_noise_of_a_linear_lattice_has_the_covariance_of_its_fluctuation_theorem
     assert abs((u * v).mean()) < 0.03 * wanted[0]
 
 
+def test_noise_at_another_frequency_of_the_drive_is_in_the_units_of_its_damping() -> None:
+    rest, omega = np.zeros(900), 2.0
+    on = {"a": 1e-9, "gamma": 0.1, "k": 0.8, "damping": 0.5, "spring": 0.5, "omega": omega}
+    run = cb.simulate((rest, rest), periods=24, noise=0.3, seed=1, walls=(None, None), **on)
+    assert (omega**2 * run.strobe.v[8:].var()) == pytest.approx(0.3**2 / (2 * 0.5), rel=0.04)
+
+
 def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
     one, same, other = (
         cb.simulate(START, periods=7.5, noise=1e-3, seed=seed, **ON) for seed in (3, 3, 4)
