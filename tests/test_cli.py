@@ -326,6 +326,10 @@ def test_a_window_that_is_cut_says_so(run: Run) -> None:
     assert "only 0.2 to 0.2499 is looked at" in err
     assert max(max(c["gamma"]) for c in strict(out)["zones"][0]["curves"]) <= 0.2499
     assert run(line.replace("0.3", "0.24"))[2] == ""
+    status, out, err = run(f"{line} --omega 2")  # where couplings are up to 4 times as large
+    assert (status, err) == (DONE, "")
+    assert max(max(c["gamma"]) for c in strict(out)["zones"][0]["curves"]) == 0.3
+    assert "is looked at" not in run(line.replace("0.3", "0.1"))[2]  # of one that is refused
 
 
 def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> None:

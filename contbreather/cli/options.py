@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -164,14 +164,20 @@ class ZoneOptions(Judged, LatticeOptions):  # fields of the last base come first
     """With the lower breathers, too, those behind a fold: all unstable, but they may exist where no
     upper one does."""
 
-    def options(self) -> dict[str, Any]:
-        """Make all arguments of `zones` of it; say so where a window is cut."""
+    def options(self, fixed: Mapping[str, Any]) -> dict[str, Any]:
+        """Make all arguments of `zones` of it, but what is fixed; say so where a window is cut."""
+        from contbreather.orbits.zone_diagram import narrowed
+        from contbreather.orbits.zone_search import second_of
+
         typed = {name: getattr(self, f"{name}_window") for name in (*NEEDED, "omega")}
         within = {name: span for name, span in typed.items() if span}
-        for name, (low, high) in within.items():
-            least, most = window_of(name)
-            if least < high and low < most and not least <= low < high <= most:
-                part = f"{max(low, least):g} to {min(high, most):g}"
+        plane = (*within, "omega") if second_of(fixed) else (*within,)
+        lattice = self.on()["lattice"]
+        seen = narrowed(plane, within, lattice, {"omega": self.omega or 1.0})
+        for name, window in within.items():
+            (low, high), (least, most) = window, seen[name]
+            if (least, most) != (low, high):
+                part = f"{least:g} to {most:g}"
                 inform(f"of the window {low:g} to {high:g} of {name} only {part} is looked at")
         how = {"past_folds": self.past_folds, "within": within, "threshold": self.threshold}
         own = {"damping": self.damping or 0.0, "spring": self.spring, "omega": self.omega or 1.0}

@@ -65,7 +65,7 @@ def zones(
             raise BadInput(f"--{second}: one value is expected in planes of omega, not several")
         typed[second] = typed[second][0]
     options = {("ks" if name == "k" else name): values for name, values in typed.items()}
-    options = {**(options or {"ks": RESTITUTIONS}), **plane.options()}
+    options = {**(options or {"ks": RESTITUTIONS}), **plane.options(typed)}
     diagrams, cut = until_interrupted(_computed, options, beyond, into.save)
     if not any(map(any, diagrams)):
         nothing = cb.orbits.zone_diagram.NO_CURVE
@@ -193,7 +193,7 @@ def atlas(
     further = assigned("--over", over, lambda n, words: values_by(f"--over {n}", words), wanted)
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     plane = replace(plane, set=(*plane.set, *begin))
-    options = {**plane.options(), "executor": workers, **fixed}
+    options = {**plane.options(fixed), "executor": workers, **fixed}
     entry = model_entry(plane.verge(options["lattice"]), **plane.on())
     for name in further:
         if name in options:

@@ -52,7 +52,7 @@ def unit_of(name: str, lattice: Any, omega: float) -> float:
 
 
 def narrowed(
-    pair: tuple[str, str], given: Mapping[str, Any], lattice: Any, held: Mapping[str, float]
+    pair: tuple[str, ...], given: Mapping[str, Any], lattice: Any, held: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
     """Windows of a plane: those given, or all, as far as there are breathers."""
     found = dict[str, tuple[float, float]]()
