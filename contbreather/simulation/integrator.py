@@ -233,22 +233,30 @@ def _couplings(
     lattice: Finite, gamma: float, spring: float, damping: float
 ) -> tuple[Couplings, float]:
     """Couplings and springs per unit mass, and the largest sum over a row of their sizes."""
+    start, other, weight, own, ground, size = _bonds(lattice)
+    springs = spring * lattice.springs
+    slow = damping * (lattice.dampings - 1.0)  # beyond the damping of the forced motion
+    pulls = np.array([gamma * own + springs, lattice.drive - 1.0, gamma * ground + springs, slow])
+    norm = float((abs(gamma) * size + springs).max())  # derivatives are taken beyond 0, too
+    return Couplings(start, other, gamma * weight, pulls), norm
+
+
+@lru_cache(maxsize=64)
+def _bonds(lattice: Finite) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Bonds of sites to others, in rows, those entries of the stiffness that are sites' own, and
+    sums over its rows and of their sizes: all per unit mass and coupling."""
     from scipy import sparse  # the installation compiles this module's neighbours without it
 
-    table = sparse.csr_array(gamma * stiffness_of(lattice) / np.asarray(lattice.masses)[:, None])
-    springs = spring * lattice.springs
-    diagonal: Array = table.diagonal() + springs
-    ground: Array = table.sum(axis=1) + springs
+    table = sparse.csr_array(stiffness_of(lattice) / np.asarray(lattice.masses)[:, None])
+    own: Array = table.diagonal()
+    ground: Array = table.sum(axis=1)
+    size: Array = abs(table).sum(axis=1)
     # what rounding leaves of a sum that is zero would drive the lattice
-    size = abs(table).sum(axis=1) + springs
     ground[abs(ground) <= 1e-14 * size] = 0.0
-    beside = sparse.csr_array(-(table - sparse.diags_array(table.diagonal())))
+    beside = sparse.csr_array(sparse.diags_array(own) - table)
     beside.eliminate_zeros()
     start, other = (x.astype(np.int64) for x in (beside.indptr, beside.indices))
-    slow = damping * (lattice.dampings - 1.0)  # beyond the damping of the forced motion
-    pulls = np.array([diagonal, lattice.drive - 1.0, ground, slow])
-    weight = np.asarray(beside.data, dtype=np.float64)
-    return Couplings(start, other, weight, pulls), float(size.max())
+    return start, other, np.asarray(beside.data, dtype=np.float64), own, ground, size
 
 
 def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:

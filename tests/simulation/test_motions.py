@@ -189,3 +189,11 @@ def test_columns_of_a_smooth_orbit_are_about_its_whole_period(symmetric: bool) -
         assert point["largest"] == pytest.approx(moduli.max(), rel=1e-9)
         assert np.prod(moduli) < np.exp(-8 * np.pi * 0.01) * 1.0001  # damping of all sites
         assert point["unstable"] == np.sum(moduli > 1.0 + 1e-6)
+
+
+def test_a_branch_of_motions_goes_down_to_no_coupling() -> None:
+    """Derivatives are asked for on both sides of it."""
+    on = {"a": 0.5, "gamma": 0.02, "k": 0.8, "damping": 0.02, "t0": 1.0}
+    start = periodic(cb.symmetric(0.5, 0.02, 0.8).state(4, t=1.0), symmetric=True, **on)
+    branch = cb.trace(start, "gamma", towards="down", within={"gamma": (0.0, 0.03)})
+    assert (branch[-1].label, branch[-1]["gamma"]) == ("EP2", 0.0)
