@@ -146,8 +146,8 @@ def sweep(
     state : pair of array_like, shape (N,), or Orbit
         At the first value.
     name : str
-        ``a, gamma, k, damping, spring, omega``, a parameter of the forcing; on smooth rings ``m`` or
-        ``lam``, and no ``omega``.
+        ``a, gamma, k, damping, spring, omega`` or a parameter of the forcing; on smooth rings
+        ``m`` or ``lam`` as well, and no ``omega``.
     values : array_like
         In the order in which they are taken; `there_and_back` makes a loop of them.
     periods : int
