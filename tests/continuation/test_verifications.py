@@ -348,3 +348,35 @@ def test_a_fold_is_found_whatever_the_units_and_sizes(unit, size, offset, scales
     branch = cb.trace(mine, "mu", within=within, events=events)
     assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-9 * unit)
     assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]
+
+
+def on_a_square(b: float, fast: float, mixed: Array) -> cb.Problem:
+    """Two modes that a square makes alike, on an arm of one, with a fast variable beside."""
+
+    def residual(w: Array, p: lines.Params) -> Array:
+        x, y, z = w
+        own = [x * (p["mu"] - x**2 - b * y**2), y * (p["mu"] - y**2 - b * x**2)]
+        return mixed @ np.array([*own, -fast * (z - x**2 / 2 - y**2)])
+
+    return cb.Problem(residual, {"x": 1.3, "y": 0.0, "z": 0.845}, {"mu": 1.69})
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_where_two_ranks_are_lost_the_turn_of_an_arm_is_no_fold(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = on_a_square(rng.uniform(1.5, 6), 10 ** rng.uniform(0, 4), rng.normal(size=(3, 3)))
+    events = [cb.fold(), cb.branch_point()]
+    branch = cb.trace(problem, "mu", within={"mu": (-1, 2)}, events=events)
+    assert branch["x"].min() < -1  # it goes through the origin, where mu turns
+    assert "LP" not in {point.kind for point in branch.special}
+    assert "BP" in {point.kind for point in (*branch.special, *branch.doubtful)}
+
+
+def test_where_the_whole_derivative_vanishes_no_pair_is_on_the_axis() -> None:
+    def residual(w: Array, p: lines.Params) -> Array:
+        x, y = w
+        return np.array([x * (p["mu"] - x**2 - 1.5 * y**2), y * (p["mu"] - y**2 - 1.5 * x**2)])
+
+    problem = cb.Problem(residual, {"x": 1.3, "y": 0.0}, {"mu": 1.69})
+    branch = cb.trace(problem, "mu", within={"mu": (-1, 5)}, events=[cb.branch_point(), cb.hopf()])
+    assert "HB" not in {point.kind for point in branch.special}

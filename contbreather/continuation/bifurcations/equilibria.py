@@ -147,6 +147,12 @@ def _examine_fold(point: Point) -> str:
         for value, unit in zip(by_params, np.diag(curve.scales)[n:], strict=True)
     ):
         return "a branch point, not a fold: the whole derivative loses rank"
+    # so it does where another mode is lost a short way along the curve, the fold's null vector
+    whole = least_singular(curve.balanced(curve.jacobian(z)))
+    bent = curve.balanced(curve.along(z, weak.right * curve.scales[:n])) @ whole.right
+    way = np.linalg.norm(weak.right * reach[:n])
+    if whole.size <= way * abs(whole.left @ bent) + 1e-14 * whole.largest:
+        return "a branch point, not a fold: the whole derivative loses rank"
     if weak.size > small:
         return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
     return ""

@@ -131,7 +131,8 @@ class Border:
         for on, event in self.double.items():
             if abs(pair - self.real[on]).max() <= every.beside:
                 return f"a double {_word(self.real[on])}: {event.kind}, no pair on the {self.name}"
-        if abs(pair[0] - pair[1].conjugate()) > every.beside:  # a neutral saddle, of foci as well
+        # a neutral saddle, of foci as well; or two real values, where all of them vanish
+        if abs(pair[0] - pair[1].conjugate()) > every.beside or pair[0].imag == 0:
             return NOTHING
         return complex(pair[0] if pair[0].imag > 0 else pair[1])
 
