@@ -702,7 +702,7 @@ def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised
     curve = cb.boundary(branch.first("LP"), ("mu", "nu"), within={"mu": (0.0, 1.7)})
     assert "GH" not in [at.kind for at in curve.special]
     assert curve["mu"].max() > math.pi / 2
-    assert curve["nu"] == pytest.approx(-0.25, abs=1e-9)
+    assert curve["nu"] == pytest.approx(-0.25, abs=1e-12)
 
 
 def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, FHN, RADIUS, bautin, born, fitzhugh_nagumo, half_turned, van_der_pol
+from .zoo import CASES, FHN, RADIUS, born, fitzhugh_nagumo, half_turned, van_der_pol
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -184,15 +184,6 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
     assert line.first("CP")["c"] == pytest.approx(-TAU, rel=1e-6)
 
 
-def test_folds_of_cycles_end_where_a_fold_of_amplitudes_does() -> None:
-    """r' = r (mu + s r^2 - r^4): folds are mu = -s^2/4, r^2 = s/2."""
-    cycles = cb.cycle(bautin, {"x": 0.94, "y": 0.0}, {"mu": -0.1, "s": 1.0}, settle=30)
-    fold = cb.trace(cycles, "mu", within={"mu": (-0.4, -0.05)}).first("LP")
-    line = cb.boundary(fold, ("s", "mu"), within={"s": (-1, 2)}, towards="down")
-    ends_at_generalised_hopf(line, {"s": 0.0, "mu": 0.0})
-    assert line["mu"] == pytest.approx(-(line["s"] ** 2) / 4, abs=1e-12)
-
-
 def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes() -> None:
     """FitzHugh and Nagumo's equations: 1 - 2 b + b^2 eps = 0."""
     at, eps = {**FHN, "eps": 0.6, "I": 0.0}, (2 * 0.8 - 1) / 0.8**2
@@ -200,10 +191,7 @@ def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes() -> None:
     cycles = born(rest, "I", (-0.5, 1), I=(0, 1))
     line = cb.boundary(cycles.first("LP"), ("eps", "I"), within={"eps": (0.5, 2)}, towards="up")
     v = -math.sqrt(1 - 0.8 * eps)
-    ends_at_generalised_hopf(line, {"eps": eps, "I": (v + 0.7) / 0.8 - v + v**3 / 3})
-
-
-def ends_at_generalised_hopf(line, place) -> None:
+    place = {"eps": eps, "I": (v + 0.7) / 0.8 - v + v**3 / 3}
     assert [at.kind for at in line.special] == ["EP", "GH"]
     assert "the folds end at a generalised Hopf point" in line.reason
     said = dict(part.split(" = ") for part in line.reason.split(", ")[1:])

@@ -100,15 +100,14 @@ def test_what_is_no_angle_is_refused(wraps: Any, words: str) -> None:
         cb.cycle(pendulum, {"theta": 0.0, "v": 2.0}, params, wraps=wraps)
 
 
-@pytest.mark.parametrize(("a", "periods"), [(0.29, 4), (0.35, 5)])
-def test_a_cycle_takes_as_many_periods_as_the_run_that_settles(a: float, periods: int) -> None:
+def test_a_cycle_takes_as_many_periods_as_the_run_that_settles() -> None:
     def duffing(t: Any, x: Any, p: Any) -> Any:
         return [x[1], p["a"] * np.cos(1.2 * t) - 0.3 * x[1] + x[0] - x[0] ** 3]
 
     period = TURN / 1.2
-    orbit = cb.cycle(duffing, {"x": 1.0, "v": 0.0}, {"a": a}, period=period, settle=400)
-    at = cb.trace(orbit, "a", within={"a": (a - 1e-3, a + 1e-3)})[0]
-    assert at["period"] == pytest.approx(periods * period)
+    orbit = cb.cycle(duffing, {"x": 1.0, "v": 0.0}, {"a": 0.35}, period=period, settle=400)
+    at = cb.trace(orbit, "a", within={"a": (0.349, 0.351)})[0]
+    assert at["period"] == pytest.approx(5 * period)
     assert at["unstable"] == 0
 
 
