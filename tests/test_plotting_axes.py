@@ -285,8 +285,7 @@ def test_of_more_periods_than_a_picture_has_rows_several_are_one(state) -> None:
     np.testing.assert_allclose(rows[0], first, atol=1e-12)
 
 
-@pytest.mark.parametrize("periods", [8, 300])
-@pytest.mark.parametrize("smooth", [{}, {"m": 6}])
+@pytest.mark.parametrize(("periods", "smooth"), [(8, {}), (300, {}), (25, {"m": 6})])
 def test_a_run_known_once_a_period_is_shown_by_its_last_periods_with_both_signs(
     state, periods: int, smooth: dict[str, Any]
 ) -> None:
@@ -302,7 +301,7 @@ def test_a_run_known_once_a_period_is_shown_by_its_last_periods_with_both_signs(
     assert u.min(axis=0).max() < -0.3 < 0.3 < u.max(axis=0).min()
     each = len(u) // shown
     np.testing.assert_allclose(u[::each], run.strobe.u[-1 - shown : -1], atol=1e-9)
-    assert ax.get_title(loc="left") == ("the last 20 of 300 periods" if periods > 20 else "")
+    assert ax.get_title(loc="left") == (f"the last 20 of {periods} periods" if periods > 20 else "")
     assert ax.figure.axes[1].get_ylabel() == "$u_n$"
     some = plot_space_time(run, sites=(-1, 0)).axes.collections[0].get_array()
     np.testing.assert_array_equal(np.reshape(some, (-1, 2)), u[:, [0, 5]])
