@@ -172,7 +172,7 @@ def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
         return lambda t, x, p: [push(t, p) - sign + 0 * x[0]]
 
     mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
-    return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25, collocation=MESH)
+    return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25)
 
 
 def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:

@@ -163,7 +163,7 @@ def on_damped_ring(*, every: bool) -> cb.Branch:
 @pytest.mark.parametrize(
     ("branch", "points"),
     [
-        (lambda: by_the_rule(100, 0.07, 0.23), 1),
+        (lambda: by_the_rule(200, 0.08, 0.23), 1),
         (lambda: on_damped_ring(every=False), 1),
         (lambda: on_damped_ring(every=True), 3),
     ],
