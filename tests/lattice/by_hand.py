@@ -20,12 +20,15 @@ MEANS = {
 
 
 def ring_mean(of: Callable[[Any], Any], gamma: Any, sites: int, n: int = 0) -> Any:
-    """``<of(w) cos(n theta)>``; of a ring long enough that of the infinite chain."""
+    """``<of(w) cos(n theta)>``; of a ring long enough that of the infinite chain. Waves to the left
+    and to the right are one term."""
     root = 2 * mp.sqrt(mp.mpf(gamma))
     return (
         mp.fsum(
-            of(root * mp.sin(mp.pi * j / sites)) * mp.cos(2 * mp.pi * n * j / sites)
-            for j in range(sites)
+            (1 if j in (0, sites / 2) else 2)
+            * of(root * mp.sin(mp.pi * j / sites))
+            * mp.cos(2 * mp.pi * n * j / sites)
+            for j in range(sites // 2 + 1)
         )
         / sites
     )

@@ -29,21 +29,9 @@ def mode_sum(sites, gamma, distance, periods, s):
     return ring_mean(mode, gamma, sites, distance)
 
 
-RINGS = [
-    (7, 0.12, 0, 1),
-    (7, 0.12, 2, 1),
-    (20, 0.24, 1, 1),
-    (20, 0.03, 3, 2),
-    (1, 0.2, 0, 1),
-    (2, 0.2, 1, 1),
-]
+RINGS = [(7, 0.12, 2, 1), (20, 0.24, 1, 1), (20, 0.03, 3, 2), (1, 0.2, 0, 1), (2, 0.2, 1, 1)]
 # harmonics inside the band: the modes of such rings are summed, some of them slow
-RESONANT = [
-    *((10, gamma, n, 2) for gamma, n in ((0.0626, 0), (0.07, 1), (0.16, 0), (0.2, 1))),
-    (5, 0.2, 1, 2),
-    (12, 0.11, 2, 3),
-    (30, 0.2, 3, 8),
-]
+RESONANT = [(10, 0.0626, 0, 2), (5, 0.2, 1, 2), (12, 0.11, 2, 3), (30, 0.2, 3, 8)]
 
 
 def table(sites, gamma, distance, periods, by=""):
