@@ -28,7 +28,7 @@ def axes_of(number: int) -> list[Axes]:
 
 @pytest.fixture(scope="module")
 def second() -> Figure2:
-    return figure2((0.8,), points=4)
+    return figure2((0.8,), points=2)
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import DONE, main
 from contbreather.orbits.constructors import asymmetric
 from contbreather.paper import lifetimes
 from contbreather.simulation import Sample, periodic, simulate, simulate_smooth
@@ -40,14 +37,6 @@ def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
     hard = lifetimes.life(simulate_smooth(state, m=200, sample=sample, **shared))
     assert 20 < hard < 90
     assert 20 < lifetimes.life(simulate(state, **shared)) < 90
-
-
-@pytest.mark.slow
-def test_figure_for_programs_carries_the_numbers_of_its_verdict(capsys):
-    assert main(["figure", "5", "--json"]) == DONE
-    content = json.loads(capsys.readouterr().out)
-    assert content["numbers"]["difference_0"] == pytest.approx(0.0979, abs=1e-4)
-    assert {row["curve"] for row in content["rows"]} == {"exact", "ring, $m = 6$"}
 
 
 # --- Fig. 7 between m = 15 and 17 -----------------------------------------------------------------

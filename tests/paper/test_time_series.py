@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from functools import cache
@@ -9,8 +10,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from contbreather.cli import DONE, main
 from contbreather.errors import BadInput
-from contbreather.paper import time_series
+from contbreather.paper import FIGURES, time_series
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +29,14 @@ def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
     assert numbers["undamped_multiplier"] == pytest.approx(1.014, abs=5e-4)
     assert "an attractor" in figures(5).caption
     assert numbers["away"] < 0.1  # from the start of the paper, u_0' = 3
+
+
+def test_figure_for_programs_carries_the_numbers_of_its_verdict(figures, monkeypatch, capsys):
+    monkeypatch.setitem(FIGURES, 5, lambda: figures(5))
+    assert main(["figure", "5", "--json"]) == DONE
+    content = json.loads(capsys.readouterr().out)
+    assert content["numbers"] == figures(5).numbers
+    assert {row["curve"] for row in content["rows"]} == {"exact", "ring, $m = 6$"}
 
 
 @pytest.mark.slow
@@ -81,8 +91,11 @@ def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):
     numbers = figures(8).numbers
     assert 50 < numbers["lost"] < 250
     assert numbers["rigid_multiplier"] > 1.07
-    assert numbers["rotation"] == pytest.approx(0.39160, abs=5e-6)
+    assert numbers["rotation"] == pytest.approx(0.39159998, abs=1e-8)
     assert numbers["rotation_error"] < 1e-8
+    assert abs(numbers["exponent"]) < 1e-9
+    assert (numbers["frequencies"], numbers["impacting"]) == (1, 1)
+    assert 2.0 < numbers["participation"] < 3.0
 
 
 @pytest.mark.parametrize("number", [5, pytest.param(6, marks=pytest.mark.slow), 7, 8])
