@@ -35,17 +35,6 @@ def test_rotation_number_of_a_curve_is_found_to_eight_digits(number):
     assert found.hole > 0.05
 
 
-# --- the torus of the theory notes ----------------------------------------------------------------
-
-TORUS = {"a": 0.15, "gamma": 0.106, "k": 0.8, "damping": 0.02}
-
-
-@pytest.fixture(scope="module")
-def torus():
-    state = symmetric(0.15, 0.106, 0.8).state(20)
-    return sim.simulate(state, **TORUS, periods=8000)
-
-
 # --- verdicts -------------------------------------------------------------------------------------
 
 
@@ -77,24 +66,6 @@ def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
         assert found.evidence["multiplier"] == pytest.approx(0.999141, abs=1e-6)
 
 
-def test_verdict_on_the_torus_carries_its_evidence(torus):
-    found = sim.classify(torus.final, **TORUS, settle=0, periods=3000)
-    assert found.kind is sim.Kind.QUASI_PERIODIC
-    assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
-    assert abs(found.evidence["exponent"]) < 1e-9
-    assert found.evidence["frequencies"] == 1
-    assert "exponents are zero" not in found.reason
-    assert found.evidence["impacting"] == 1
-    assert 2.0 < found.evidence["participation"] < 3.0
-
-
-def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
-    found = sim.classify(torus.final, **TORUS, settle=0, periods=100)
-    assert found.kind is sim.Kind.UNDECIDED, str(found)
-    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
-    assert "largest exponent" in found.reason
-
-
 def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
     """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
     conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
@@ -103,16 +74,31 @@ def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
     assert found.kind is sim.Kind.QUASI_PERIODIC
     assert found.evidence["rotation"] == pytest.approx(0.4590294719, abs=1e-9)
     assert found.evidence["frequencies"] <= 1
+    assert "exponents are zero" not in found.reason
+    assert found.evidence["impacting"] == 1
 
 
-def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
-    """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
-    conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
+TORUS = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
+
+
+@pytest.fixture(scope="module")
+def torus():
     state = symmetric(0.2, 0.1087, 0.8).state(20)
-    found = sim.classify(state, **conditions, settle=9000, periods=5000)
-    assert found.kind is sim.Kind.QUASI_PERIODIC
-    assert found.evidence["frequencies"] == 2
-    assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
+    return sim.classify(state, **TORUS, settle=5000, periods=3000)
+
+
+def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies(torus):
+    """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
+    assert torus.kind is sim.Kind.QUASI_PERIODIC
+    assert torus.evidence["frequencies"] == 2
+    assert torus.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
+
+
+def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
+    found = sim.classify(torus.run.final, **TORUS, settle=0, periods=100)
+    assert found.kind is sim.Kind.UNDECIDED, str(found)
+    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
+    assert "largest exponent" in found.reason
 
 
 REPELLING = [
@@ -145,7 +131,7 @@ def test_small_torus_around_a_motion_that_repels_is_a_torus():
     own = breather(20, **conditions)
     assert own.largest > 1.0 + 1e-7
     found = sim.classify(
-        (0.999 * own.state.u, own.state.v), settle=15000, periods=2000, **conditions
+        (0.99 * own.state.u, own.state.v), settle=10000, periods=2000, **conditions
     )
     assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1
     assert found.kind is sim.Kind.QUASI_PERIODIC, str(found)

@@ -73,7 +73,7 @@ def test_ctrl_c_while_judging_a_finished_run_gives_no_verdict(ctrl_c):
         judge(run)
 
 
-@pytest.mark.parametrize("count", [3, 40, 100])
+@pytest.mark.parametrize("count", [3, 40])
 def test_interrupted_figure_says_so_and_leaves_no_file(
     ctrl_c, count, tmp_path, monkeypatch, capsys
 ):
@@ -159,7 +159,8 @@ def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_pa
 
 
 @pytest.mark.apart
-def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
+def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost(monkeypatch):
+    """A real signal, within a block and at any moment of the compiled solver and what it calls."""
     done = []
 
     def block():
@@ -171,11 +172,6 @@ def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
         block()
     assert done
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-@pytest.mark.apart
-def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
-    """A real signal, at any moment of the compiled solver and what it calls."""
     advance = sim.smooth.SmoothIntegrator.advance
     signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     for delay in np.linspace(0.005, 0.06, 12):

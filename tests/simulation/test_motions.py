@@ -64,12 +64,12 @@ def test_its_arms_are_what_simulation_settles_to_and_double_their_period(pitchfo
 def test_a_single_site_doubles_from_arm_to_arm_with_the_digits_of_the_closed_forms():
     """k = 0.8: 0.691778556508 (PF), 0.925512006293 and 0.979973549455 (PD)."""
     start = breather(1, a=0.6, gamma=0.0, k=0.8, t0=1.0)
-    fork = cb.trace(start, "a", within={"a": (0.5, 0.8)}, towards="up").first("PF")
+    fork = cb.trace(start, "a", within={"a": (0.6, 0.7)}, towards="up").first("PF")
     assert fork["a"] == pytest.approx(0.691778556508, abs=1e-9)
-    (arm,) = cb.switch(fork, within={"a": (0.6, 0.95)})
+    (arm,) = cb.switch(fork, within={"a": (0.6, 0.93)})
     first = arm.first("PD")
     assert first["a"] == pytest.approx(0.925512006293, abs=1e-9)
-    (twice,) = cb.switch(first, within={"a": (0.9, 0.99)})
+    (twice,) = cb.switch(first, within={"a": (0.9, 0.98)})
     second = twice.first("PD")
     assert second["a"] == pytest.approx(0.979973549455, abs=1e-8)
     assert (second.solution.periods, second.solution.symmetric) == (2, False)

@@ -80,10 +80,9 @@ def test_an_orbit_brings_its_site_and_its_period():
 @pytest.mark.parametrize(
     ("sites", "a", "gamma", "k", "periods"),
     [
-        (20, 0.9, 0.06, 0.4, 1000),
         (10, 0.7, 0.1, 0.2, 1000),
         (400, 0.7, 0.06, 0.2, 1000),
-        (20, 0.7, 0.06, 0.2, 10_000),
+        (20, 0.9, 0.06, 0.4, 10_000),
     ],
 )
 def test_stable_breather_stays_exact_over_thousands_of_periods(sites, a, gamma, k, periods):
@@ -255,13 +254,11 @@ def test_fast_elastic_impacts_are_followed_and_too_many_are_not_called_a_chatter
     """From wall to wall in 2/v: pi v impacts in a period."""
     fast = simulate(([0.1], [4e4]), a=0.5, gamma=0.0, k=1.0, periods=1)
     assert (fast.stop, len(fast.impacts)) == (RunStop.DONE, round(PI * 4e4))
-    faster = simulate(([0.1], [1e6]), a=0.5, gamma=0.0, k=1.0, periods=1)
-    assert faster.stop is RunStop.CHATTER
-    assert "from wall to wall at a speed of 1e+06" in faster.reason
-    assert "chatter" not in faster.reason + faster.stop.value
-    for periods in (3, 0.5, 1.5):  # in its first chunk, where it began
+    for periods in (0.5, 1.5):  # in its first chunk, where it began
         run = simulate(([0.1], [1e5]), a=0.5, gamma=0.0, k=1.0, periods=periods, t0=0.3)
         assert run.stop is RunStop.CHATTER
+        assert "from wall to wall at a speed of 1e+05" in run.reason
+        assert "chatter" not in run.reason + run.stop.value
         assert (run.periods, run.end, run.final.u[0], run.final.v[0]) == (0, 0.3, 0.1, 1e5)
         assert repr(run) == f"<Run of 1 sites over 0 periods: 0 impacts; {run.reason}>"
 

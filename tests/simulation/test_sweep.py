@@ -31,7 +31,7 @@ def orbit():
 def test_breather_is_lost_at_the_fold_of_its_branch_the_later_the_faster(orbit):
     branch = trace(orbit, "a", towards="down", within={"a": (0.05, 0.3)})
     fold = branch.first("LP")["a"]
-    values = np.arange(0.1, 0.07, -0.0005)
+    values = np.arange(0.09, 0.08, -0.0005)
     delays = []
     for periods in (10, 50, 400):
         down = sim.sweep(orbit.state, "a", values, periods=periods, a=0.2, **DAMPED)
@@ -93,7 +93,7 @@ def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
     start = breather(20, gamma=0.08, **conditions)
     branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
     border = branch.first("NS")["gamma"]
-    values = np.arange(0.08, 0.09, 0.0005)
+    values = np.arange(0.082, 0.088, 0.0005)
     up = sim.sweep(start.state, "gamma", values, periods=2000, gamma=0.08, **conditions)
     unsteady = up.value[up.change > 1e-3]
     assert border < unsteady[0] < border + 0.001
