@@ -117,29 +117,24 @@ def test_a_random_number_of_multipliers_is_that_of_the_signs() -> None:
         assert unstable == HalfMap(gamma, k, b).count().count, (gamma, k, b)
 
 
-def test_a_multiplier_on_the_circle_is_not_counted() -> None:
-    proof = certify(cb.trace(start(), "a", within={"a": (0.7, 0.8)}).first("PF").solution)
+def test_a_multiplier_on_the_circle_is_not_counted(in_a: cb.Branch) -> None:
+    proof = certify(in_a.first("PF").solution)
     assert proof
     assert proof.unstable is None
     assert "on the band" in proof.unproved[0]
 
 
-def start() -> Orbit:
-    return cb.symmetric(a=0.7, gamma=0.04, k=0.8)
-
-
 # --- special points -----------------------------------------------------------------------------
 
 
-def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps() -> None:
-    branch = cb.trace(start(), "a", within={"a": (0.05, 0.9)}, towards="both")
+def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps(in_a: cb.Branch) -> None:
     with mpmath.workdps(30):
         chi, sigma = (ring_mean(MEANS[name], mpmath.mpf(0.04), 80) for name in ("chi", "sigma"))
         q = (1 - mpmath.mpf(0.8)) / (1 + mpmath.mpf(0.8))
         pitchfork = mpmath.sqrt(q**2 + 4 * sigma**2) / (chi - 2 * sigma)
         fold = q / mpmath.sqrt(chi**2 + q**2)
         for kind, exact in (("PF", pitchfork), ("LP", fold)):
-            proof = certify(branch.first(kind))
+            proof = certify(in_a.first(kind))
             assert proof
             assert proof.kind == kind
             low, high = proof.enclosure["a"]
@@ -148,8 +143,8 @@ def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps() -> None:
             assert proof.conditions == {"gamma": 0.04, "k": 0.8}
 
 
-def test_a_pitchfork_that_is_none_is_refused() -> None:
-    point = cb.trace(start(), "a", within={"a": (0.6, 0.8)}).first("PF")
+def test_a_pitchfork_that_is_none_is_refused(in_a: cb.Branch) -> None:
+    point = in_a.first("PF")
     beside = certify_point(
         {"gamma": 0.04, "k": 0.8}, {"p": point["p"], "phi": point["phi"], "a": 0.777}, "PF", 1e-8
     )
@@ -159,12 +154,9 @@ def test_a_pitchfork_that_is_none_is_refused() -> None:
     assert "a fold of breathers does not exist" in fold.describe()
 
 
-def test_on_a_boundary_one_parameter_stays_what_it_is() -> None:
-    line = cb.boundary(
-        cb.trace(start(), "a", within={"a": (0.6, 0.8)}).first("PF"),
-        ("gamma", "a"),
-        within={"gamma": (0.03, 0.05), "a": (0.0, 1.0)},
-    )
+def test_on_a_boundary_one_parameter_stays_what_it_is(in_a: cb.Branch) -> None:
+    within = {"gamma": (0.03, 0.05), "a": (0.0, 1.0)}
+    line = cb.boundary(in_a.first("PF"), ("gamma", "a"), within=within)
     proof = certify(line[3])
     assert proof
     assert line[3]["gamma"] in widened(proof.enclosure["gamma"])
@@ -243,21 +235,23 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: cb.symmetric(0.5, 0.05, 0.8).on(cb.Ring(20)), "ring of 20"),
-        (lambda: cb.symmetric(0.5, 0.05, 0.8, spring=0.2), "spring = 0.2"),
+        (lambda _: cb.symmetric(0.5, 0.05, 0.8).on(cb.Ring(20)), "ring of 20"),
+        (lambda _: cb.symmetric(0.5, 0.05, 0.8, spring=0.2), "spring = 0.2"),
         (
-            lambda: cb.symmetric(0.5, 0.05, 0.8, forcing="-cos(t)-cos(3*t)/9"),
+            lambda _: cb.symmetric(0.5, 0.05, 0.8, forcing="-cos(t)-cos(3*t)/9"),
             "give the harmonics by Fourier",
         ),
-        (lambda: cb.switch(cb.trace(start(), "a").first("PF"))[0][3], "symmetric breathers with"),
-        (lambda: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)), "open chain with"),
-        (lambda: 3, "takes a breather, a point or a branch"),
+        (lambda branch: cb.switch(branch.first("PF"))[0][3], "symmetric breathers with"),
+        (lambda _: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)), "open chain with"),
+        (lambda _: 3, "takes a breather, a point or a branch"),
     ],
     ids=["ring", "spring", "formula", "arm", "open", "number"],
 )
-def test_others_are_refused_in_a_sentence(make: Callable[[], object], words: str) -> None:
+def test_others_are_refused_in_a_sentence(
+    make: Callable[[cb.Branch], object], words: str, in_a: cb.Branch
+) -> None:
     with pytest.raises(cb.BadInput, match=words):
-        certify(make())
+        certify(make(in_a))
 
 
 def test_without_python_flint_a_sentence_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,7 +85,7 @@ def test_what_hit_in_the_first_half_only_has_come_to_rest() -> None:
 
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_sites_in_unison_are_synchronised_though_all_hit(walls: str) -> None:
-    u, v = (np.repeat(x, 6, axis=1) for x in noise(1))
+    u, v = (np.repeat(x, 6, axis=1) for x in noise(1, 60))
     found = judge(run_of(walls, u, v, hits=range(6)))
     assert found.kind is Kind.SYNCHRONISED
     assert found.reason == "all 6 sites are within 0 of each other"

@@ -48,17 +48,13 @@ def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
     dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.chunks()])
     assert np.array_equal(dense, run.record.u)
     assert_same_columns(cb.load(path), run)
+    assert_same_columns(recorded.last(7), run.since(53))
 
 
 def assert_same_columns(one, other):
     assert one.conditions == other.conditions
     for name, (_, values) in other.variables().items():
         assert np.array_equal(one.variables()[name][1], values), name
-
-
-def test_the_end_of_a_recording_is_the_end_of_its_run(tmp_path, state):
-    late = record(tmp_path / "run.nc", state, **CONDITIONS, periods=60, t0=1.0).last(7)
-    assert_same_columns(late, simulate(state, **CONDITIONS, periods=60, t0=1.0).since(53))
 
 
 def test_a_recording_is_read_in_pieces_that_are_the_whole(tmp_path, state):

@@ -54,20 +54,20 @@ def test_a_wave_once_round_the_ring_closes_on_itself():
 
 @pytest.mark.parametrize(
     ("gamma", "k", "b", "spring"),
-    [(0.08, 0.8, 0.468, 0.0), (0.2, 0.4, -0.7, 0.0), (0.03, 0.6, 0.3, 0.0), (0.05, 0.8, 0.5, 0.2)],
+    [(0.08, 0.8, 0.468, 0.0), (0.03, 0.6, 0.3, 0.0), (0.05, 0.8, 0.0, 0.2)],
 )
 def test_long_rings_grow_as_the_largest_gain_says(gamma, k, b, spring):
     worst = over_reflection(gamma, k, b, spring)
+    assert worst.over_reflecting
     scaled = []
-    for sites in (400, 800):
+    for sites in (200, 400):
         size = np.abs(np.linalg.eigvals(even_half_map(sites, spring, gamma, k, b)))
         scaled.append(sites * (size[size < 1.01].max() - 1))
-    assert 2 * scaled[1] - scaled[0] == pytest.approx(worst.growth, rel=2e-2, abs=1e-6)
-    assert worst.over_reflecting == over_reflects(gamma, k, b, spring)
+    assert 2 * scaled[1] - scaled[0] == pytest.approx(worst.growth, rel=3e-3)
+    assert over_reflects(gamma, k, b, spring)
     assert not over_reflects(gamma, 1.0, b, spring)
-    if worst.over_reflecting:
-        gain = amplified(gamma, worst.nu, k, b, spring)[0]
-        assert gain == pytest.approx(math.exp(worst.gain))
+    gain = amplified(gamma, worst.nu, k, b, spring)[0]
+    assert gain == pytest.approx(math.exp(worst.gain))
 
 
 @pytest.mark.parametrize("gamma", [1e-6, 0.02, 0.0965, 0.12, 0.24])
