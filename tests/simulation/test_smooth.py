@@ -172,7 +172,7 @@ def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
 def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
     """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
     start = breather(20, m=6, **FIGURE5)
-    branch = trace(start, "a", within={"a": (0.05, 0.12)}, towards="down")
+    branch = trace(start, "a", within={"a": (0.05, 0.1)}, towards="down")
     assert branch.first("LP")["a"] == pytest.approx(0.0726, abs=1e-4)
     exact = smallest_amplitude(0.08, 0.8)
     assert 0.0 < branch.first("LP")["a"] - exact < 0.02
