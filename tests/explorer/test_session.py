@@ -20,7 +20,7 @@ from contbreather.explorer.state import drawn_columns, plane_in_words
 
 from ..apart import HUNG
 
-WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
+WINDOWS = {"gamma": (0.035, 0.045), "a": (0.5, 1.2)}
 
 
 def do(explorer: Explorer, one: Computation) -> None:
@@ -41,7 +41,7 @@ def told() -> Explorer:
     do(explorer, jobs.switched(explorer.chosen))
     do(explorer, jobs.bounded(explorer.chosen, ("gamma", "a"), WINDOWS))
     explorer.choose_point("line3", 3)
-    do(explorer, jobs.traced(explorer.chosen, "k", (0.7, 0.9)))
+    do(explorer, jobs.traced(explorer.chosen, "k", (0.78, 0.82)))
     explorer.choose_point("arms2[0]", 4)
     do(explorer, jobs.simulated(explorer.chosen, 12, 5, 1e-3, (0, 1)))
     return explorer
