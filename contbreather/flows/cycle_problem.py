@@ -374,7 +374,7 @@ class CycleProblem(Problem):
 
     def _arm(self, along: Array, crosses: bool, free: tuple[str, ...]) -> tuple[Problem, Array]:
         """Solve for the start of an arm, and its direction, on a mesh of twice the intervals."""
-        finer = Curve(self.halved(self.residual.start), free)  # tangents keep their phase
+        finer = Curve(self.halved(), free)
         z, guess = finer.start, np.zeros(finer.start.size)
         here, there = self.residual.layout, finer.problem.residual.layout
         for few, many in zip(here.nodes, there.nodes, strict=True):
@@ -392,11 +392,10 @@ class CycleProblem(Problem):
         tangent = max(ways, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
-    def halved(self, flights: Sequence[TrajectorySegment] = ()) -> CycleProblem:
-        """Halve the intervals of its start, with a phase that is measured by that start, or by the
-        flights that are given."""
+    def halved(self) -> CycleProblem:
+        """Halve the intervals of its start, with a phase that is measured as it was."""
         here = self.residual.flights(self.x, self.params)
-        finer = replace(self.residual, start=tuple(f.halved() for f in flights or here))
+        finer = replace(self.residual, start=tuple(f.halved() for f in self.residual.start))
         start = finer.unknowns([f.halved() for f in here], self.params)
         return replace(self, residual=finer, start=start)
 

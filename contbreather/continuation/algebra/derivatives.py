@@ -85,17 +85,21 @@ def directional(function: Function, z: Array, step: Array) -> Array:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def along(
-    function: Function, z: Array, vector: Array, scales: Array, *, ahead: bool = False
-) -> Array:
+    function: Function, z: Array, vector: Array, scales: Array, *, ahead: bool = False,
+    prepare: Callable[[list[Array]], object] = list,
+) -> Array:  # fmt: skip
     """``vector . grad`` of a matrix-valued function, by the step that suits function and vector.
 
     The first step is relative to the entries that the vector moves; an idle one of size 100 says
     nothing about it. With `ahead` all places are on the side to which the vector points, for a
     function with a kink in z; at an edge of its domain they are on the side that has values.
-    Raises `Undefined` where it has none.
+    What is dear may `prepare` for the places that are asked first. Raises `Undefined` where it has
+    no value.
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
     first, here = 2e-3 / max(size, 1e-300), function(z)
+    with suppress(*OUT_OF_DOMAIN):
+        prepare([z + first / part * vector for part in (1, -1, 2, -2, 4, -4)])
 
     def has_value(h: float) -> bool:
         with suppress(*OUT_OF_DOMAIN):

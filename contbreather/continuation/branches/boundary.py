@@ -131,13 +131,29 @@ class BoundaryProblem(ExtendedProblem):
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """Free another parameter of the base problem in place of the first."""
-        curve, (free,), event = Curve(self, ()), names, self.residual.event
+        (free,), event = names, self.residual.event
         assert event is not None
-        pair = free, curve.varied[-1]
-        base_point, event = _having(Point(curve, curve.start).base_point, event, pair)
-        if free not in base_point.curve.problem.params:
-            return self
-        return boundary_problem(base_point, event, pair, self.asked, inadmissible=self.inadmissible)
+        pair = free, self.residual.released
+        base_point, event = _having(self._begin, event, pair)
+        return self._anew(base_point, event, free) if free in base_point.problem.params else self
+
+    def finer(self, point: Point, along: Any, crosses: bool) -> tuple[Problem, Any] | None:
+        """Refine the base problem where this one starts, unless it sets out in a direction."""
+        begin, event = self._begin, self.residual.event
+        finer = along is None and begin.problem.finer(point.base_point, None, crosses)
+        if not finer or event is None:
+            return None
+        curve = Curve(finer[0], begin.curve.free)
+        return self._anew(Point(curve, curve.start), event, point.curve.free[0]), None
+
+    @property
+    def _begin(self) -> Point:
+        curve = Curve(self, ())
+        return Point(curve, curve.start).base_point
+
+    def _anew(self, base_point: Point, event: Event, free: str) -> Problem:
+        pair, lifted = (free, self.residual.released), self.inadmissible
+        return boundary_problem(base_point, event, pair, self.asked, inadmissible=lifted)
 
 
 def boundary_problem(

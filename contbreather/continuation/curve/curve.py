@@ -365,7 +365,8 @@ class Curve:
         """Derivative of the Jacobian along a vector of z or unknowns, with `ahead` on its side."""
         direction = np.zeros(z.size)
         direction[: vector.size] = vector
-        return derivatives.along(self.jacobian, z, direction, self.scales, ahead=ahead)
+        how: dict[str, Any] = {"ahead": ahead, "prepare": self.prepare}
+        return derivatives.along(self.jacobian, z, direction, self.scales, **how)
 
     def _by_trying(
         self, function: Callable[[Array], Array], z: Array, columns: range, scales: Array

@@ -186,8 +186,10 @@ class _Stored:
             kind = self.content["boundary"]["kind"]
             raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
         born = {} if origin is None else origin.values
-        if set(problem.names) <= set(born):
-            curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
+        sizes = {n: np.size(value) for n, value in {**problem.start, **problem.params}.items()}
+        # a mesh may have been refined since
+        if sizes.items() <= {n: np.size(value) for n, value in born.items()}.items():
+            curve = Curve(problem.at(**{n: born[n] for n in problem.names}), curve.free)
         for event in (event.of(problem) for event in events):
             base_point = Point(curve, curve.start)
             if origin is not None:

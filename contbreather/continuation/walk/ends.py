@@ -259,7 +259,8 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         singular = weak.size < 1e-4 * weak.second
     else:
         # with the row of the parameter below: singular at folds as well as where curves cross
-        sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
+        whole = np.vstack([curve.balanced(matrix), along * curve.scales])
+        sizes = np.linalg.svd(whole, compute_uv=False)
         singular = bool(sizes[-1] < 1e-7 * sizes[0])
     if singular:
         try:
@@ -291,9 +292,10 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
 
 
 def _fill_surface(curve: Curve, tangent: Array) -> bool:
-    """Tell whether solutions fill a surface: a rank is lost a little further on as at the start."""
+    """Tell whether solutions fill a surface: a rank is lost a little further on as at the start. A
+    boundary sets out from a point of a branch, where this was asked."""
     z = curve.start
-    if not _loses_rank(curve, z):
+    if curve.problem.beneath is not None or not _loses_rank(curve, z):
         return False
     ahead = z + AHEAD * (1 + curve.length(z)) * tangent
     try:
