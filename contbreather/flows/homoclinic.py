@@ -101,8 +101,8 @@ class _Passage:
 
     @cached_property
     def stops(self) -> str:
-        """What its flow does at an equilibrium that is no saddle: it ends at a sink, or begins at a
-        source, as after a reset; empty elsewhere."""
+        """Say whether its flow ends at a sink, or begins at a source, as after a reset; empty
+        elsewhere."""
         states, rest = self.orbit.flights[self.flow].states, self.rest
         if not rest or rest.leading.size or not rest.more_in:
             return ""
