@@ -337,3 +337,6 @@ def test_a_curve_in_two_parameters_gets_a_finer_mesh_for_few_calls_of_the_field(
     cb.save(tmp_path / "folds.nc", line)
     again = cb.load(tmp_path / "folds.nc", problem=ring)
     assert again[-1].solution.period == line[-1].solution.period
+    # the rank that a canard all but loses is no surface of solutions
+    back = cb.boundary(line[-1], ("phi", "I"), towards="up", steps=cb.Steps(most=2))
+    assert len(back) == 3
