@@ -253,7 +253,7 @@ GIVEN: list[Row] = [
         for since in (-9.0, 0.5)
     ),
     # steps
-    (line, (), {"steps": 0.1}, r"steps must be given as Steps\(largest=...\), got 0.1"),
+    (line, (), {"steps": 0.1}, r"steps must be given as Steps\(most=..., largest=...\), got 0.1"),
     *(
         (cb.Steps, (), {name: value}, f"^{name} must be {words}, got {value!r}$")
         for name, value, words in (

@@ -98,7 +98,9 @@ class Settings:
         """Check what a user asks of a walk: behind this nothing asks again."""
         lifted, window, listed = flag("inadmissible", inadmissible), windows(within), all_of(events)
         if not (steps is None or isinstance(steps, Steps)):
-            raise BadInput(f"steps must be given as Steps(largest=...), got {brief(steps)}")
+            raise BadInput(
+                f"steps must be given as Steps(most=..., largest=...), got {brief(steps)}"
+            )
         return cls(window, listed, steps or usual or Steps(), lifted)
 
 
