@@ -23,7 +23,7 @@ from ..continuation.systems.branch_points import crossing
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
-from .collocation import TrajectorySegment, states_along
+from .collocation import ROUNDING, TrajectorySegment, states_along
 from .conservation import drift, indices_of, refuse_drift
 from .cycle_beyond import beyond_contact
 from .equations import FlowEquations, equations_of
@@ -37,6 +37,8 @@ from .sparse_equations import FEW, SparseFlowEquations
 UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
+RESOLVED = 1e-4  # so far off 1 the trivial multiplier may be of a resolved orbit
+CRITICAL = frozenset(("LP", "BP", "PD", "NS"))  # kinds of a multiplier on the unit circle
 ONE = 0.1  # closer to it a multiplier may be 1: at a fold by 1e-5 where a parameter turns by 1e-13
 
 
@@ -202,21 +204,33 @@ class Cycle(HtmlRepr):
             return int(outside.sum())
         return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
 
-    @property
-    def coarse(self) -> str:
-        """Reason why the mesh does not resolve the orbit; empty if it does."""
-        # of a large flow multipliers are not asked for here
-        off = abs(self.trivial - 1) if self.equations.condensed else math.nan
-        if off <= 1e-4:  # so far off 1 it may be of a resolved orbit
-            return ""
+    @cached_property
+    def roughest(self) -> tuple[float, float]:
+        """The largest share of the highest term of its polynomials, and when."""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
         # orbits of less than 1e-8 of the size at the start are rounding
         left = [flight.unresolved(1e-8 * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
-        if math.isnan(off) and left[i][0] <= UNRESOLVED:
+        return left[i][0], self.times[i] + left[i][1] * self.flights[i].duration
+
+    def coarse(self, on: str = "") -> str:
+        """Reason why the mesh does not resolve the orbit, or the multiplier of a kind on whose
+        curve it is; empty if it does."""
+        off, why = abs(self.trivial - 1), ""
+        if self.equations.condensed:  # of a large flow multipliers are not asked for here
+            others = abs(self.others) if on in CRITICAL else np.ones(1)
+            beside = abs(others - 1).min(initial=math.inf)
+            if off > RESOLVED:
+                why = f"the trivial multiplier is {off:.1g} off 1, "
+            elif beside**2 > RESOLVED:  # of a double one that is the error
+                why = f"of {on} no multiplier is there, the nearest is {beside:.1g} off, "
+            elif off <= RESOLVED:
+                return ""
+        left, where = self.roughest
+        if not why and left <= UNRESOLVED:
             return ""
-        where = self.times[i] + left[i][1] * self.flights[i].duration
-        why = "" if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, "
+        if left**2 <= ROUNDING:
+            return f"{why}by rounding: no mesh resolves it"
         return (
             f"{why}the mesh is too coarse near t = {where:.4g}: "
             "collocation=Collocation(intervals=...)"
@@ -364,7 +378,9 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any, crosses: bool) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
-        if len(self.start["mesh"]) > 400 or self._drift(point):  # of all flows together: enough
+        # of all flows together: enough; and of a mesh whose errors are rounding
+        fine = len(self.start["mesh"]) > 400 or point.solution.roughest[0] ** 2 <= ROUNDING
+        if fine or self._drift(point):
             return None
         if along is None:
             return self.halved(), None
@@ -399,9 +415,9 @@ class CycleProblem(Problem):
         start = finer.unknowns([f.halved() for f in here], self.params)
         return replace(self, residual=finer, start=start)
 
-    def unresolved(self, point: Point) -> str:
+    def unresolved(self, point: Point, on: str = "") -> str:
         try:
-            return self._drift(point) or str(point.solution.coarse)
+            return self._drift(point) or str(point.solution.coarse(on))
         except Undefined as error:  # it has come to rest
             return str(error)
 

@@ -273,8 +273,8 @@ def _moves(point: Point) -> float:
 def _examine(point: Point) -> Examined:
     """Name the equilibria: a relaxation oscillation is slow without one."""
     orbit: Cycle = point.base_point.solution
-    if orbit.coarse:
-        return orbit.coarse
+    if coarse := orbit.coarse():
+        return coarse
     slow, *more = _passages(orbit)
     saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
     if slow.rest in saddles:

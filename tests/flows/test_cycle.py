@@ -147,7 +147,7 @@ def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
 def test_a_relaxation_is_closed_on_as_many_intervals_as_it_needs(f, params, settle, period) -> None:
     """Periods of van der Pol's oscillator by Radau's method at a tolerance of 1e-12."""
     stiff = cb.cycle(f, {"x": 2.0, "v": 0.0}, params, settle=settle)
-    assert not cycle_of(stiff).coarse
+    assert not cycle_of(stiff).coarse()
     assert stiff.start["period"] == pytest.approx(period, rel=1e-7)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -311,6 +312,23 @@ def test_solutions_outlive_derivatives_that_are_chosen_anew(ring) -> None:
     solution = point.solution
     point.curve.forget()
     assert point.solution is solution
+
+
+def test_a_curve_without_its_own_multiplier_asks_for_a_finer_mesh() -> None:
+    """Folds next to a homoclinic orbit were 2e-3 off, with a false cusp, where the trivial
+    multiplier was 1e-8 off 1 and none was there for the fold: it is asked for as well."""
+    params = {"a": 0.2, "b": 0.2, "c": 2.5}
+    ring = cb.cycle(roessler, {"x": 1.0, "y": 1.0, "z": 0.0}, params, settle=300)
+    cycles = cb.trace(ring, "c", within={"c": (2.5, 3.0)}, towards="up")
+    line = cb.boundary(cycles.first("PD"), ("c", "a"), towards="up", steps=cb.Steps(most=1))
+    problem, other = line[0].curve.problem, cycles[0]
+    assert not problem.unresolved(line[0])
+    moved = line[0].z.copy()
+    moved[: other.x.size], moved[-1] = other.x, other["c"]
+    aside = replace(line[0], z=moved)
+    assert not other.problem.unresolved(other)
+    assert "of PD no multiplier is there" in problem.unresolved(aside)
+    assert problem.finer(aside, None, False) is not None
 
 
 def test_a_curve_in_two_parameters_gets_a_finer_mesh_for_few_calls_of_the_field(tmp_path) -> None:

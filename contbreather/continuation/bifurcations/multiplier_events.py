@@ -110,7 +110,7 @@ def _eigenvectors(mu: float, point: Point) -> int:
 
 def unresolved(point: Point) -> str:
     """Say why no event is believed, where a mesh resolves no multiplier."""
-    return str(point.base_point.curve.problem.unresolved(point.base_point))
+    return str(point.curve.problem.unresolved(point))
 
 
 def _examine_flip(point: Point) -> Examined:

@@ -106,9 +106,10 @@ class Structure:
         curve may cross, in more unknowns, and a direction in these. Its branch is walked anew."""
         return None
 
-    def unresolved(self, point: Any) -> str:
-        """Say what these unknowns do not resolve of a solution, empty if they do: the first such
-        point of a walk that gets no finer problem is among the doubtful ones of its branch."""
+    def unresolved(self, point: Any, on: str = "") -> str:
+        """Say what these unknowns do not resolve of a solution, `on` the boundary of a kind: empty
+        if they do. The first such point of a walk that gets no finer problem is among the doubtful
+        ones of its branch."""
         return ""
 
     def ends_near(self, point: Any) -> str:

@@ -362,8 +362,9 @@ class ExtendedProblem(Problem):
         curve, z = self.beneath(x, params, ())
         return curve.problem.modulo(z[: curve.size], curve.params(z))
 
-    def unresolved(self, point: Point) -> str:
-        return point.base_point.problem.unresolved(point.base_point)
+    def unresolved(self, point: Point, on: str = "") -> str:
+        event, base = self.residual.event, point.base_point
+        return base.problem.unresolved(base, event.kind if event else "")
 
 
 def extended(
