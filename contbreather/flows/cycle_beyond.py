@@ -20,6 +20,7 @@ from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations, equations_of
 from .flow import Flow, Wall, contact_of, flow_between, slid_along, system_of
 from .functions import values
+from .integrate import bottom
 from .multipliers import paces
 from .rotation import turned_back, unturned
 from .rounds import once
@@ -75,6 +76,18 @@ def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float 
     return sign * values(wall, t, state[:, None], p)[:, 0]
 
 
+def _lowest(wall: Any, part: float, near: float, curve: Curve, z: Array) -> Array:
+    """Evaluate a wall where the first flow comes closest to it near a part of it: what nothing
+    drives has its phase as Newton's iteration left it."""
+    p = curve.params(z)
+    flight = curve.problem.residual.flights(z[: curve.size], p)[0]
+
+    def height(s: Array) -> Array:
+        return values(wall, flight.start + s * flight.duration, flight.at(s % 1.0), p)[0]
+
+    return np.array([bottom(height, part - near, part + near)[1]])
+
+
 def beyond_contact(point: Point) -> SwitchingProblem:
     """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
     touched, one less where it has shrunk to nothing or an impact has lost its velocity.
@@ -115,7 +128,9 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     made = made if more else once(made, pieces, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
     contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
-    margins = partial(_height, hit[0].until, flow if more else 0, part), contacts
+    wall, near = hit[0].until, short / made.start[0].duration
+    height = partial(_height, wall, flow, part) if more else partial(_lowest, wall, part, near)
+    margins = height, contacts
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
     if more and not short:  # the rebound, along its way: in a plane the parameter turns there
         row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]

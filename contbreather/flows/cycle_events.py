@@ -56,9 +56,9 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
 
 
 def swing(least: float, point: Point) -> float:
-    """Measure the swing, less that of an equilibrium."""
-    base = point.base_point
-    return _amplitude(equations_of(base), base.x) - least
+    """Measure the swing, less that of an equilibrium; of no orbit that meets a condition."""
+    base, equations = point.base_point, equations_of(point.base_point)
+    return _amplitude(equations, base.x) - least if _shrinks(equations) else math.nan
 
 
 def examine_swing(least: float, point: Point) -> Examined:
@@ -97,7 +97,9 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 
 
 def _hold(point: Point) -> float:
-    return equations_of(point).hold(point.x, point.params)
+    equations = equations_of(point)  # where a flow has an end that sets the phase
+    ended = any(flow.until for flow in equations.flows)
+    return math.nan if ended else equations.hold(point.x, point.params)
 
 
 def _examine_hold(point: Point) -> Examined:
@@ -447,12 +449,8 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
         ns = replace(ns, count=None)  # without two pairs none leave the circle together
     of_pairs = conservative_events(BRANCH_POINT) if equations.conservation else ()
     events = [*(of_pairs or (lp, BRANCH_POINT, pd, ns))]
-    if _shrinks(equations):
-        events.append(_SHRUNK)
-    if equations.autonomous:
-        events.append(HOMOCLINIC)
-        if not any(flow.until for flow in flows):  # where no event does, a condition sets the phase
-            events.append(_LOST)
+    if equations.autonomous:  # beyond its conditions an orbit that meets them may shrink, too
+        events += [_SHRUNK, HOMOCLINIC, _LOST]
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
         events += [_event("VI", _rates), _event("GR", _clearances)]
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))

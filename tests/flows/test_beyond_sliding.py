@@ -164,6 +164,26 @@ def test_a_mass_that_comes_as_fast_as_the_belt_begins_to_stick() -> None:
     assert back[-1].solution.equations.flows == start.residual.flows
 
 
+def test_a_mass_that_slips_alone_is_followed_to_its_hopf_point() -> None:
+    """By Stribeck's law friction falls with the velocity of slip. Nothing drives the mass, so that
+    nothing says when it comes closest to the belt; slipping alone it may shrink to nothing."""
+
+    def field(sign: int) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            mu = 0.3 + 0.1 * np.exp(-sign * (x[1] - p["V"]) / 0.1)
+            return [x[1], -100.0 * x[0] - 0.5 * x[1] - sign * 9.81 * mu]
+
+        return f
+
+    belt, within = cb.Filippov(field(1), field(-1), lambda t, x, p: x[1] - p["V"]), {"V": (0.2, 1)}
+    sticks = cb.cycle(belt, {"x": -0.05, "v": 0.3}, {"V": 0.5}, settle=20, collocation=MESH)
+    lost, slips = across(sticks, "V", "SL", within)
+    assert slips[0]["V"] == pytest.approx(lost["V"], rel=1e-9)
+    assert slips[0]["beyond"] == "fold"  # between this cycle and the stable rest there is another
+    assert [point.label for point in slips.special] == ["EP1", "HB1"]
+    assert slips[-1]["V"] == pytest.approx(0.1 * np.log(19.62), rel=1e-8)  # damping by its slope
+
+
 def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
     """A mass with friction 1 that is pushed so that it slips twice a period, and nearly oftener."""
 
