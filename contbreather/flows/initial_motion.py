@@ -82,8 +82,10 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
         alike = [piece.x for piece in ran.pieces if len(piece.x) == moved.size]
         if (abs(moved) <= AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
             refuse_rest(0 * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
-    middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
-    return middle, last(middle), last.number
+    # its end may be just where the flow ends, too; what is blind is so from its beginning on
+    share = 0.5 if last.flow.ignored(ran.params) == 0.0 else 0.0
+    again = float((1 - share) * last.t[0] + share * last.t[-1])
+    return again, last(again), last.number
 
 
 def _clear_of(flows: Any, first: int) -> Flow:

@@ -131,6 +131,13 @@ def test_a_walker_is_one_flow_that_ignores_the_scuffing(walker: Any) -> None:
     assert branch.first("PD")["g"] == pytest.approx(0.015088437941, abs=1e-11)
 
 
+def test_a_walker_that_has_settled_is_blind_from_the_beginning_of_a_step_on(walker: Any) -> None:
+    """In the middle of a step it had been blind anew, beyond the next heel strike."""
+    start = {"leg": 0.2003109, "swing": 0.4006218, "u": -0.1998325, "w": -0.0158230}
+    again = cb.cycle(walker.residual.flows, start, walker.params, settle=22.0)
+    assert again.start["period"] == pytest.approx(walker.start["period"], abs=1e-9)
+
+
 def test_blindness_ends_between_the_scuffing_and_the_strike(walker: Any) -> None:
     branch = cb.trace(walker, "blind", within={"blind": (0.5, 4.5)})
     touched = branch.first("GR")
