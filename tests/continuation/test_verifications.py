@@ -177,6 +177,19 @@ def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
     assert "the cubic coefficient vanishes as well" in reason(cusp, flat)
 
 
+def test_a_fold_at_which_another_mode_buckles_is_no_cusp() -> None:
+    def arch(u, p):  # two modes of a shallow arch: the second buckles on the fold at h^2 = 22
+        strain = (u[0] ** 2 - p["h"] ** 2) / 4 + u[1] ** 2
+        return np.array([p["h"] - p["load"] - u[0] * (1 + strain), -4 * u[1] * (4 + strain)])
+
+    problem = cb.Problem(arch, {"u": 6.0, "v": 0.0}, {"h": 6.0, "load": 0.0})
+    fold = cb.trace(problem, "load", within={"load": (-60, 60)}, events=[cb.fold()]).first("LP")
+    line = cb.boundary(fold, ("load", "h"), within={"load": (-100, 100), "h": (1, 12)})
+    (only,) = (point for point in line.special if point.kind == "CP")
+    assert (only["h"], only["load"]) == pytest.approx((2.0, 2.0), abs=1e-9)
+    assert line.doubtful[0]["h"] ** 2 == pytest.approx(22.0, abs=1e-6)
+
+
 def test_a_vanishing_lyapunov_coefficient_beside_another_pair_is_no_generalised_hopf() -> None:
     point, wide = lines.walked(lines.BAUTIN).first("GH"), lines.walked(lines.BAUTIN_AT_ONCE)
     there = replace(wide[0], z=np.where(abs(point.z) < 1e-9, 0.0, point.z))

@@ -201,6 +201,8 @@ def cusp() -> Event:
 
 def _examine_cusp(point: Point) -> Examined:
     base = point.base_point
+    if systems.least_in_unknowns(base.curve, base.z).second < branch_points.RANK:
+        return "the derivative in the unknowns loses two ranks: two null vectors"
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # where two folds are mirror images both vanish, and location is good to a few 1e-6 only
     if abs(cubic.value) <= 1e-4 * cubic.size:
