@@ -58,15 +58,20 @@ def certify(what: Any, *, within: float = 1e-8) -> Certificate | Covering:
             raise BadInput(
                 "certify() takes branches in one parameter; of a boundary take its points, line[3]."
             )
-        params = parameters(what[0].solution)
+        params = parameters(_orbit(what[0]))
         return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
     orbit, kinds = what, list[str]()
     if isinstance(what, Point):
         line = event_of(what.curve.problem)  # of which boundary it is a point
-        orbit, kinds = what.solution, [what.kind] + ([line.kind] if line else [])
+        orbit, kinds = _orbit(what), [what.kind] + ([line.kind] if line else [])
     params, unknowns = parameters(orbit), {"p": orbit.p, "phi": orbit.phi}
     special = next((kind for kind in kinds if kind in DEFINING), "")
     if special:
         free = what.curve.free[0]
         unknowns[free] = params.pop(free)
     return certify_point(params, unknowns, special, within)
+
+
+def _orbit(point: Point) -> Any:
+    """What a point means to its problem, or the point itself, of equations alone."""
+    return point if point.base_point.problem.interpret is None else point.solution

@@ -232,6 +232,11 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
 # --- what it is not about -----------------------------------------------------------------------
 
 
+def _line() -> cb.Branch:
+    mine = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0})
+    return cb.trace(mine, "mu", within={"mu": (0.0, 0.1)})
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -244,8 +249,10 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
         (lambda branch: cb.switch(branch.first("PF"))[0][3], "symmetric breathers with"),
         (lambda _: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)), "open chain with"),
         (lambda _: 3, "takes a breather, a point or a branch"),
+        (lambda _: _line(), "takes a breather, a point or a branch"),
+        (lambda _: _line()[0], "takes a breather, a point or a branch"),
     ],
-    ids=["ring", "spring", "formula", "arm", "open", "number"],
+    ids=["ring", "spring", "formula", "arm", "open", "number", "own branch", "own point"],
 )
 def test_others_are_refused_in_a_sentence(
     make: Callable[[cb.Branch], object], words: str, in_a: cb.Branch
