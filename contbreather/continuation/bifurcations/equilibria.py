@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.linear_algebra import least_singular, sense
+from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import is_sparse
 from ..curve.branch import Points
@@ -201,7 +201,7 @@ def cusp() -> Event:
 
 def _examine_cusp(point: Point) -> Examined:
     base = point.base_point
-    if systems.least_in_unknowns(base.curve, base.z).second < branch_points.RANK:
+    if systems.least_in_unknowns(base.curve, base.z).second <= LOST:
         return "the derivative in the unknowns loses two ranks: two null vectors"
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # where two folds are mirror images both vanish, and location is good to a few 1e-6 only
