@@ -28,7 +28,7 @@ from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined,
 from .cycle_problem import Cycle
 from .equations import equations_of
 
-_STEP = 1e-5  # of differences along solutions, in the metric of a curve
+STEP = 1e-5  # of differences along solutions, in the metric of a curve
 NEAR = 1e-6  # how far off its place the index of a located event may be
 _MET = 1e-5  # the form of a unit vector that has no sign; and the overlap of two that is none
 
@@ -196,9 +196,9 @@ def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) ->
 def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
     (ways, nearest), units = _beside(curve, z), np.sqrt(curve.metric)
     # what solutions are off their tangents cancels, as it is the same ahead and behind
-    places = (nearest + sign * _STEP * way / units for sign in (1, -1) for way in ways)
+    places = (nearest + sign * STEP * way / units for sign in (1, -1) for way in ways)
     ahead, behind = np.split(np.array([np.atleast_1d(test(Point(curve, at))) for at in places]), 2)
-    slopes = (ahead - behind).T / (2 * _STEP) @ (ways * units)
+    slopes = (ahead - behind).T / (2 * STEP) @ (ways * units)
     return np.hstack([slopes, -np.eye(1 + extra.size)[:, 1:]])
 
 

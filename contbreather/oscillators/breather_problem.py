@@ -43,7 +43,14 @@ from ..continuation.systems.defining_systems import Singular
 from ..errors import BadInput
 from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
-from ..flows.conservative_events import NEAR, conservative_events, event_at, examine_place, followed
+from ..flows.conservative_events import (
+    NEAR,
+    STEP,
+    conservative_events,
+    event_at,
+    examine_place,
+    followed,
+)
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
 from ..flows.equations import FlowEquations
@@ -349,13 +356,29 @@ def _examine_flip(point: Point) -> Examined:
     return NOTHING if flat else examine_place(-1.0, "", point)
 
 
+def _free(point: Point) -> bool:
+    """Tell whether an index is so little off 1 that it is that of a motion which nothing holds
+    back."""
+    off = abs(point.base_point.solution.indices - 1).min(initial=math.inf)
+    return bool(off < 1e-8)
+
+
 def _crosses(point: Point) -> float:
     """The test of BP; NaN where its sign is rounding. Next to the band a breather may move along a
     ring all but freely: anywhere there is a solution, to the error of Newton's iteration."""
     assert BRANCH_POINT.test is not None
-    off = abs(point.base_point.solution.indices - 1).min(initial=math.inf)
-    # an index less off 1 is that of a motion which nothing holds back
-    return math.nan if off < 1e-8 else BRANCH_POINT.test(point)
+    return math.nan if _free(point) else BRANCH_POINT.test(point)
+
+
+def _examine_reversal(found: Examined, point: Point) -> Examined:
+    """A pair that passes +1 is off it a little before and after. Next to no coupling, where sites
+    move apart from each other all but freely, one is there, and rounding tells on which side."""
+    base = point.base_point
+    if base.tangent is not None:
+        steps = (sign * STEP * base.direction for sign in (1, -1))
+        if all(_free(Point(base.curve, base.z + step)) for step in steps):
+            return NOTHING
+    return examine_place(1.0, found, point)
 
 
 def _born(point: Point) -> Examined:
@@ -378,7 +401,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
     turned, *ends = (Singular(partial(_block, *at)) for at in ((0, 1), (0, 0), (1, 1)))
-    pf = event_at(1.0, "PF", turned, said)
+    pf = replace(event_at(1.0, "PF", turned, said), examine=partial(_examine_reversal, said))
     flips = [replace(pd, test=t, locus=partial(followed, t), examine=_examine_flip) for t in ends]
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return lp, turn, branch_point, pf, *flips, kc, born

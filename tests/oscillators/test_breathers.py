@@ -513,3 +513,12 @@ def test_curves_from_a_branch_in_the_energy_may_be_in_the_frequency() -> None:
     for edge in edges:
         curve = cb.boundary(edge, ("omega", "c"), within={"c": (0.09, 0.11)})
         assert np.hypot(curve["omega"] - edge["omega"], curve["c"] - 0.1).min() < 1e-9
+
+
+def test_sites_that_hardly_feel_each_other_have_no_pf_next_to_no_coupling() -> None:
+    """A site in between makes the index leave 1 as the coupling squared: to both sides of it."""
+    chain = cb.Oscillators("u**2/2 + u**4/4", "c*r**2/2", lattice=cb.Ring(9))
+    apart = cb.breather(chain, {2: 1, 4: -1}, omega=1.6, params={"c": 0.04})
+    branch = cb.trace(apart, "c", within={"c": (0.0, 0.1)})
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert branch.doubtful == ()
