@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged, partial_result
 from ..flows.collocation import Collocation
 from ..flows.cycle_constructors import named_state
+from ..flows.cycle_events import AT_ONCE, touches
 from ..flows.functions import Params
 from ..one_thread import one_thread
 from ..orbits.multibreathers import classes_of, exchanges_of_sites
@@ -193,6 +195,9 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         last: Any = branch[-1]
         start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
         if start is None and last[SHARE] == 1.0:
+            if chain.walls and (said := _behind(last)):
+                share = next(float(point[SHARE]) for point in branch if _behind(point))
+                raise CouplingEnds(f"{code}: by {share:.4g} of the coupling {said}", share)
             return last.problem
     # the farthest, also where it turns back without a fold, onto the other arm of a pitchfork
     end = max((*branch.special, *branch), key=lambda point: float(point[SHARE]))
@@ -203,6 +208,16 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)[0]}.",
         float(end[SHARE]),
     )
+
+
+def _behind(point: Any) -> str:
+    """Say which wall the orbit is behind between impacts; nothing where it is not."""
+    orbit = point.solution
+    touch = min(touches(orbit), key=attrgetter("clearance"))
+    if touch.clearance > -AT_ONCE:
+        return ""
+    wall = orbit.equations.flows[touch.flow].guards[touch.guard]
+    return f"site {wall.site} is behind a wall, which it would hit, too, at t = {touch.time:.6g}"
 
 
 # --- catalogue ----------------------------------------------------------------------------------

@@ -192,3 +192,13 @@ def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatc
     )
     with pytest.raises(cb.NoSolution, match="site 2: alone it has no orbit that impacts once"):
         cb.breather(chain, {2: 1}, omega=1.0, params={"a": 0.03, "c": 0.05})
+
+
+def test_a_breather_behind_a_wall_is_refused_with_the_site() -> None:
+    """The site between two that impact comes to 1.029 at c = 0.02, where its walls are at 1."""
+    chain = cb.Oscillators(
+        "u**2/20 + u**4/40", "c*(r**2/2 + r**4/4)", cb.OpenChain(3),
+        damping=0.05, drive="-0.6*cos(omega*t)", walls=1.0, k=0.7,
+    )  # fmt: skip
+    with pytest.raises(cb.errors.NoSolution, match=r"coupling site 1 is behind a wall, which"):
+        cb.breather(chain, {0: 1, 2: 1}, omega=1.0, params={"c": 0.02})
