@@ -329,5 +329,8 @@ def test_a_long_motion_is_drawn_between_its_extremes_and_says_of_how_many_sample
     assert (beside.min(), beside.max()) == pytest.approx((u.min(), u.max()), abs=1e-12)
     few = cb.simulate(state, periods=40, sample=Sample((0, 1), per_period=2), **LONG)
     assert plot_motion(few).axes.get_ylabel() == "$u_n$, range in a period (2 samples)"
+    many = plot_motion(cb.simulate(state, periods=601, sample=Sample((0, 1), per_period=2), **LONG))
+    assert many.axes.get_ylabel() == "$u_n$, range in 3 periods (6 samples)"
+    assert len(many.axes.collections[0].get_paths()[0].vertices) < 1000
     short = cb.simulate(state, periods=4, sample=Sample((0, 1)), **LONG)
     assert plot_motion(short).axes.get_ylabel() == "$u_n$"

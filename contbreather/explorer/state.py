@@ -292,7 +292,9 @@ def verdict_in_words(orbit: Orbit) -> str:
 
     def named() -> str:
         verdict = orbit.stability()
-        return f"{words[verdict.stable]} on the {verdict.lattice}"
+        settled = verdict.unstable or verdict.certain
+        word = words[verdict.stable] if settled else "at the edge of stability"
+        return f"{word} on the {verdict.lattice}"
 
     stable = _sentence(named)
     return stable if margins.ok else f"{stable}, at the edge of what is admissible"

@@ -366,7 +366,8 @@ def symmetric_roots(
     k, damping, stiff = held["k"], held["damping"], parameter("spring", held["spring"])
     drive = forcing_of(forcing)
     check_symmetric(drive)
-    more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    at = Walls.given(walls)
+    more = any(real(value) != 0.0 for value in (site, damping)) or at != Walls()
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     by_modes = isinstance(lattice, Lattice) or (isinstance(lattice, Ring) and (more or stiff))
     place: Any = lattice if by_modes else lattice_of(lattice)
@@ -377,7 +378,7 @@ def symmetric_roots(
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
             "finite lattice."
         )
-    at, frequency = Walls.given(walls), parameter("omega", omega)
+    frequency = parameter("omega", omega)
     on = Conditions(a, gamma, k, damping, stiff, drive, at, place, omega=frequency)
     with in_time_of_drive(on.checked() if by_modes else on) as scaled:
         if by_modes:

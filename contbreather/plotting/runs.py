@@ -78,9 +78,9 @@ def plot_motion(
 
     Of oscillators more than 20 periods, or more than 7 sites, are drawn as `plot_space_time` does,
     with the energy below. Of other runs more than 20 periods are drawn by their envelopes, the
-    largest and the smallest displacement in each period, and the axis says of how many samples. Of
-    a run with impacts these are part of the lines: its sites reach their walls however coarsely
-    they were sampled.
+    largest and the smallest displacement in each period, from 300 periods on in several together,
+    and the axis says of how many samples. Of a run with impacts these are part of the lines: its
+    sites reach their walls however coarsely they were sampled.
 
     Parameters
     ----------
@@ -127,6 +127,8 @@ def plot_motion(
     if not record.times.size:
         raise BadInput(NO_PERIOD)
     first, last = _window(record.times / PERIOD, periods)
+    within = (first <= record.times / PERIOD) & (record.times / PERIOD <= last)
+    edges, extremes = _stretches(record.times[within])
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = with_impacts(record.times, record.u[:, i], run, n)
@@ -134,14 +136,13 @@ def plot_motion(
             t, u = t[inside], u[inside]
             look: dict[str, Any] = {"color": CYCLE[i % len(CYCLE)], "label": f"$u_{{{n}}}$"}
             if last - first > LONG:
-                edges = _edges_of(t)
                 low, high = (np.append(end, end[-1]) for end in _envelope(t, u, edges))
                 band = {"step": "post", "alpha": 0.5, "linewidth": 0.5, **look}
                 axes.fill_between(edges / PERIOD, low, high, **band)
             else:
                 axes.plot(t / PERIOD, u, "-", linewidth=1.0, **look)
-        extremes = f", range in a period ({_samples(record.times)})"
-        axes.set(xlabel=orbits.PERIODS, ylabel=f"$u_n${extremes if last - first > LONG else ''}")
+        words = f"$u_n$, range {extremes}" if last - first > LONG else "$u_n$"
+        axes.set(xlabel=orbits.PERIODS, ylabel=words)
         axes.margins(x=0.0)
         canvas.legend_above(axes, fontsize=canvas.legend_size(axes))
     return drawn
@@ -346,28 +347,24 @@ def _envelope(t: Array, u: Array, edges: Array) -> tuple[Array, Array]:
     return np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
 
 
-def _edges_of(t: Array, many: int = 1) -> Array:
-    """Begins of periods, or of several together, and the end."""
+def _stretches(t: Array) -> tuple[Array, str]:
+    """Begins of periods, or of several together where they are many, and the end; that in words."""
     length = float(t[-1] - t[0]) / PERIOD
-    return np.append(t[0] + PERIOD * np.arange(0.0, length - 1e-9, many), t[-1])
+    many = max(1, math.ceil(length / ROWS - 1e-9))
+    edges = np.append(t[0] + PERIOD * np.arange(0.0, length - 1e-9, many), t[-1])
+    count = round(many * (len(t) - 1) / length) if length else len(t)
+    periods = "a period" if many == 1 else f"{many} periods"
+    return edges, f"in {periods} ({count} sample{'s' if count > 1 else ''})"
 
 
 def _largest(t: Array, sites: Array, u: Array, run: Any) -> tuple[Array, Array, str]:
     """Times, the largest size of each site about each of them, and that in words."""
-    many = max(1, math.ceil(float(t[-1] - t[0]) / PERIOD / ROWS - 1e-9))
-    edges = _edges_of(t, many)
+    edges, words = _stretches(t)
     columns = [
         np.max(np.abs(_envelope(*with_impacts(t, u[:, i], run, int(n)), edges)), axis=0)
         for i, n in enumerate(sites)
     ]
-    periods = "a period" if many == 1 else f"{many} periods"
-    words = f"largest $|u_n|$ in {periods} ({_samples(t, many)})"
-    return 0.5 * (edges[:-1] + edges[1:]), np.stack(columns, axis=1), words
-
-
-def _samples(t: Array, periods: int = 1) -> str:
-    count = round(periods * PERIOD * (len(t) - 1) / float(t[-1] - t[0]))
-    return f"{count} sample{'s' if count > 1 else ''}"
+    return 0.5 * (edges[:-1] + edges[1:]), np.stack(columns, axis=1), f"largest $|u_n|$ {words}"
 
 
 def plot_section(

@@ -16,7 +16,7 @@ import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, jobs, session
 from contbreather.explorer.jobs import Computation, Progress
-from contbreather.explorer.state import drawn_columns, plane_in_words
+from contbreather.explorer.state import drawn_columns, plane_in_words, verdict_in_words
 
 from ..apart import HUNG
 
@@ -64,6 +64,11 @@ def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
     assert made["here"].p == told.chosen.orbit.p
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"zones.pdf", "branches.pdf", "motion.pdf"}
+
+
+def test_at_a_bifurcation_a_breather_is_called_neither_stable_nor_unstable(told: Explorer) -> None:
+    words = verdict_in_words(told.state.curves["branch1"].first("PF").solution)
+    assert words == "at the edge of stability on the infinite chain"
 
 
 def test_axes_are_what_all_drawn_curves_have(told: Explorer) -> None:

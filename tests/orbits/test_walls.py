@@ -283,3 +283,8 @@ def test_walls_of_any_one_site_of_a_ring_are_looked_at(site: int, damping: float
     on = {"a": 0.6, "gamma": 0.04, "k": 0.8, "lattice": cb.Ring(32), "damping": damping}
     verdict = cb.symmetric(**on, walls={site: 0.55}).admissibility()
     assert (verdict.ok, verdict.site) == (False, site)
+
+
+@pytest.mark.parametrize("walls", [1, (-1, 1)])
+def test_walls_at_one_are_those_of_the_infinite_chain_written_down_or_not(walls) -> None:
+    assert cb.symmetric(0.5, 0.04, 0.8, walls=walls) == cb.symmetric(0.5, 0.04, 0.8)
