@@ -127,8 +127,8 @@ def plot_motion(
     if not record.times.size:
         raise BadInput(NO_PERIOD)
     first, last = _window(record.times / PERIOD, periods)
-    within = (first <= record.times / PERIOD) & (record.times / PERIOD <= last)
-    edges, extremes = _stretches(record.times[within])
+    shown = (first <= record.times / PERIOD) & (record.times / PERIOD <= last)
+    edges, extremes = _stretches(record.times[shown])
     with canvas.drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = with_impacts(record.times, record.u[:, i], run, n)
