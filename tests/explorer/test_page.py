@@ -150,6 +150,8 @@ def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
 
 def test_sites_and_ring_are_typed_and_refused_in_place(page: Page) -> None:
     press(page, "Show")
+    page.asked["ring"].value = "30"  # of sites around the impact
+    assert page.multipliers.dots.data["x"].size == 60
     page.asked["sites"].value = "0 5"
     page.asked["ring"].value = "50"
     assert page.motion.lines.data["site"] == ["site 0", "site 5"]
@@ -159,6 +161,9 @@ def test_sites_and_ring_are_typed_and_refused_in_place(page: Page) -> None:
     page.asked["ring"].value, page.asked["sites"].value = "2001", "0 5"
     assert "at most 2000 sites" in sentence(page.asked_trouble)
     assert page.explorer.state.sites == (0, 5)
+    page.asked["ring"].value, page.asked["sites"].value = "50", ""
+    assert page.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]
+    assert not sentence(page.asked_trouble)
 
 
 def test_a_page_that_is_loaded_again_shows_what_there_was(page: Page) -> None:
