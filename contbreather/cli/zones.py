@@ -50,8 +50,8 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead; one value beside k: in (omega, gamma).
     beyond
-        Say of the regions beyond GR which orbit is there: with other sites that impact, or more
-        impacts of the same.
+        Say of the regions beyond GR without a breather which orbit is there: with other sites that
+        impact, or more impacts of the same.
     """
     from contbreather.orbits.zone_search import second_of
 
