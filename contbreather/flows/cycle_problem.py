@@ -206,7 +206,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def roughest(self) -> tuple[float, float]:
-        """The largest share of the highest term of its polynomials, and when."""
+        """Measure the largest share of the highest term of its polynomials, and when."""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
         # orbits of less than 1e-8 of the size at the start are rounding
         left = [flight.unresolved(1e-8 * size.max()) for flight, size in pairs]
