@@ -135,7 +135,7 @@ _CHOICES = (
               "ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix in "
               "a .csv, a graph in a .graphml, whose nodes may have a mass and a drive; behind any "
               "of them numbers of all sites, :masses=1,2,1 for instance; the infinite chain unless "
-              "given."),
+              "given, a ring of 20 to simulate."),
     Parameter("site", "site", "impacts at site", 0, "The site that impacts."),
     Parameter("walls", "walls", "walls", "-1,1",
               "LOW,HIGH of all sites, a number of each for both of its walls, 1,1.2,0.9, or "

@@ -105,7 +105,8 @@ LOST --periods 1e11
     >> the states of 20 sites once in each would be 3\.2e\+04 GB.* may have 1; .* --stream
 LOST --smooth 0.3 >> m = 0\.3: the hardness .* 0\.5 <= m .* any real one
 LOST --perturb 5 >> lies outside the walls
-LOST --perturb 1e308 >> inf of the state is not finite
+LOST --perturb 1e308 >> a standard deviation, from 0 to 1e6, a finite number, was expected
+LOST --perturb -1 >> --perturb = -1.0: a standard deviation, from 0 to 1e6
 LOST --perturb 0.1 --seed -1 >> --seed = -1: a whole number
 LOST --start nothing.json >> cannot read nothing\.json: .*JSON with u, v
 LOST --start words.txt >> no state in words\.txt: JSON with u, v

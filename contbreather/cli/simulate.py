@@ -62,7 +62,7 @@ class RunOptions:
 
     def check(self, where: ModelOptions, into: SavedRun) -> None:
         """Refuse what cannot be, before anything is computed."""
-        from contbreather.checks import whole
+        from contbreather.checks import number, whole
 
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
@@ -76,6 +76,7 @@ class RunOptions:
                 "and --save, or --stream"
             )
         whole("--seed", self.seed, 0)
+        number("--perturb", self.perturb, 0.0, 1e6, "a standard deviation, from 0 to 1e6")
 
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
@@ -100,8 +101,7 @@ class RunOptions:
                     )
             if self.perturb:
                 push = np.random.default_rng(self.seed).normal(size=(2, len(u)))
-                with np.errstate(over="ignore"):  # what is not finite is refused as a state
-                    u, v = (u, v) + self.perturb * push
+                u, v = (u, v) + self.perturb * push
             shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on["forcing"]}
             shared |= {"periods": self.periods, "t0": t0, "progress": bar}
             summary = partial(
