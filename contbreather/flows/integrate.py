@@ -18,6 +18,7 @@ from ..continuation.algebra.newton import Array, Undefined
 from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
+from .collocation import AT_REST
 from .flow import Clock, Filippov, Flow
 from .functions import Function, Params, at_state, place, slopes, values
 
@@ -369,10 +370,17 @@ class _Integration:
             t.append(solver.t if hit is None else at)
             x.append(solver.y if hit is None else steps[-1](at))
         if hit is None and waited < end:
+            why = (
+                "a guard is positive inside and zero at the end (cb.integrate waits longer with "
+                "time=)"
+            )
+            late = np.linspace(0.5 * (t0 + t[-1]), t[-1], 16)  # the second half of the time
+            moved = np.ptp(integrate.OdeSolution(t, steps)(late), axis=1)
+            if moved.max() <= AT_REST * abs(np.array(x)).max():
+                why = f"it has come to rest at x = {brief(x[-1].tolist())}; start elsewhere"
             raise NotConverged(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
-                f"x = {brief(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
-                "zero at the end (cb.integrate waits longer with time=)"
+                f"x = {brief(x0.tolist())}, in {len(steps)} steps: {why}"
             )
         if hit is None and struck <= end:
             hit = 0

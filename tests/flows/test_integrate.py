@@ -180,7 +180,10 @@ def relayed(h: Any) -> Any:
          cb.NotConverged, r"walls\[0\] of flow 0 is zero at t = 1"),
         (lambda: cb.integrate(cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: x[0]), [1.0], {},
                               events=1),
-         cb.NotConverged, r"was not met within \S+ from t = 0, x = \[1.0\], in \d\d steps"),
+         cb.NotConverged, r"was not met within \S+ from t = 0, x = \[1.0\], in \d\d steps: a"),
+        (lambda: cb.integrate(cb.Flow(lambda t, x, p: 1 - x, until=lambda t, x, p: 2 - x[0]), [0.0],
+                              {}, events=1, method="Radau"),
+         cb.NotConverged, r"in \d+ steps: it has come to rest at x = \[\S+\]; start elsewhere"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_followed_is_refused_with_a_sentence(run, error, sentence):
