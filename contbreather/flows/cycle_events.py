@@ -44,11 +44,6 @@ FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be to
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
-def _shrinks(equations: FlowEquations) -> bool:
-    """Tell whether such a cycle may shrink to an equilibrium."""
-    return equations.autonomous and equations.smooth and equations.flows[0].reset is None
-
-
 def _amplitude(equations: FlowEquations, x: Array) -> float:
     """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
     equilibrium the curve goes on as the same cycles half a turn later."""
@@ -56,9 +51,14 @@ def _amplitude(equations: FlowEquations, x: Array) -> float:
 
 
 def swing(least: float, point: Point) -> float:
-    """Measure the swing, less that of an equilibrium; of no orbit that meets a condition."""
+    """Measure the swing, less that of an equilibrium."""
+    base = point.base_point
+    return _amplitude(equations_of(base), base.x) - least
+
+
+def _shrunk(point: Point) -> float:
     base, equations = point.base_point, equations_of(point.base_point)
-    return _amplitude(equations, base.x) - least if _shrinks(equations) else math.nan
+    return _amplitude(equations, base.x) - _AT_REST if equations.shrinks else math.nan
 
 
 def examine_swing(least: float, point: Point) -> Examined:
@@ -87,9 +87,7 @@ def _examine_generalised(point: Point) -> Examined:
     return {"said": f"the folds end at a generalised Hopf point, {where}"}
 
 
-_SHRUNK = Event(
-    "HB", partial(swing, _AT_REST), examine=partial(examine_swing, _AT_REST), ends="branch"
-)
+_SHRUNK = Event("HB", _shrunk, examine=partial(examine_swing, _AT_REST), ends="branch")
 _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, ends="branch")
 
 
@@ -97,9 +95,8 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 
 
 def _hold(point: Point) -> float:
-    equations = equations_of(point)  # where a flow has an end that sets the phase
-    ended = any(flow.until for flow in equations.flows)
-    return math.nan if ended else equations.hold(point.x, point.params)
+    equations = equations_of(point)
+    return equations.hold(point.x, point.params) if equations.endless else math.nan
 
 
 def _examine_hold(point: Point) -> Examined:
@@ -143,7 +140,7 @@ def _examine_fold(point: Point) -> Examined:
 
 def _fold_locus(point: Point) -> DefiningSystem:
     assert _PLAIN.locus is not None
-    locus, ends = _PLAIN.locus(point), _shrinks(equations_of(point))
+    locus, ends = _PLAIN.locus(point), equations_of(point).shrinks
     return replace(locus, events=(*locus.events, _GENERALISED)) if ends else locus
 
 

@@ -218,11 +218,10 @@ class Cycle(HtmlRepr):
         curve it is; empty if it does."""
         off, why = abs(self.trivial - 1), ""
         if self.equations.condensed:  # of a large flow multipliers are not asked for here
-            others = abs(self.others) if on in CRITICAL else np.ones(1)
-            beside = abs(others - 1).min(initial=math.inf)
             if off > RESOLVED:
                 why = f"the trivial multiplier is {off:.1g} off 1, "
-            elif beside**2 > RESOLVED:  # of a double one that is the error
+            # of a double one the square is the error
+            elif on in CRITICAL and (beside := self._beside_circle()) ** 2 > RESOLVED:
                 why = f"of {on} no multiplier is there, the nearest is {beside:.1g} off, "
             elif off <= RESOLVED:
                 return ""
@@ -235,6 +234,9 @@ class Cycle(HtmlRepr):
             f"{why}the mesh is too coarse near t = {where:.4g}: "
             "collocation=Collocation(intervals=...)"
         )
+
+    def _beside_circle(self) -> float:
+        return float(abs(abs(self.others) - 1).min(initial=math.inf))
 
     def _sizes(self) -> dict[str, float]:
         ends = {"min": self.min, "max": self.max}

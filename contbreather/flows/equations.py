@@ -187,6 +187,16 @@ class FlowEquations:
         """Tell whether one flow that no condition ends is all of it."""
         return len(self.flows) == 1 and self.flows[0].until is None
 
+    @cached_property
+    def endless(self) -> bool:
+        """Tell whether no condition ends a flow, which would set the phase."""
+        return not any(flow.until for flow in self.flows)
+
+    @cached_property
+    def shrinks(self) -> bool:
+        """Tell whether such a cycle may shrink to an equilibrium."""
+        return self.autonomous and self.smooth and self.flows[0].reset is None
+
     @property
     def standing(self) -> Any:
         """Tell which entries of the first state stand in the equations that close, 1 or 0: all of
