@@ -216,8 +216,9 @@ class Cycle(HtmlRepr):
     def coarse(self, on: str = "") -> str:
         """Reason why the mesh does not resolve the orbit, or the multiplier of a kind on whose
         curve it is; empty if it does."""
-        off, why = abs(self.trivial - 1), ""
+        why = ""
         if self.equations.condensed:  # of a large flow multipliers are not asked for here
+            off = abs(self.trivial - 1)
             if off > RESOLVED:
                 why = f"the trivial multiplier is {off:.1g} off 1, "
             # of a double one the square is the error
