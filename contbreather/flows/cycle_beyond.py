@@ -124,8 +124,8 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
-    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
-    made = made if more else once(made, pieces, p)
+    made = _made_of(equations, parts, pieces)
+    made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
     contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
     wall, near = hit[0].until, short / made.start[0].duration
@@ -180,12 +180,22 @@ def _at_edge(point: Point) -> SwitchingProblem:
             if abs(edge) < 1e-6 * rates[j][0]:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
-    made = replace(equations, flows=tuple(parts), start=tuple(pieces), sizes=sizes_of(pieces))
+    made = _made_of(equations, parts, pieces)
     lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
     margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
     return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _made_of(
+    equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
+) -> FlowEquations:
+    """Make the cycle of other flows; meshes measure the motion as it is, not as it was where the
+    branch began."""
+    sizes = sizes_of(flights)
+    start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
+    return replace(equations, flows=tuple(flows), start=start, sizes=sizes)
 
 
 def _hit(
@@ -219,19 +229,20 @@ def _hit(
         reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
     elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
         reason = "a flow with the same f has to lead on, after a reset or one flow in between"
-    elif not _stays(hit, flight.start + part * flight.duration, flight.at(np.array([part])), point):
+    elif not _stays(hit, flight, part, point):
         reason = "a reset moves the state even where nothing is hit: orbits do not go over"
     if reason:
         raise Undefined(f"which flows follow there is not known; {reason}")
     return hit, walls
 
 
-def _stays(hit: Sequence[Flow], t: float, x: Array, point: Point) -> bool:
+def _stays(hit: Sequence[Flow], flight: TrajectorySegment, part: float, point: Point) -> bool:
     """Tell whether the resets of a contact that only just takes place leave the state."""
-    after = x
+    after = x = flight.at(np.array([part]))
     for reset in filter(None, (flow.reset for flow in hit)):
-        after = values(reset, t, after, point.params)
-    return after.shape == x.shape and bool(abs(after - x).max() <= 1e-6 * abs(x).max())
+        after = values(reset, flight.start + part * flight.duration, after, point.params)
+    size = abs(flight.states).max(axis=0)  # of the motion: at a wall at 0 the state itself has none
+    return after.shape == x.shape and bool((abs(after - x)[:, 0] <= 1e-6 * size).all())
 
 
 def _added(

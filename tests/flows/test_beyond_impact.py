@@ -250,3 +250,19 @@ def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
     ]  # fmt: skip
     vanishing = cb.trace(hits[2].problem, "g", within=window, towards="both").first("VI")
     assert vanishing["g"] == pytest.approx(hits[0]["g"], abs=1e-9)
+
+
+def test_a_wall_at_the_origin_is_gone_beyond() -> None:
+    """Where an impact oscillator touches a wall at 0 its state is 0, which has no size of its own:
+    between both GR of its orbit of three impacts is the one of four."""
+    hit = cb.Flow(
+        lambda t, x, p: [x[1], np.cos(p["w"] * t) - x[0]],
+        until=lambda t, x, p: -x[0], reset=lambda t, x, p: [x[0], -0.8 * x[1]],
+    )  # fmt: skip
+    start, window = {"x": -0.1, "v": 0.3}, {"w": (1.5, 8.0)}
+    three = cb.cycle([hit], start, {"w": 2.8}, period=period, settle=600)
+    branch = cb.trace(three, "w", within=window)
+    (four,) = cb.switch(branch.first("GR1"), within=window)
+    assert [len(each[1].solution.durations) for each in (branch, four)] == [3, 4]
+    assert four[-1].kind == "VI"
+    assert four[-1]["w"] == pytest.approx(branch.first("GR2")["w"], abs=1e-8)

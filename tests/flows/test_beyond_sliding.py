@@ -217,3 +217,24 @@ def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason() ->
     touched = cb.trace(rocked(0.0)[1], "B", within={"B": (0.36, 0.5)}, events=()).first("GR")
     with pytest.raises(cb.BadInput, match="walls are touched at once"):
         cb.switch(touched)
+
+
+def test_an_orbit_that_has_grown_since_its_branch_began_comes_to_slide() -> None:
+    """A predator that is harvested above a threshold: at SL its cycle has twice the size by which
+    meshes were measured at the start. Beyond it slides, as simulations do."""
+    system = cb.Filippov(harvested(0.1), harvested(0.0), lambda t, x, p: x[1] - p["Y"])
+    start, within = {"x": 1.0, "y": 1.0}, {"Y": (0.5, 6.0)}
+    crosses = cb.cycle(system, start, {"Y": 2.2}, settle=400)
+    lost, slides = across(crosses, "Y", "SL", within, events=())
+    assert slides[0]["beyond"] == "persists"
+    run = cb.integrate(system, start, {"Y": lost["Y"] + 0.05}, time=400)
+    assert slides[1].solution.equations.flows == tuple(run.flows[-3:])
+    _, back = across(slides[3].problem, "Y", "SL", within, towards="down", events=())
+    assert back[0]["Y"] == pytest.approx(lost["Y"], abs=1e-9)
+
+
+def harvested(share: float) -> Any:
+    return lambda t, x, p: [
+        x[0] * (1 - x[0] / 5) - x[0] * x[1] / (1 + x[0]),
+        x[1] * (x[0] / (1 + x[0]) - 0.4 - share),
+    ]
