@@ -252,6 +252,30 @@ def test_values_for_whose_words_there_is_no_room_leave_the_axes_large(names: tup
     )
 
 
+def test_legends_in_axes_of_ones_own_are_whole_and_off_other_panels() -> None:
+    from matplotlib.figure import Figure
+
+    several = [
+        cb.trace(cb.Problem(lambda x, p: p["mu"] * p["c"] - x, {"x": c}, {"mu": 1.0, "c": c}), "mu",
+                 within={"mu": (0.9, 1.1)}, events=[cb.hopf()])
+        for c in range(1, 10)
+    ]  # fmt: skip
+    for rows, layout in ((1, None), (2, None), (1, "constrained")):
+        figure = Figure(layout=layout)
+        panels = figure.subplots(rows, 2).ravel()
+        for ax in panels:
+            plots.plot(*several, ax=ax)
+        figure.draw_without_rendering()
+        boxes = [ax.get_legend().get_window_extent() for ax in panels]
+        corners = np.concatenate([box.corners() for box in boxes])
+        assert figure.bbox.count_contains(corners) == len(corners)
+        for box, ax in zip(boxes, panels, strict=True):
+            others = [other.bbox for other in panels if other is not ax]
+            assert not box.count_overlaps(
+                [*others, *(other for other in boxes if other is not box)]
+            )
+
+
 def test_beyond_some_names_a_legend_of_kinds_takes_their_place() -> None:
     """Six branches have thirty special points: no name of one is read among the others."""
     wave = cb.Problem(lambda x, p: p["mu"] - p["c"] * np.sin(x), {"x": 0.0}, {"mu": 0.0, "c": 1.0})

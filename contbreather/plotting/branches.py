@@ -389,7 +389,8 @@ def _legend_entries(
 
 def _legend(ax: Axes, pixel: float, entries: dict[str, dict[str, Any]]) -> float:
     """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
-    in as many columns as fit: the part of the height of the figure that it takes there."""
+    in as many columns as fit, or where no layout makes room there inside all the same: the part of
+    the height of the figure that it takes."""
     from matplotlib.lines import Line2D
 
     if not entries:
@@ -401,11 +402,18 @@ def _legend(ax: Axes, pixel: float, entries: dict[str, dict[str, Any]]) -> float
         inside = legend(loc="best")
         if not canvas.ink_of(ax, pixel)(inside.get_window_extent()):
             return 0.0
+    whole, spec = ax.figure.bbox, ax.get_subplotspec()
+    room = whole.width * (len(spec.colspan) / spec.get_gridspec().ncols if spec else 1.0)
+    if fixed := ax.figure.get_layout_engine() is None:  # nothing makes room for it
+        room = ax.bbox.width
     for columns in (3, 2, 1):
         above = legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
-        size, whole = above.get_window_extent(), ax.figure.bbox
-        if size.width < whole.width:
+        size = above.get_window_extent()
+        if size.width < room:
             break
+    others = [other.bbox for other in ax.figure.axes if other is not ax]
+    if fixed and (size.y1 > whole.y1 or size.count_overlaps(others)):
+        size = legend(loc="best", ncols=columns).get_window_extent()
     return float(size.height / whole.height)
 
 
