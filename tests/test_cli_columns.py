@@ -165,6 +165,20 @@ def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictu
     assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
 
 
+def test_arms_that_are_no_mirror_images_are_drawn_once(run, pictures) -> None:
+    """Their asymmetry, here 0, tells nothing apart."""
+    run("switch --free a --gamma 0.04 --k 0.8 --at GR --window 0.8 0.95 -o s.png")
+    (ax,) = pictures[0].axes
+    assert ax.get_ylabel() == "$p$"
+
+
+def test_a_diagram_out_of_a_file_is_drawn_by_the_columns_asked_for(run, pictures) -> None:
+    run("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.8 --depth 1 --save tree.nc")
+    assert run("show tree.nc --x p --y phi -o t.png")[0] == DONE
+    (ax,) = pictures[0].axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$p$", r"$\varphi$")
+
+
 # --- every key and heading that a program reads by name ------------------------------------------
 
 SAID = "forcing interrupted written"

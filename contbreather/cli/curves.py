@@ -365,10 +365,11 @@ def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
 
 
 def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
-    """Draw arms and the branch they leave: p, and what tells both arms apart."""
+    """Draw arms and the branch they leave: p, and what tells both arms apart if they are images."""
     plotting, branches = cb.plotting, (parent, *arms)
     with plotting.style():
-        if not all("p" in branch.names for branch in branches):
+        images = any(arm.image_of is not None for arm in arms)
+        if not images or not all("p" in branch.names for branch in branches):
             return plotting.plot_diagram(branches).figure
         figure, (above, below) = plotting.new_figure(2)
         plotting.plot_diagram(branches, y="p", ax=above)
@@ -417,12 +418,12 @@ def diagram(
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
 
 
-def of_diagram(tree: Any) -> Result:
+def of_diagram(tree: Any, axes: Axes = Axes()) -> Result:
     return Result(
         partial(diagram_entry, tree),
         lambda: [tree],
         lambda: table_of(tree.columns()),
-        partial(cb.plotting.plot_diagram, tree),
+        partial(cb.plotting.plot_diagram, tree, x=axes.x, y=axes.y),
     )
 
 

@@ -168,7 +168,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
         case [cb.Branch() as branch]:
             result = of_branch(branch, axes)
         case [Diagram() as tree]:
-            result = of_diagram(tree)
+            result = of_diagram(tree, axes)
         case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]  # its site hits first
             result = of_run(RunSummary(run, site=int(hits[0]) if len(hits) else 0))
