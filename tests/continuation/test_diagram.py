@@ -237,6 +237,31 @@ def test_a_bubble_of_doubled_cycles_reaches_from_one_doubling_to_the_other() -> 
     assert ("branch 0: PD2", 1, "known") in relations(tree)
 
 
+def test_two_kinds_of_points_at_one_place_are_both_switched_at() -> None:
+    """A multiplier 1 and another one -1, of two states that are all but independent."""
+
+    def both(x: Array, p: Mapping[str, float]) -> Array:
+        u, v, m = *x, 1.0 + p["mu"]
+        return np.array([m * u - u**3 - 0.3 * u * v**2, -m * v + v**3 + 0.2 * v * u**2])
+
+    tree = diagram(FixedPoint(both, {"u": 0.0, "v": 0.0}, {"mu": -0.5}), "mu",
+                   within={"mu": (-0.6, 0.4)}, depth=1)  # fmt: skip
+    assert [point.label for point in tree[0].special] == ["EP1", "BP1", "PD1", "EP2"]
+    assert sorted(birth.place.point.kind for birth in tree.births[1:]) == ["BP", "BP", "PD"]
+
+
+def test_a_crossing_where_an_arm_of_another_kind_fails_is_followed() -> None:
+    """Hosts and parasitoids at r = 2, where without parasitoids a multiplier is -1 everywhere."""
+
+    def hosts(x: Array, p: Mapping[str, float]) -> Array:
+        return np.array([x[0] * np.exp(2 * (1 - x[0] / p["K"]) - x[1]), x[0] * (1 - np.exp(-x[1]))])
+
+    tree = diagram(FixedPoint(hosts, {"n": 1.0, "q": 0.5}, {"K": 1.5}), "K",
+                   within={"K": (0.5, 4)}, depth=1)  # fmt: skip
+    alone = [branch for branch in tree if abs(branch["q"]).max() < 1e-9 and len(branch) > 2]
+    assert {branch[-1]["K"] for branch in alone} == {0.5, 4.0}
+
+
 def test_from_a_cycle_back_to_the_fixed_point_in_its_own_problem() -> None:
     doubled = logistic(0.799455, 3.2, period=2)
     tree = diagram(doubled, "r", within={"r": (2.0, 3.4)}, depth=1)

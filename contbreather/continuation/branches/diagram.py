@@ -412,9 +412,10 @@ class _Growth:
             ends = point.event is not None and point.event.ends
             if branches_leave(point) and (self.beyond or not ends):
                 # the branch may cross another one there, or itself
+                own = (other for other in places if other.point.kind == point.kind)
                 known = (
                     other
-                    for other in chain(*self.tree.places, places)
+                    for other in chain(*self.tree.places, own)
                     if branches_leave(other.point) and same_place(point, other.point)
                 )
                 if (earlier := next(known, None)) is None:

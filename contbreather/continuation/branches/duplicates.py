@@ -72,8 +72,10 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
         return True
     segment, chord = StepInterpolant(first, last, 1e-9), curve.metric * (last.z - first.z)
+    if segment.length < GAP * (1 + curve.length(z)):
+        return False
     u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
-    if segment.length < GAP * (1 + curve.length(z)) or not 0.0 < u < 1.0:
+    if not 0.0 < u < 1.0:
         return False
     guess, _ = segment.guess(u)
     # beside a branch point Newton's iteration finds its solution to rounding over the distance from
