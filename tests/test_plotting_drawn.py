@@ -418,6 +418,14 @@ def test_a_run_over_space_and_time_has_its_sites_in_order(run) -> None:
     assert mesh.get_clim() == (-np.abs(want).max(), np.abs(want).max())
 
 
+def test_sites_apart_stand_side_by_side_over_time_each_as_wide() -> None:
+    """None in between, which were not recorded, has a colour."""
+    ax = plots.plot_space_time(cb.symmetric(0.5, 0.08, 0.8), sites=(0, 1, 9)).axes
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["0", "1", "9"]
+    assert np.diff(ax.get_xticks()).tolist() == [1, 1]
+    assert ax.get_xlim() == (-0.5, 2.5)
+
+
 def test_a_grid_over_space_and_time_is_the_row_of_the_site_that_hits() -> None:
     lattice = cb.Lattice.from_graph(networkx.grid_2d_graph(3, 4), name="mine")
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=lattice, site=5, damping=0.02)

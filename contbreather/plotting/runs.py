@@ -246,13 +246,18 @@ def plot_space_time(
             times, u, words = _largest(times, there, u, shown)
             signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
+    gaps = np.ptp(there) >= len(there)  # then side by side: no colour is of a site that is left out
+    places = np.arange(len(there)) if gaps else there
     with canvas.drawing(ax, height=8.0) as (drawn, axes):
         look = {**orbits.colours_of(u, signed), "shading": "nearest", "rasterized": True}
-        mesh = axes.pcolormesh(there, times / math.tau, u, **look)
+        mesh = axes.pcolormesh(places, times / math.tau, u, **look)
         of_oscillators = isinstance(orbits.solution_of(motion), Trajectory | Breather)
         axes.set(xlabel=label, ylabel=ANGLE if of_oscillators else orbits.PERIODS)
         axes.set_title(title, loc="left")
         orbits.whole_numbers(axes.xaxis)
+        if gaps:
+            named = slice(None, None, -(-len(there) // 8))
+            axes.set_xticks(places[named], there[named])
         axes.figure.colorbar(mesh, ax=axes, label=words)
     return drawn
 
