@@ -61,6 +61,17 @@ def test_from_a_meeting_the_other_curve_is_followed(line, kind, other, accuracy)
         assert curve["b2"].min() == -2
 
 
+@pytest.mark.parametrize("line", [lines.LINES["two pairs"], lines.TWO_ROTATIONS])
+@pytest.mark.parametrize(("first", "other"), ["mk", "km"])
+def test_from_two_pairs_the_curve_of_the_other_pair_is_followed(line, first, other) -> None:
+    problem, inside = line.problem.at(m=-0.25, k=-0.2), {"m": (-0.5, 0.5), "k": (-0.5, 0.5)}
+    point = cb.trace(problem, first, within=inside).first(line.kind)
+    both = cb.boundary(point, (other, first), within=inside).first(line.known[0][0])
+    curve = cb.boundary(both, (first, other), within=inside)
+    assert np.ptp(curve[first]) == 1.0
+    assert abs(curve[other]).max() < 1e-12
+
+
 # --- flows ------------------------------------------------------------------------------------
 
 

@@ -247,7 +247,8 @@ class _OfFlow(Event):
 
 
 def _hopf_locus(point: Point) -> DefiningSystem:
-    start = {"omega2": eigenvalues_at(point).square_of_pair()}
+    omega = point.detail.get("omega")
+    start = {"omega2": omega**2 if omega else eigenvalues_at(point).square_of_pair()}
     # trace and determinant within the plane of a pair are 0 and omega2: smooth at zero
     return DefiningSystem(
         start, spectrum.plane_conditions, spectrum.plane_slopes, events=_ON_HOPF,

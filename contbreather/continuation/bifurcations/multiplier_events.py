@@ -266,8 +266,8 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
 
 
 def _angle(point: Point) -> float:
-    """Angle of the pair nearest the unit circle; beside 0 or pi where it is a double +1 or -1, as
-    there a curve of folds or doublings has this angle."""
+    """Angle of the pair that is known, or nearest the unit circle; beside 0 or pi where it is a
+    double +1 or -1, as there a curve of folds or doublings has this angle."""
     values = multipliers_at(point).values
     for double, angle in ((1.0, 1e-2), (-1.0, math.pi - 1e-2)):
         if _count(values, double) == 2:
@@ -275,7 +275,7 @@ def _angle(point: Point) -> float:
     upper = values[values.imag > 0]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
-    return cmath.phase(upper[abs(abs(upper) - 1).argmin()])
+    return point.detail.get("angle", cmath.phase(upper[abs(abs(upper) - 1).argmin()]))
 
 
 def _from_angle(k: int, point: Point) -> float:

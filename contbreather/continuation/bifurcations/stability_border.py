@@ -27,7 +27,7 @@ from ..branches.boundary import codim_two
 from ..curve.point import NOTHING, CodimensionTwo, Event, Examined, Point
 from ..systems import normal_forms
 from ..systems.branch_points import branches_cross
-from ..systems.spectrum import CriticalValues, Eigenvalues, Multipliers
+from ..systems.spectrum import Eigenvalues, Multipliers
 
 Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
 
@@ -50,7 +50,7 @@ class Border:
     double: dict[str, CodimensionTwo] = field(default_factory=dict)
     met: dict[str, dict[str, tuple[Event, ...]]] = field(default_factory=dict, init=False)
 
-    def others(self, on: str, point: Point) -> CriticalValues:
+    def others(self, on: str, point: Point) -> Eigenvalues | Multipliers:
         """Values next to those that the curve of a kind has everywhere; none beyond its end."""
         values = self.spectrum(point)
         if on != self.pair:
@@ -120,6 +120,9 @@ class Border:
             shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
             return f"on the {self.name} are {shown}, where only {these} should be"
         name, measure = self.frequency
+        if upper.size == 2:  # that of the other curve: it can set out here
+            other = self.others(self.pair, point).critical
+            upper = other[other.imag > 0]
         return {name: float(measure(upper[0]))} if upper.size == 1 else ""
 
     def pair_at(self, point: Point) -> complex | Examined:
