@@ -46,7 +46,7 @@ def simulated_orbit(
             begin = t + _CLEAR * length, ran.final - angles.turns(ran.final), first
             run = partial(_run, (alone,), params, [])
     if alone is None:
-        return _hybrid(run, begin, length, angles)
+        return _hybrid(run, begin, length, RETURNS if settle else 1, angles)
     if length is not None:
         return (alone,), [_forced(alone, run, begin, length, RETURNS if settle else 1, angles)]
     return (alone,), [_smooth(alone, run, params, begin, settle or _WAIT, size, angles)]
@@ -106,16 +106,16 @@ def _clear_of(flows: Any, first: int) -> Flow:
 
 
 def _hybrid(
-    run: Run, begin: Begin, length: float | None, angles: Angles
+    run: Run, begin: Begin, length: float | None, most: int, angles: Angles
 ) -> tuple[tuple[Flow, ...], list[Motion]]:
-    """Return the last pieces of a simulation after which it repeats itself."""
+    """Return the last pieces of a simulation after which it repeats itself: what repels has left
+    it after as many as one that has yet to settle needs, and goes anywhere."""
     t, state, first = begin
-    run = partial(run, x0=state, t0=t, first=first)
-    ran = run(events=2 * RETURNS)
+    ran = run(x0=state, t0=t, first=first, events=2 * most)
     last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
     returns = []
-    for back in range(1, RETURNS + 1):
+    for back in range(1, most + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
         if (event.number, event.after.shape) != (last.number, last.after.shape):
@@ -127,6 +127,8 @@ def _hybrid(
             turned = (last.time - event.time) / length
             off = max(off, abs(turned - round(turned))) if round(turned) else math.inf
         returns.append((off, back))
+    if most < RETURNS and not any(off <= _ALIKE for off, _ in returns):
+        return _hybrid(run, begin, length, 2 * most, angles)
     back = _first_close(returns, ran)
     pieces = ran.pieces[-back:]
     *others, ending = (piece.flow for piece in pieces)

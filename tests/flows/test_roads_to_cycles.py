@@ -14,7 +14,7 @@ import contbreather as cb
 from contbreather.errors import BadInput
 
 from .test_cycle import variational
-from .zoo import strike, walk
+from .zoo import FOLD_OF_BALL, TABLE, strike, walk
 
 TURN = 2 * math.pi
 
@@ -157,6 +157,13 @@ def test_blindness_ends_between_the_scuffing_and_the_strike(walker: Any) -> None
         flight = point.solution.flights[0]
         state = flight.at(np.array([point["blind"] / flight.duration]))
         assert abs(heel(0.0, state, None)[0]) < 1e-9
+
+
+def test_an_impacting_orbit_that_repels_is_found_from_a_state_of_its_own() -> None:
+    phase = -math.acos(FOLD_OF_BALL / 0.6)  # the saddle of both orbits with one bounce a period
+    on = {"y": 0.6 * math.sin(phase), "v": math.pi}
+    ball = cb.cycle([TABLE], on, {"A": 0.6, "e": 0.8}, period=2 * np.pi, t0=phase)
+    assert ball.start["phase"] == pytest.approx(phase % (2 * np.pi), abs=1e-10)
 
 
 def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
