@@ -34,7 +34,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation.algebra.newton import Array
+from ..continuation.algebra.newton import Array, Undefined
 from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.point import NOTHING, Event, Examined, Point
 from ..continuation.curve.problem import Problem
@@ -306,10 +306,14 @@ class ReversibleBreather(Breather):
         return np.asarray(whole.reshape(2, n, 2, n).swapaxes(1, 2))
 
     @cached_property
+    @np.errstate(all="ignore")
     def forces(self) -> Array:
         """Those on the orbit where the half begins and ends."""
         u, _ = self.state(self.times[0] + np.array([0.0, 0.5 * self.period]))
-        return self.chain.gradient(u, self.params).T
+        forces: Array = self.chain.gradient(u, self.params).T
+        if not math.isfinite(forces.sum()):  # all places of the equations are in between
+            raise Undefined("where it is at rest forces have no value")
+        return forces
 
     @cached_property
     @one_thread

@@ -522,3 +522,13 @@ def test_sites_that_hardly_feel_each_other_have_no_pf_next_to_no_coupling() -> N
     branch = cb.trace(apart, "c", within={"c": (0.0, 0.1)})
     assert [point.kind for point in branch.special] == ["EP", "EP"]
     assert branch.doubtful == ()
+
+
+def test_a_breather_that_turns_where_a_force_has_no_value_has_no_multipliers() -> None:
+    """Grains that come out of contact there: all places of the equations are in between."""
+    how = {"lattice": cb.OpenChain(3, ends="fixed"), "masses": [1.0, 0.1, 1.0]}
+    grains = cb.Oscillators(W="2*(1 - r)**2.5/5 + r - 2/5", **how)
+    touching = cb.breather(grains, {1: 1}, omega=5.423, collocation=cb.Collocation(12, 4))
+    beyond = touching.at(omega=5.4219).solve()[0].solution
+    with pytest.raises(cb.errors.ContbreatherError, match="at rest forces have no value"):
+        beyond.stability()
