@@ -194,6 +194,21 @@ def test_no_energy_turns_where_an_arm_leaves_its_branch(V) -> None:
     assert not branch.doubtful
 
 
+def test_where_an_arm_leaves_its_branch_no_fold_is_read_from_rounding() -> None:
+    """Two sites in the middle of a chain of diamonds swing against each other, all others rest."""
+    diamonds = nx.Graph()
+    diamonds.add_nodes_from(range(10))
+    for a in (0, 3, 6):
+        diamonds.add_edges_from([(a, a + 1), (a, a + 2), (a + 1, a + 3), (a + 2, a + 3)])
+    lattice = cb.Lattice.from_graph(diamonds)
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=lattice)
+    compact = cb.breather(chain, {4: 1, 5: -1}, omega=1.165, params={"c": 0.1})
+    fork = cb.trace(compact, "omega", within={"omega": (1.155, 1.165)}).first("PF")
+    for arm in cb.switch(fork, within={"omega": (1.1, 1.2)}, steps=cb.Steps(most=2)):
+        assert [point.kind for point in arm.special] == ["EP", "EP"]
+        assert not arm.doubtful
+
+
 def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
     """A hard breather at a corner: pairs of opposite signature exchange their order, and between
     there is less instability than rounding, nowhere any multiplier off the circle."""

@@ -271,6 +271,8 @@ def _between(
     values = [samples.values[0.0] for samples in tests]
     for start, end in itertools.pairwise(places):
         if end.arclength - start.arclength < ASIDE * segment.length:
+            # where curves cross the sign of a test that vanishes is rounding
+            values = [v if v or isinstance(v, int) else math.nan for v in values]
             continue
         piece = StepInterpolant(start, end, segment.tolerance)
         reach = GAP * (1 + piece.curve.length(end.z))
@@ -282,6 +284,8 @@ def _between(
             part.glance(0.5)
             part.glance(1.0)
             seen = part.values
+            if not at_first:  # nor does any other test say there where this one changes
+                part.done.append((0.0, reach / piece.length))
             if clear and math.isnan(value):
                 part.known(BESIDE)
             # within the reach of the place it changes by more than it is: it vanishes there
