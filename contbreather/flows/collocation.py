@@ -291,15 +291,15 @@ def states_along(flights: Sequence[TrajectorySegment], t: Array) -> Array:
     return states
 
 
-def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
-    """Measure the motion of each state of each flow, or its size.
+def sizes_of(flights: Sequence[TrajectorySegment], units: Any = 1.0) -> tuple[Array, ...]:
+    """Measure the motion of each state of each flow, or its size; which are small, in `units`.
 
     It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
     one flow as in another has such meshes, too, wherever its branch began.
     """
     sizes: dict[int, Array] = {}
     for flight in flights:
-        low, high = (x := flight.sampled(2)[1]).min(axis=1), x.max(axis=1)
+        low, high = (x := flight.sampled(2)[1]).min(axis=1) / units, x.max(axis=1) / units
         # what hardly moves is measured by its value: its motion may be rounding
         moves = np.maximum(high - low, 0.1 * np.maximum(high, -low))
         sizes[low.size] = np.maximum(sizes.get(low.size, 0.0), moves)
@@ -309,7 +309,7 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
         moved = np.where(size < AT_REST * most[n], most[n], np.maximum(size, 1e-3 * most[n]))
         sizes[n] = moved if most[n] >= AT_REST * largest else np.full(n, largest)
-    return tuple(sizes[flight.states.shape[1]] for flight in flights)
+    return tuple(sizes[flight.states.shape[1]] * units for flight in flights)
 
 
 class Slopes(NamedTuple):

@@ -193,7 +193,7 @@ def _made_of(
 ) -> FlowEquations:
     """Make the cycle of other flows; meshes measure the motion as it is, not as it was where the
     branch began."""
-    sizes = sizes_of(flights)
+    sizes = sizes_of(flights, equations.units)
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
     return replace(equations, flows=tuple(flows), start=start, sizes=sizes)
 

@@ -55,6 +55,7 @@ def cycle(
     settle: float = 0.0,
     collocation: Collocation | None = None,
     events: Iterable[Event] | None = None,
+    scales: Mapping[str, float] | None = None,
     label: str = "",
 ) -> Problem:
     """A periodic orbit of a smooth, forced or hybrid system as a problem to trace.
@@ -102,6 +103,9 @@ def cycle(
         one), and where flows have conditions or walls VI (an impact loses its velocity) and GR (a
         wall is touched in between, or one of several flows shrinks to nothing at a tangency); of a
         Filippov system SL (an orbit begins to slide, or to cross where it slid).
+    scales : dict, optional
+        Typical size of a parameter where that is far from 1, and of a state where that is far from
+        those of other states.
     label : str, optional
         Shown in tables.
 
@@ -139,6 +143,7 @@ def cycle(
     else:
         begun = _simulated(system, start, params, conserved, wraps, forcing, (t0, settle))
     (path, pieces, params), turns = begun[:3], 1
+    units = _units(scales or {}, begun)
     if forcing is not None:
         whole = sum(b - a for _, a, b in pieces)
         turns = max(1, round(whole / period_at(forcing, params)))
@@ -151,7 +156,7 @@ def cycle(
     def fit(scheme: Collocation) -> tuple[TrajectorySegment, ...]:
         return tuple(
             replace(flight, start=flight.start - begun.shift)
-            for flight in _resolved(scheme, path, params, pieces)
+            for flight in _resolved(scheme, path, params, pieces, units)
         )
 
     flights = fit(scheme)
@@ -159,13 +164,15 @@ def cycle(
         flow.struck(flight.last, params) for flow, flight in zip(path, flights, strict=True)
     )
     refuse_false_period(path, [flight.states.T for flight in flights], forcing, params)
-    sizes = sizes_of(flights)
-    equations = FlowEquations(path, flights, forcing, turns, begun.parts, sizes)
+    sizes = sizes_of(flights, units)
+    equations = FlowEquations(path, flights, forcing, turns, begun.parts, sizes, units=units)
     if conserved:
         equations, params = _conserving(equations, conserved, params)
     equations = sparse_where_large(equations, params)
     wished = tuple(events_of_cycle(equations) if events is None else events)
-    problem_at = partial(CycleProblem.of, params=params, events=wished, label=label or "cycle")
+    problem_at = partial(
+        CycleProblem.of, params=params, events=wished, label=label or "cycle", sizes=scales
+    )
     closed = _closed(equations, problem_at, params, begun.size, fit)
     if wanted is not None:
         try:
@@ -177,6 +184,23 @@ def cycle(
                 residual=error.residual,
             ) from error
     return closed.having(fixed) if conserved else closed
+
+
+def _units(scales: Mapping[str, float], begun: _Begun) -> Any:
+    """Read the sizes of the states, of which those of all flows are the same."""
+    check_kind(scales, Mapping, "scales as a dict of sizes")
+    parts = begun.parts
+    if unknown := [name for name in scales if name not in {*parts, *begun.params}]:
+        named = [*parts, *begun.params]
+        raise BadInput(f"scales={unknown}: no state or parameter is called so; there are {named}")
+    sizes = [number(f"scales[{name!r}]", scales.get(name, 1.0), 1e-300, 1e300, "a size")
+             for name in parts]  # fmt: skip
+    units = np.repeat(sizes, [len(names) for names in parts.values()])
+    if (units == 1.0).all():
+        return 1.0
+    if any(len(motion(np.array([a]))) != units.size for motion, a, _ in begun.pieces):
+        raise BadInput("scales of states are those of all flows: these have not as many each")
+    return units
 
 
 def _held(conserves: Any, fixed: str, period: Any) -> tuple[Quantities, Any, float | None]:
@@ -335,8 +359,9 @@ Fit = Callable[[Collocation], tuple[TrajectorySegment, ...]]
 
 
 def _resolved(
-    scheme: Collocation, flows: Sequence[Flow], params: Params, pieces: Sequence[Motion]
-) -> list[TrajectorySegment]:
+    scheme: Collocation, flows: Sequence[Flow], params: Params, pieces: Sequence[Motion],
+    units: Any,
+) -> list[TrajectorySegment]:  # fmt: skip
     """Fit motions on meshes that follow them, of as many intervals as their equations need."""
 
     def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[TrajectorySegment]:
@@ -346,12 +371,12 @@ def _resolved(
         ]
 
     even = [None] * len(pieces)
-    flights = [*_adapted(through(scheme, even))]
+    flights = [*_adapted(through(scheme, even), units)]
     if has_many_states(flows[0], flights[0], params):
         return flights
     for _ in range(5):  # of the intervals of a mesh that does not resolve a simulation
         try:
-            for flow, flight, size in zip(flows, flights, sizes_of(flights), strict=True):
+            for flow, flight, size in zip(flows, flights, sizes_of(flights, units), strict=True):
                 unit = max(float(size.max()), float(abs(flight.states).max()))
                 flown(flow, flight, params, unit, (flight.slopes, None, 0.0))
             return flights
@@ -360,8 +385,8 @@ def _resolved(
         scheme = replace(scheme, intervals=2 * scheme.intervals)
         # what is short is seen on meshes that are many times finer
         fine = replace(scheme, intervals=_FINER * scheme.intervals)
-        seen = _adapted(through(fine, even))
-        seen = _adapted(through(fine, [flight.knots for flight in seen]))
+        seen = _adapted(through(fine, even), units)
+        seen = _adapted(through(fine, [flight.knots for flight in seen]), units)
         flights = through(scheme, [flight.knots[::_FINER] for flight in seen])
     raise NotConverged(
         f"no periodic orbit was found from there: a mesh of {scheme.intervals} intervals of "
@@ -369,10 +394,9 @@ def _resolved(
     ) from failed
 
 
-def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
-    return tuple(
-        flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
-    )
+def _adapted(flights: Sequence[TrajectorySegment], units: Any) -> tuple[TrajectorySegment, ...]:
+    pairs = zip(flights, sizes_of(flights, units), strict=True)
+    return tuple(flight.adapted(size) for flight, size in pairs)
 
 
 def _closed(
@@ -388,7 +412,7 @@ def _closed(
             refuse_rest(np.array(extents), flights[0].states[0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = once(equations, equations.flights(solved.x, params), params)
-        equations = replace(equations, start=_adapted(equations.start))
+        equations = replace(equations, start=_adapted(equations.start, equations.units))
     closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
         while cycle_of(closed).coarse() and closed.start["mesh"].size <= _MOST_INTERVALS:
@@ -426,7 +450,7 @@ def _solved(
                     residual=getattr(error, "residual", math.nan),
                 ) from error
         halved = [flight.halved() for flight in equations.start]
-        equations = replace(equations, start=_adapted(halved))
+        equations = replace(equations, start=_adapted(halved, equations.units))
 
 
 def _is_coarse(equations: FlowEquations) -> bool:
@@ -440,7 +464,7 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
         left = curve.equations(problem.x)
         if error is None and not orbit.equations.condensed:
             return  # too large to be asked
-        solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
+        solved = float(abs(left).max()) <= _ALMOST * np.max(problem.scales["orbit"])
         others = orbit.indices if orbit.paired else orbit.others
         family = solved
         # what is conserved and linear is so off the orbit, too: there is no orbit to find alone

@@ -462,7 +462,7 @@ class CycleProblem(Problem):
         held = self.residual.held
         value = self.start[name] if name in self.start else getattr(cycle_of(self), name)
         params = {n: value for n, value in self.params.items() if n != held} | {name: float(value)}
-        problem = self.of(self.residual.holding(name), params, self.events, self.label)
+        problem = self.of(self.residual.holding(name), params, self.events, self.label, self.scales)
         # the same unknowns in the same order, under other names
         return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
 
@@ -474,20 +474,24 @@ class CycleProblem(Problem):
         """The cycle at which other equations begin, with the same events."""
         if (kept := equations.conservation) and kept.timed:  # perhaps twice around
             params = {**params, kept.held: kept.given({kept.held: equations.start[0].duration})}
-        return self.of(equations, params, self.events, label or self.label)
+        return self.of(equations, params, self.events, label or self.label, self.scales)
 
     @classmethod
     def of(
-        cls, equations: FlowEquations, params: Params, events: Sequence[Event], label: str
-    ) -> Self:
-        """The problem of a cycle that starts at the orbit which its equations began with."""
+        cls, equations: FlowEquations, params: Params, events: Sequence[Event], label: str,
+        sizes: Mapping[str, float] | None = None,
+    ) -> Self:  # fmt: skip
+        """The problem of a cycle that starts at the orbit which its equations began with; `sizes`
+        are those of parameters that are known."""
         start = equations.unknowns(equations.start, params)
-        size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
+        orbit = start["orbit"] / np.resize(equations.units, start["orbit"].size)
+        size = (float(np.sqrt(np.mean(np.square(orbit)))) or 1.0) * equations.units
         whole = sum(flight.duration for flight in equations.start)
         times = [name for name in ("durations", "period", "held") if name in start][:1]
         scales = {"orbit": size} | {name: whole for name in (*times, "phase") if name in start}
         # or steps would be all about what has large numbers, as the frequency of what is fast
         scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
+        scales |= {name: size for name, size in (sizes or {}).items() if name in params}
         return cls(
             equations, start, dict(params), events=tuple(events), scales=scales, label=label,
             record=cls.recorded(equations, {*params, *start}),

@@ -153,6 +153,7 @@ class FlowEquations:
     parts: Mapping[str, tuple[str, ...]]  # what has columns, states or arrays of these, by name
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     conservation: Conservation | None = None
+    units: Any = 1.0  # of the states
     _latest: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
     orbits: Any = field(default_factory=WeakValueDictionary, init=False)  # that somebody has
 

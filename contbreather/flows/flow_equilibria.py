@@ -37,6 +37,7 @@ def equilibrium(
     *,
     jacobian: Any = None,
     events: Iterable[Event] | None = None,
+    scales: Mapping[str, float] | None = None,
     collocation: Collocation | None = None,
     label: str = "equilibrium",
 ) -> Problem:
@@ -53,6 +54,9 @@ def equilibrium(
         The derivative of f in x where `f` is a function, as `Flow` takes it.
     events : iterable of Event, optional
         LP, BP and HB by default.
+    scales : dict, optional
+        Typical size of a state or parameter where that is far from 1, as `Problem` takes it; those
+        of parameters are those of the cycles, too.
     collocation : Collocation, optional
         For the cycles that `switch` follows from a Hopf point.
     label : str, optional
@@ -86,7 +90,7 @@ def equilibrium(
         partial(_velocity, flow.f), dict(start), params, flow=flow, jacobian=given,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
         record={"unstable": UnstableDimension(unstable)}, label=label,
-        collocation=collocation or Collocation(),
+        scales=scales or {}, collocation=collocation or Collocation(),
     )  # fmt: skip
 
 
@@ -135,7 +139,8 @@ def _born(point: Point) -> SwitchingProblem:
     else:
         eigenvalues, vectors = np.linalg.eig(matrix)
         q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
-    size = float(np.sqrt(np.mean(rest**2)))
+    units = point.curve.scales[: rest.size]
+    q, size = q / np.linalg.norm(q / units), float(np.sqrt(np.mean((rest / units) ** 2)))
     size = size if size > 1e-12 else 1.0  # or it is the origin, but for rounding
     # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
     period = 2 * math.pi / omega
@@ -146,11 +151,11 @@ def _born(point: Point) -> SwitchingProblem:
 
     for amplitude in _AMPLITUDES:
         flight = fitted(problem.collocation, 0.0, period, partial(wave, amplitude * size))
-        flows, sizes = (problem.flow,), sizes_of([flight])
-        equations = FlowEquations(flows, (flight,), None, 1, parts, sizes)
+        flows, sizes = (problem.flow,), sizes_of([flight], units)
+        equations = FlowEquations(flows, (flight,), None, 1, parts, sizes, units=units)
         equations = sparse_where_large(equations, params)
         events = events_of_cycle(equations)
-        curve = Curve(CycleProblem.of(equations, params, events, "cycle"), (free,))
+        curve = Curve(CycleProblem.of(equations, params, events, "cycle", problem.scales), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
         row[equations.layout.nodes[0]] = flight.states - rest
@@ -161,9 +166,9 @@ def _born(point: Point) -> SwitchingProblem:
         if solution.converged:
             first = Point(curve, solution.z)
             equations = replace(equations, start=equations.flights(first.x, first.params))
-            cycle = CycleProblem.of(equations, first.params, events, "cycle")
+            cycle = CycleProblem.of(equations, first.params, events, "cycle", problem.scales)
             # beside the origin the orbit says nothing of what it grows to: a hundred times itself
-            unit = max(cycle.scales["orbit"], size * amplitude / _AMPLITUDES[0])
+            unit = np.maximum(cycle.scales["orbit"], units * size * amplitude / _AMPLITUDES[0])
             cycle = replace(cycle, scales={**cycle.scales, "orbit": unit})
             return _Born(cycle, free, both=False)
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")

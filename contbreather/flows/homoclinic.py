@@ -201,7 +201,7 @@ class _Rest:
 
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
-    sizes = sizes_of(orbit.flights)
+    sizes = sizes_of(orbit.flights, orbit.equations.units)
     velocities = orbit.equations.velocities(orbit.x, orbit.params)
     moved = zip(velocities, sizes, strict=True)
     speeds = np.concatenate([np.vecdot(v := way / size, v) for way, size in moved])

@@ -64,7 +64,7 @@ def once(
         flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
     return replace(
         equations, flows=equations.flows[: len(flights)], start=tuple(flights),
-        turns=equations.turns // rounds, sizes=sizes_of(flights),
+        turns=equations.turns // rounds, sizes=sizes_of(flights, equations.units),
     )  # fmt: skip
 
 

@@ -104,7 +104,7 @@ def plot_branches(
                     ))  # fmt: skip
                 marks += its[: None if side == 0 else 0]  # an envelope is named at its top
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
-            _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
+            _without_offset(axis, max(np.max(b.problem.scales.get(name, 1.0)) for b in branches))
         pixel, plain = canvas.lay_out(axes), canvas.text_colour(axes)
         if not any(values for _, values in groups):  # kinds are told by words
             marks = [mark._replace(colour=plain) for mark in marks]
@@ -302,7 +302,7 @@ def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
         return np.zeros(len(values) - 1, dtype=bool)
     rows = values.reshape(len(values), -1)
     change = abs(np.diff(rows, axis=0)).max(axis=1)
-    small = AS_LARGE * abs(rows).max() + ROUNDING * branch.problem.scales.get(name, 1.0)
+    small = AS_LARGE * abs(rows).max() + ROUNDING * np.max(branch.problem.scales.get(name, 1.0))
     return np.asarray(abs(np.diff(column)) > change + small)
 
 

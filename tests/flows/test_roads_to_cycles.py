@@ -1,4 +1,5 @@
-"""Angles that turn over, conditions that are blind for a time, subharmonics that runs settle on."""
+"""Angles that turn over, conditions that are blind for a time, subharmonics that runs settle on,
+states and parameters in other units."""
 
 from __future__ import annotations
 
@@ -235,3 +236,61 @@ def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
     for point in found[:3]:  # the trivial multiplier 1 is a double one at each of them
         off = variational(pendula, point.solution) - 1
         assert np.sort(abs(off))[1] < 1e-4
+
+
+# --- units ----------------------------------------------------------------------------------------
+
+
+def in_units(field: Any, states: list[float], parameter: float) -> Any:
+    """A flow whose states and parameter p are so many times as large."""
+    units = np.array(states)
+
+    def f(t: Any, x: Any, p: Any) -> Any:
+        plain = [part / unit for part, unit in zip(x, states, strict=True)]
+        return [
+            rate * unit for rate, unit in zip(field(*plain, p["p"] / parameter), units, strict=True)
+        ]
+
+    return f
+
+
+def roessler(x: Any, y: Any, z: Any, c: Any) -> Any:
+    return [-y - z, x + 0.2 * y, 0.2 + z * (x - c)]
+
+
+def test_scales_make_a_branch_of_cycles_the_same_in_any_units() -> None:
+    """Steps, PD and where what doubles there begins."""
+    found = []
+    for a, b, c, p in [(1.0, 1.0, 1.0, 1.0), (1e6, 1.0, 1e-6, 1e-9)]:
+        start, window = {"x": 5.0 * a, "y": 5.0 * b, "z": 0.0}, {"p": (2.5 * p, 3.0 * p)}
+        orbit = cb.cycle(in_units(roessler, [a, b, c], p), start, {"p": 2.6 * p}, settle=200,
+                         scales={"x": a, "y": b, "z": c, "p": p})  # fmt: skip
+        branch = cb.trace(orbit, "p", within=window)
+        (double,) = cb.switch(branch.first("PD"), within=window, steps=cb.Steps(most=3))
+        found.append([len(branch), branch.first("PD")["p"] / p, double[0]["period"]])
+    assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+
+def morris_lecar(v: Any, w: Any, current: Any) -> Any:
+    opens, stays = (1 + np.tanh((v + 1.2) / 18)) / 2, (1 + np.tanh((v - 2) / 30)) / 2
+    flows = 4.4 * opens * (v - 120) + 8 * w * (v + 84) + 2 * (v + 60)
+    return [(current - flows) / 20, 0.04 * np.cosh((v - 2) / 60) * (stays - w)]
+
+
+def test_scales_of_an_equilibrium_are_those_of_its_cycles_too() -> None:
+    """A fold of cycles was a branch point where one state is a million times another."""
+    scales = {"v": 1e6, "w": 1e-3, "p": 1e-6}
+    f, start = in_units(morris_lecar, [1e6, 1e-3], 1e-6), {"v": -2e7, "w": 1.4e-4}
+    rest = cb.equilibrium(f, start, {"p": 1.1e-4}, scales=scales)
+    window = {"p": (8.5e-5, 1.2e-4)}
+    hopf = cb.trace(rest, "p", within=window).first("HB")
+    assert hopf["p"] * 1e6 == pytest.approx(93.8576184, abs=1e-7)
+    (cycles,) = cb.switch(hopf, within=window)
+    assert cycles.first("LP")["p"] * 1e6 == pytest.approx(88.2932505, abs=1e-6)
+
+
+def test_scales_that_are_none_are_refused() -> None:
+    with pytest.raises(BadInput, match="no state or parameter is called so; there are"):
+        rotation(1.2, 0.3, scales={"u": 1.0})
+    with pytest.raises(BadInput, match="a size"):
+        rotation(1.2, 0.3, scales={"v": 0.0})

@@ -68,8 +68,10 @@ class Curve:
         # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an
         # entry: of a mean square, so that a refined mesh keeps its steps
         for name, slot in self.slots.items():
-            self.scales[slot] = size = float(problem.scales.get(name, 1.0))
-            self.metric[slot] = 1 / (np.size(self.start[slot]) * size**2)
+            of = self.scales[slot]
+            # fewer than there are entries repeat: those of states, at all times along an orbit
+            self.scales[slot] = size = np.resize(problem.scales.get(name, 1.0), of.shape)
+            self.metric[slot] = 1 / (of.size * size**2)
         self._scheme: derivatives.Scheme | None = None
         self._row_scales: Array | None = None
         self._passed: list[Array] = []

@@ -242,7 +242,7 @@ class Problem(Structure):
                 raise BadInput(f"record[{name!r}] must be a function of a point, got {function!r}")
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
-            if not 0 < real(size) < math.inf:
+            if not all(0 < real(part) < math.inf for part in np.ravel(size)):
                 raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
         check_kind(self.label, str, "a label as text")
         listed = isinstance(self.events, tuple | list)
