@@ -349,6 +349,26 @@ def test_an_unknown_is_solved_for_to_the_last_digits(problem: Problem) -> None:
     assert problem.solve()[0].start["x"] == pytest.approx(2**0.5, rel=1e-15)
 
 
+def test_entries_of_an_array_have_scales_of_their_own() -> None:
+    """The branch is that of as many unknowns of size 1, step by step."""
+
+    def walked(units):
+        def f(u, p):
+            x, y = u / units
+            return [x**2 + y - p["mu"], y - 0.5 * x]
+
+        return trace(
+            Problem(f, {"u": units}, {"mu": 1.5}, scales={"u": units}),
+            "mu",
+            within={"mu": (1.0, 2.0)},
+        )
+
+    plain, scaled = walked(np.ones(2)), walked(np.array([1e6, 1e-6]))
+    assert scaled["mu"] == pytest.approx(plain["mu"], rel=1e-9)
+    with pytest.raises(BadInput, match="one scale was expected, or one for each: got 3 for 2"):
+        Problem(lambda u, p: u, {"u": np.ones(2)}, {}, scales={"u": np.ones(3)})
+
+
 def test_maps_may_return_one_array_each_time() -> None:
     room = np.empty(2)
 

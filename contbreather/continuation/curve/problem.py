@@ -162,8 +162,8 @@ class Problem(Structure):
         ``{name: (low, high)}``, bounds of unknowns (of the norm of an array) or parameters beyond
         which there are no solutions.
     scales : dict, optional
-        Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
-        and differences are measured in it.
+        Typical size of an unknown (of an array one, or one for each entry) or parameter where that
+        is far from 1: arclength, tolerance and differences are measured in it.
     label : str, optional
         Shown in tables.
 
@@ -197,7 +197,7 @@ class Problem(Structure):
     events: tuple[Any, ...] = ()
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    scales: Mapping[str, float] = field(default_factory=dict)
+    scales: Mapping[str, Any] = field(default_factory=dict)
     label: str = ""
 
     def __post_init__(self) -> None:
@@ -244,6 +244,10 @@ class Problem(Structure):
         for name, size in self.scales.items():
             if not all(0 < real(part) < math.inf for part in np.ravel(size)):
                 raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
+            entries = np.size({**self.params, **self.start}[name])
+            if not np.size(size) or entries % np.size(size):
+                has = f"{np.size(size)} for {entries} entries"
+                raise BadInput(f"of {name!r} one scale was expected, or one for each: got {has}")
         check_kind(self.label, str, "a label as text")
         listed = isinstance(self.events, tuple | list)
         if not (listed and all(hasattr(event, "kind") for event in self.events)):
