@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,8 +87,8 @@ def cycle(
     jacobian : callable or pattern, optional
         The derivative of f in x where `flows` is a function, as `Flow` takes it.
     wraps : dict, optional
-        A state that is an angle, and its turn, ``{"theta": 2 * np.pi}``: the orbit closes up to as
-        many turns as the simulation makes.
+        A state that is an angle, or an array of them, and its turn, ``{"theta": 2 * np.pi}``: the
+        orbit closes up to as many turns as the simulation makes.
     t0 : float
         The time of the start.
     settle : float
@@ -244,7 +243,8 @@ def _sampled(
     wraps: Mapping[str, float] | None,
 ) -> _Begun:  # fmt: skip
     alone, pieces, names = sampled_orbit(_endless(path), samples, params)
-    angles, state = Angles.of(wraps, names), dict.fromkeys(names, 0.0)
+    state = dict.fromkeys(names, 0.0)
+    angles = Angles.of(wraps, state_names(state))
     _, params = named_state(state, params, *conserved)
     return _Begun((alone,), pieces, params, state_names(state), angles)
 
@@ -256,7 +256,7 @@ def _simulated(
     """Simulate from a state at a time, and for how long it is to settle."""
     alone, (t0, settle) = _endless(path), times
     (state, params), parts = named_state(start, params, *conserved), state_names(start)
-    angles = Angles.of(wraps, chain.from_iterable(parts.values()))
+    angles = Angles.of(wraps, parts)
     length = None if forcing is None else period_at(forcing, params)
     # what does not fit, and a false period, before a simulation goes astray
     slides = isinstance(path, Filippov)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -66,14 +67,16 @@ class Angles:
     tied: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, wraps: Mapping[str, float] | None, names: Iterable[str]) -> Angles:
-        """Read ``{"theta": 2 * pi}``."""
-        turn, listed = dict.fromkeys(names, 0.0), {} if wraps is None else wraps
+    def of(cls, wraps: Mapping[str, float] | None, parts: Mapping[str, tuple[str, ...]]) -> Angles:
+        """Read ``{"theta": 2 * pi}``, of a state or all those of an array."""
+        turn = dict.fromkeys(chain.from_iterable(parts.values()), 0.0)
+        listed = {} if wraps is None else wraps
         check_kind(listed, Mapping, "wraps={'theta': 2*np.pi}, a state and its turn,")
         for name, whole in listed.items():
-            if name not in turn:
+            if name not in turn and name not in parts:
                 raise BadInput(f"wraps: {name!r} is none of the states {', '.join(turn)}")
-            turn[name] = number(f"the turn of {name}", whole, 1e-300, 1e300, "a positive number")
+            size = number(f"the turn of {name}", whole, 1e-300, 1e300, "a positive number")
+            turn |= dict.fromkeys(parts.get(name, (name,)), size)
         return cls(np.array([*turn.values()]), np.zeros(len(turn), dtype=bool))
 
     def turns(self, moved: Array) -> Array:

@@ -238,6 +238,20 @@ def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
         assert np.sort(abs(off))[1] < 1e-4
 
 
+def test_all_angles_of_an_array_are_wrapped_by_its_name() -> None:
+    """Two coupled pendula that turn over together have the period of one."""
+
+    def f(t: Any, x: Any, p: Any) -> Any:
+        pull = 0.2 * np.sin(x[1] - x[0])
+        return [x[2], x[3], 1.2 - 0.3 * x[2] - np.sin(x[0]) + pull,
+                1.2 - 0.3 * x[3] - np.sin(x[1]) - pull]  # fmt: skip
+
+    start = {"theta": [0.0, 0.5], "v": [2.0, 2.0]}
+    both = cb.cycle(f, start, {}, wraps={"theta": TURN}, settle=150)
+    alone = rotation(1.2, 0.3, settle=60)
+    assert both.start["period"] == pytest.approx(alone.start["period"], rel=1e-9)
+
+
 # --- units ----------------------------------------------------------------------------------------
 
 
