@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..continuation.algebra.newton import Array, Undefined, newton
-from ..continuation.algebra.sparse import first_columns, is_sparse, null_vectors, plus_diagonal
+from ..continuation.algebra.sparse import is_sparse, null_vectors, plus_diagonal
 from ..continuation.bifurcations.equilibria import branch_point, fold, hopf, unstable
 from ..continuation.branches.switching import SwitchingProblem
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
+from ..continuation.systems import spectrum
 from .collocation import Collocation, fitted, sizes_of
 from .cycle_constructors import named_state, state_names, with_jacobian
 from .cycle_events import events_of_cycle
@@ -133,14 +134,13 @@ def _born(point: Point) -> SwitchingProblem:
     problem: Any = point.curve.problem
     parts = state_names(problem.start)
     omega = float(point["omega"])
-    matrix = first_columns(point.jacobian(), rest.size)
+    units, matrix = point.curve.scales[: rest.size], spectrum.flow(point.curve, point.z)
     if is_sparse(matrix):
         q = null_vectors(plus_diagonal(matrix, -1j * omega))[0]
     else:
         eigenvalues, vectors = np.linalg.eig(matrix)
         q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
-    units = point.curve.scales[: rest.size]
-    q, size = q / np.linalg.norm(q / units), float(np.sqrt(np.mean((rest / units) ** 2)))
+    q, size = q * units, float(np.sqrt(np.mean((rest / units) ** 2)))
     size = size if size > 1e-12 else 1.0  # or it is the origin, but for rounding
     # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
     period = 2 * math.pi / omega
