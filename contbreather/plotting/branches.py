@@ -413,7 +413,9 @@ def _legend(ax: Axes, pixel: float, entries: dict[str, dict[str, Any]]) -> float
             break
     others = [other.bbox for other in ax.figure.axes if other is not ax]
     if fixed and (size.y1 > whole.y1 or size.count_overlaps(others)):
-        size = legend(loc="best", ncols=columns).get_window_extent()
+        inside = legend(loc="best", ncols=columns)
+        inside.set_frame_on(True)  # words are read off the curves that it covers
+        size = inside.get_window_extent()
     return float(size.height / whole.height)
 
 
