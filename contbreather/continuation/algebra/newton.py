@@ -54,12 +54,14 @@ def newton(
 
     Without `row` there are as many equations as unknowns, and one fewer with it. It ends with a
     correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being quadratic; for
-    a large z each entry has to be as exact. A correction that grows ends it, too: a solution still
-    where all that is left of the equations is rounding, as of stiff ones, or beside a branch point.
+    a large z each entry has to be as exact. A correction that grows by more than the residual falls
+    ends it, too: a solution still where all that is left of the equations is rounding, as of stiff
+    ones, or beside a branch point.
     Raises `Undefined` where the equations have no value.
     """
     size = 1.0 + curve.length(z)
-    bound, previous, reuse = tolerance * size, math.inf, False
+    previous = left = math.inf
+    bound, reuse = tolerance * size, False
     for iteration in range(1, most + 1):
         value = curve.equations(z)
         if not reuse:
@@ -74,8 +76,11 @@ def newton(
         slow = 2.0 * moved > previous
         if slow and moved > bound:
             solved = bool((abs(value) <= rounding(matrix, z)).all())
-            if solved or moved > 2.0 * previous:
-                return Solution(z, solved, iteration, float(abs(value).max()))
+            residual = float(abs(value).max())
+            # one that grew by less than the residual fell follows one that was short by chance,
+            # where rounding decides how long corrections are
+            if solved or (moved > 2.0 * previous and moved * residual >= previous * left):
+                return Solution(z, solved, iteration, residual)
         z = z - step
         if moved <= bound and (
             slow or bound < LARGE * tolerance or _each_is_short(curve, z, step, tolerance)
@@ -90,7 +95,7 @@ def newton(
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
         # and no curvature is in the way where it is so much shorter than the one before
         reuse = z.size > FEW and moved <= min(_REUSED * size, 1e-2 * previous)
-        previous = moved
+        previous, left = moved, float(abs(value).max())
     return Solution(z, False, most, float(abs(curve.equations(z)).max()))
 
 
