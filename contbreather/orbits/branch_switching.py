@@ -171,15 +171,18 @@ class Relisted(SwitchingProblem):
 
 
 def relisted(point: Point) -> Relisted:
-    """List the impacts of an orbit at CC from that on which comes at once with the first of the
-    next section: beyond, these are in order."""
+    """List the impacts of an orbit at CC from those on which come at once with the first of the
+    next section, two of them where both neighbours do: beyond, these are in order."""
     threshold, free = point.curve.problem.threshold, point.curve.free[-1]
+    since_first = point.solution.times - point.solution.times.min()
+    late = np.flatnonzero(since_first > point.solution.section.length)
 
     def from_the_last(orbit: Orbit) -> Problem:
-        section, late = orbit.section, int(orbit.times.argmax())
-        site, wall, t, J = orbit.impacts[late]
-        first = Impact(site, section.sign * wall, t - section.length, section.sign * J)
-        impacts = first, *orbit.impacts[:late], *orbit.impacts[late + 1 :]
+        section, impacts = orbit.section, [*orbit.impacts]
+        for j in late:
+            site, wall, t, J = impacts.pop(j)
+            before = t - section.length, section.sign * J
+            impacts.insert(0, Impact(site, section.sign * wall, *before))
         section = replace(section, impacts=tuple(impact[:2] for impact in impacts))
         _, _, times, impulses = zip(*impacts, strict=True)
         on, motion = orbit.representation.conditions, type(orbit.representation)

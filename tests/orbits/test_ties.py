@@ -189,6 +189,17 @@ def test_beyond_its_end_it_goes_on_by_the_same_impacts_in_another_order() -> Non
     assert mu == pytest.approx(before, rel=1e-6, abs=1e-6)
 
 
+def test_it_goes_on_where_both_neighbours_come_at_once_with_the_first_of_the_next_section() -> None:
+    breather = cb.symmetric(a=0.8, gamma=0.02, k=0.8)
+    branch = cb.trace(breather, "gamma", towards="up")
+    (three,) = cb.switch(branch.first("GR"))
+    ended, whole = cb.switch(three.first("BP"))
+    (further,) = cb.switch(ended.first("CC"))
+    assert further[-1]["gamma"] == 0.0
+    speeds = (np.sort(abs(arm[-1].solution.incoming)) for arm in (further, whole))
+    assert next(speeds) == pytest.approx(next(speeds), rel=1e-12)
+
+
 def test_its_end_is_where_the_branch_of_both_alike_has_its_branch_point() -> None:
     choice, given = CAUGHT["chain"]
     start = cb.multibreather(choice, **given)
