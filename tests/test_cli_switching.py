@@ -57,6 +57,11 @@ def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_fi
     assert kept.first(label)["a"] == kept[0]["a"]
 
 
+def test_an_arm_that_ends_at_simultaneous_impacts_names_the_sites(run: Run) -> None:
+    out = run("switch --a 0.8 --gamma 0.02 --k 0.8 --free gamma --at GR --at BP")[1]
+    assert "CC1: ended at a terminal event (sites -1 and 0 hit their walls at once" in out
+
+
 def test_at_a_grazing_point_it_says_what_becomes_of_the_breather(run: Run) -> None:
     out = run(f"{SWITCH} --at GR --window 0.9 1 --lattice ring:9 --damping 0.02")[1]
     assert "Arm 1, GR1: fold, sites 1, 8 hit a wall; both orbits end here" in " ".join(out.split())

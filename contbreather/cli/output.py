@@ -259,8 +259,10 @@ def lines_of(branch: cb.Branch) -> Iterator[object]:
 
 
 def _grazed(point: cb.continuation.Point) -> str:
-    """Name what touches a wall at an end of breathers or orbits; nothing at other ends."""
+    """Name what touches a wall, or impacts at once, at an end; nothing at other ends."""
     kinds = point.kind.split("-")
+    if kinds == ["CC"]:
+        return str(point.detail["impacts"])
     if not {"GR", "VI"} & set(kinds):
         return ""
     if "impacts" in point.detail:
