@@ -200,8 +200,11 @@ class OrbitMap:
             size = np.abs(mu)
             place = int(np.argmin(np.abs(size - 1.0)))
             least, outside = float(abs(size[place] - 1.0)), mu[size > 1.0 + CERTAIN]
-            pairs, nu = int(np.sum(outside.imag > 0.0)), abs(float(np.angle(mu[place]))) / math.pi
-            return Count(outside.size, least > CERTAIN, least, nu, pairs)
+            # as beside gamma = 0, where the signs of D tell an odd number of real ones alone
+            real = outside[outside.imag == 0.0].real
+            pairs = (outside.size - np.sum(real > 0.0) % 2 - np.sum(real < 0.0) % 2) // 2
+            nu = abs(float(np.angle(mu[place]))) / math.pi
+            return Count(outside.size, least > CERTAIN, least, nu, int(pairs))
         circle = _around(self)
         half_turns, nearest = round(circle.turning / math.pi), int(abs(circle.F).argmin())
         least = float(abs(circle.F[nearest])) / circle.terms

@@ -326,3 +326,14 @@ def test_folds_to_both_sides_of_a_branch_point_are_found_in_one_step(largest: fl
     assert [point.kind for point in beyond.special[1:-1]] == ["PF", "LP", "BP", "LP", "PF"]
     first, second = (point["a"] for point in beyond.special if point.kind == "LP")
     assert abs(first - second) < 1e-12  # images of each other
+
+
+def test_two_real_multipliers_that_meet_without_coupling_are_no_pair_that_leaves() -> None:
+    """Without coupling both neighbours have one and the same, far outside."""
+    breather = cb.symmetric(a=0.8, gamma=0.02, k=0.8)
+    (three,) = cb.switch(cb.trace(breather, "gamma", towards="up").first("GR"))
+    whole = cb.switch(three.first("BP"))[1]
+    assert whole[-1]["gamma"] == 0.0
+    large = abs(whole[-1].solution.map.unstable_multipliers())
+    assert large[0] == pytest.approx(large[1], rel=1e-6)
+    assert whole.doubtful == ()
